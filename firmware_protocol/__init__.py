@@ -1,0 +1,1 @@
+"""The treadlink wire protocol, owned together with the hub firmware."""

@@ -1,0 +1,60 @@
+"""The one clock. No other module reads time; tests inject a manual clock."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Time as the gateway sees it: nanoseconds since the Unix epoch, never going backwards."""
+
+    def now_ns(self) -> int:
+        """Return the present time in ns since the epoch."""
+        ...
+
+    def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
+        """Wait until `deadline_ns`, or until `stop` is set; return True when stopped early."""
+        ...
+
+
+class SystemClock:
+    """Epoch time that advances with the monotonic clock, so that a step of the system time cannot reorder a recording."""
+
+    def __init__(self) -> None:
+        self._epoch_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
+
+    def now_ns(self) -> int:
+        """Return ns since the epoch, as the system clock stood at start plus the monotonic time since."""
+        return time.monotonic_ns() + self._epoch_minus_monotonic_ns
+
+    def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
+        """Wait until `deadline_ns`; return True when `stop` was set before it."""
+        event = stop if stop is not None else threading.Event()
+        while True:
+            remaining_ns = deadline_ns - self.now_ns()
+            if remaining_ns <= 0:
+                return event.is_set()
+            if event.wait(remaining_ns * 1e-9):
+                return True
+
+
+class ManualClock:
+    """A clock that moves only when told to, or when somebody sleeps on it. For tests and for running at full speed."""
+
+    def __init__(self, start_ns: int = 1_700_000_000_000_000_000) -> None:
+        self._now_ns = start_ns
+
+    def now_ns(self) -> int:
+        """Return the time set so far."""
+        return self._now_ns
+
+    def advance_ns(self, step_ns: int) -> None:
+        """Move the clock forward by `step_ns`."""
+        self._now_ns += step_ns
+
+    def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
+        """Jump to `deadline_ns` at once; return True when `stop` is set."""
+        self._now_ns = max(self._now_ns, deadline_ns)
+        return stop is not None and stop.is_set()

@@ -1,0 +1,1 @@
+"""Vehicle configuration: one TOML file, validated whole."""

@@ -1,0 +1,1 @@
+"""Estimators: one interface, one registry."""

@@ -1,0 +1,160 @@
+"""What every estimator sees and returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class Status(StrEnum):
+    """How far an estimate can be trusted."""
+
+    VALID = "valid"
+    PROVISIONAL = "provisional"
+    INVALID = "invalid"
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A number with its unit, uncertainty and validity.
+
+    Attributes:
+        name: what it is, unit included where it has one: `speed_mps`, `Bs`.
+        value: in the unit the name tells; NaN when invalid.
+        std: one standard error, same unit; NaN when not known.
+        status: valid, provisional or invalid.
+        reason: why it is not valid, or what it rests on; empty when there is nothing to say.
+    """
+
+    name: str
+    value: float
+    std: float
+    status: Status
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What is known of the tire beside its acceleration, at the time of a revolution.
+
+    Attributes:
+        radius_m: belt radius (2 pi radius_m is the rolling circumference).
+        load_n: vertical load, or None when nobody stated it.
+        pressure_pa: inflation (gauge) pressure, measured or stated, or None.
+        temperature_degc: inner-liner temperature, or None.
+        load_std_n: one standard error of the load.
+        pressure_std_pa: one standard error of the pressure.
+    """
+
+    radius_m: float
+    load_n: float | None = None
+    pressure_pa: float | None = None
+    temperature_degc: float | None = None
+    load_std_n: float = 0.0
+    pressure_std_pa: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Revolution:
+    """One completed revolution, from one contact centre to the next, in the angle domain.
+
+    The angle grid is theta = -pi + 2 pi k / n, 0 at the contact centre: theta in [0, pi) comes from the first half of
+    the revolution, theta in [-pi, 0) from its second half. The sensor enters the contact at negative and leaves it at
+    positive theta.
+
+    Attributes:
+        index: running number of the wheel's revolutions.
+        start_s: device time of the first contact centre, s since the hub's start.
+        period_s: duration.
+        omega_radps: mean angular speed, 2 pi / period_s.
+        omega_dot_radps2: angular acceleration over the revolution.
+        radial_mps2: (n,) radial specific force, positive inward, gravity and the revolution's speed drift removed, so
+            that a steady free-rolling ring gives the same curve every time.
+        axes_mps2: (3, n) circumferential, lateral, radial as measured in the angle domain; NaN rows for absent axes.
+        orders_mps2: (61,) complex coefficients c - i s of `radial_mps2`, orders 0 to 60: radial = c_0 + sum c_n cos n
+            theta + s_n sin n theta; NaN above the highest order that the sampling rate carries.
+        order_max: highest order that the sampling rate carries.
+        leading_edge_rad: angle of the leading contact edge, negative.
+        trailing_edge_rad: angle of the trailing contact edge, positive.
+        leading_edge_std_rad: one standard error.
+        trailing_edge_std_rad: one standard error.
+        noise_mps2: estimated standard deviation of the noise of one angle-domain sample of `radial_mps2`.
+        missing_fraction: share of the revolution's samples that were lost on the link and interpolated.
+        saturated: True when any radial sample was at the end of the sensor's range.
+        ac_coupled: True when the sensor does not pass the steady value.
+        faults: why this revolution must not be used for estimates; empty when it may.
+    """
+
+    index: int
+    start_s: float
+    period_s: float
+    omega_radps: float
+    omega_dot_radps2: float
+    radial_mps2: FloatArray
+    axes_mps2: FloatArray
+    orders_mps2: ComplexArray
+    order_max: int
+    leading_edge_rad: float
+    trailing_edge_rad: float
+    leading_edge_std_rad: float
+    trailing_edge_std_rad: float
+    noise_mps2: float
+    missing_fraction: float
+    saturated: bool
+    ac_coupled: bool
+    faults: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class AngleAverage:
+    """The running time synchronous average over revolutions, scaled to a common angular speed.
+
+    Attributes:
+        count: revolutions averaged so far.
+        effective_count: number of revolutions of equal weight that would have the same variance.
+        omega_radps: angular speed that the average is scaled to.
+        radial_mps2: (n,) mean of the revolutions' `radial_mps2` times (omega / omega_i)^2.
+        scatter_mps2: (n,) standard deviation from revolution to revolution at each angle; NaN while count < 2.
+        orders_mps2: (61,) complex coefficients of the average, c - i s.
+        orders_std_mps2: (61,) standard error of each real coefficient (cosine or sine) of the average.
+        leading_edge_rad: mean leading edge.
+        trailing_edge_rad: mean trailing edge.
+        leading_edge_std_rad: standard error of the mean.
+        trailing_edge_std_rad: standard error of the mean.
+    """
+
+    count: int
+    effective_count: float
+    omega_radps: float
+    radial_mps2: FloatArray
+    scatter_mps2: FloatArray
+    orders_mps2: ComplexArray
+    orders_std_mps2: FloatArray
+    leading_edge_rad: float
+    trailing_edge_rad: float
+    leading_edge_std_rad: float
+    trailing_edge_std_rad: float
+
+
+class Estimator(Protocol):
+    """Turns revolutions into estimates. One instance per wheel; deterministic; keeps its own warm start."""
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        ...
+
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+        """Return this revolution's estimates; never raises on bad data, returns invalid estimates with a reason."""
+        ...
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire."""
+        ...

@@ -1,0 +1,29 @@
+"""The one registry of estimators."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Final
+
+from gateway.errors import ConfigError
+from gateway.estimators.base import Estimator
+
+# name -> "module:class"; the class is called without arguments, once per wheel.
+ESTIMATORS: Final[dict[str, str]] = {
+    "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
+}
+
+DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("ring-paper",)
+
+
+def make_estimator(name: str) -> Estimator:
+    """Make a fresh estimator by name.
+
+    Raises:
+        ConfigError: no estimator of that name.
+    """
+    if name not in ESTIMATORS:
+        raise ConfigError(f"unknown estimator '{name}'", f"Known estimators: {', '.join(ESTIMATORS)}.")
+    module_name, class_name = ESTIMATORS[name].split(":")
+    estimator: Estimator = getattr(importlib.import_module(module_name), class_name)()
+    return estimator

@@ -1,0 +1,1 @@
+"""Foreign measurements in: CSV, MAT and Parquet become recordings."""

@@ -1,0 +1,1 @@
+"""Byte sources: serial, TCP, replay, simulator, behind one registry of URIs."""

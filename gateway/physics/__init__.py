@@ -1,0 +1,1 @@
+"""Pure physics on arrays, SI units, each function with its source equation."""

@@ -1,0 +1,1 @@
+"""The synchronous core: frames in, revolutions and estimates out; no I/O, no clock."""

@@ -1,0 +1,155 @@
+"""What the pipeline hands out: results per revolution and immutable snapshots for the views."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from gateway.estimators.base import Conditions, Estimate, FloatArray, Revolution
+
+
+@dataclass(frozen=True, slots=True)
+class RevolutionResult:
+    """One row of results.
+
+    Attributes:
+        position: wheel position from the configuration, e.g. `FL`, or `hub0.wheel2` when not configured.
+        host_ns: host time of the end of the revolution, ns since the epoch.
+        revolution: the revolution itself.
+        conditions: load, pressure and temperature that held.
+        estimates: every estimator's output, speed and contact angles first.
+    """
+
+    position: str
+    host_ns: int
+    revolution: Revolution
+    conditions: Conditions
+    estimates: tuple[Estimate, ...]
+
+
+class WheelState(StrEnum):
+    """What a wheel is doing, as far as its radial axis tells."""
+
+    NO_DATA = "no data"
+    SEARCHING = "searching"
+    STANDSTILL = "standstill"
+    ROLLING = "rolling"
+
+
+@dataclass(frozen=True, slots=True)
+class WheelCounters:
+    """What happened to the samples of one wheel since the session began."""
+
+    samples: int = 0
+    samples_lost: int = 0
+    samples_saturated: int = 0
+    samples_overwritten: int = 0
+    revolutions: int = 0
+    revolutions_rejected: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSnapshot:
+    """The latest of one wheel, for views.
+
+    Attributes:
+        position: as in RevolutionResult.
+        sensor_id: serial number as hex text, empty before a hello.
+        rate_hz: sampling rate, 0 before a hello.
+        state: what the wheel is doing.
+        last: the latest result, None before the first revolution.
+        average_mps2: (n,) running average of the radial axis at the last revolution's speed, None before the first.
+        pressure_pa: latest measured or configured inflation pressure.
+        temperature_degc: latest measured temperature.
+        load_n: configured load.
+        wear_mm: tread wear when an estimator knows it.
+        counters: sample and revolution counts.
+    """
+
+    position: str
+    sensor_id: str = ""
+    rate_hz: float = 0.0
+    state: WheelState = WheelState.NO_DATA
+    last: RevolutionResult | None = None
+    average_mps2: FloatArray | None = None
+    pressure_pa: float | None = None
+    temperature_degc: float | None = None
+    load_n: float | None = None
+    wear_mm: Estimate | None = None
+    counters: WheelCounters = field(default_factory=WheelCounters)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSnapshot:
+    """Health of one link.
+
+    Attributes:
+        link: name.
+        connected: whether it delivers now.
+        note: last event in plain words.
+        bytes_received: since the session began.
+        frames: good frames.
+        crc_errors: frames with a bad CRC.
+        noise_bytes: bytes outside good frames.
+        frames_lost: missing by their counters.
+        duplicates: frames seen twice.
+        reordered: frames that came late.
+        skipped: frames of unknown type or newer version.
+        latency_s: delay of the newest samples against the fastest seen, or None before time is known.
+        queue_dropped: items that a stage could not take, by stage name.
+        battery_percent: of the hub, None when unknown.
+        rssi_dbm: of the hub's sensor link, None when unknown.
+        supply_w: of the hub, None when unknown.
+    """
+
+    link: str
+    connected: bool
+    note: str
+    bytes_received: int
+    frames: int
+    crc_errors: int
+    noise_bytes: int
+    frames_lost: int
+    duplicates: int
+    reordered: int
+    skipped: int
+    latency_s: float | None
+    queue_dropped: Mapping[str, int]
+    battery_percent: int | None = None
+    rssi_dbm: int | None = None
+    supply_w: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """A threshold of the configuration that is crossed now."""
+
+    position: str
+    name: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class SessionSnapshot:
+    """Everything a live view may show.
+
+    Attributes:
+        elapsed_s: host time since the session began.
+        wheels: in the order of the configuration.
+        links: one per source.
+        alarms: thresholds crossed now.
+        notices: latest things to tell the user, newest last, at most 20.
+        recording: path of the recording, empty when not recording.
+        recorded_bytes: its size so far.
+        ended: True when every source has ended.
+    """
+
+    elapsed_s: float
+    wheels: tuple[WheelSnapshot, ...]
+    links: tuple[LinkSnapshot, ...]
+    alarms: tuple[Alarm, ...]
+    notices: tuple[str, ...]
+    recording: str
+    recorded_bytes: int
+    ended: bool

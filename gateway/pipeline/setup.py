@@ -1,0 +1,32 @@
+"""What the pipeline must know of a wheel before the first frame; made from the configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSetup:
+    """One wheel as configured.
+
+    Attributes:
+        position: name shown to the user, e.g. `FL`.
+        hub: hub number on its link.
+        wheel: wheel number at the hub.
+        radius_m: belt radius.
+        load_n: vertical load, None when unknown.
+        load_std_n: its standard error.
+        pressure_pa: stated inflation pressure, used until the sensor reports one; None when unknown.
+        pressure_std_pa: its standard error.
+        temperature_degc: stated temperature, used until the sensor reports one.
+    """
+
+    position: str
+    hub: int
+    wheel: int
+    radius_m: float
+    load_n: float | None = None
+    load_std_n: float = 0.0
+    pressure_pa: float | None = None
+    pressure_std_pa: float = 0.0
+    temperature_degc: float | None = None

@@ -1,0 +1,1 @@
+"""Recordings: raw link chunks and decoded topics in MCAP."""

@@ -1,0 +1,1 @@
+"""Stands in for hardware: physics to samples to frames to bytes."""

@@ -1,0 +1,1 @@
+"""Read-only views of snapshots and results: console, plain lines, tables."""
