@@ -20,7 +20,7 @@ class Clock(Protocol):
 
 
 class SystemClock:
-    """Epoch time that advances with the monotonic clock, so that a step of the system time cannot reorder a recording."""
+    """Epoch time that advances with the monotonic clock: a step of the system time cannot reorder a recording."""
 
     def __init__(self) -> None:
         self._epoch_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
