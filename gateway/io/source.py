@@ -61,6 +61,11 @@ class Source(Protocol):
         """Name of the link, as it appears in chunks and recordings."""
         ...
 
+    @property
+    def vehicle_toml(self) -> str | None:
+        """Vehicle configuration (TOML text) that a recording or a scenario brings along; None for a live link."""
+        ...
+
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield items until the source ends or `stop` is set (looked at every 0.1 s at least).
 
