@@ -90,6 +90,7 @@ class Revolution:
         saturated: True when any radial sample was at the end of the sensor's range.
         ac_coupled: True when the sensor does not pass the steady value.
         faults: why this revolution must not be used for estimates; empty when it may.
+        period_std_s: one standard error of `period_s` from the timing of its two contacts; NaN when not known.
     """
 
     index: int
@@ -110,6 +111,7 @@ class Revolution:
     saturated: bool
     ac_coupled: bool
     faults: tuple[str, ...] = ()
+    period_std_s: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
