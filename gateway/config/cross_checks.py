@@ -1,0 +1,108 @@
+"""Checks of a vehicle configuration across keys, on the raw document so that they run beside the field checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeGuard
+
+from gateway.config.faults import Fault, key_of, nearest, show
+
+
+def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield what is inconsistent between the keys of a document; any key may be missing or of a wrong type."""
+    wheels = _tables(data.get("wheel"))
+    yield from _duplicates(data, wheels)
+    yield from _axles(data, wheels)
+    yield from _radii(data, wheels)
+    for index, wheel in wheels:
+        if "load_std_n" in wheel and "load_n" not in wheel:
+            key = key_of(data, ("wheel", index, "load_std_n"))
+            yield Fault(key, show(wheel["load_std_n"]), "it needs load_n beside it")
+    thresholds = _table(data.get("thresholds"))
+    low, high = thresholds.get("pressure_min_kpa"), thresholds.get("pressure_max_kpa")
+    if _is_number(low) and _is_number(high) and low >= high:
+        yield Fault("thresholds.pressure_min_kpa", show(low), f"allowed: less than pressure_max_kpa = {show(high)}")
+
+
+def _duplicates(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
+    positions: dict[str, int] = {}
+    addresses: dict[tuple[int, int], str] = {}
+    sensors: dict[int, str] = {}
+    for index, wheel in wheels:
+        number = f"wheel[#{index + 1}]"
+        position = wheel.get("position")
+        if isinstance(position, str):
+            if position in positions:
+                first = positions[position] + 1
+                yield Fault(f"{number}.position", show(position), f"wheel[#{first}] has it already; each needs its own")
+            positions.setdefault(position, index)
+        name = key_of(data, ("wheel", index))
+        hub, channel = wheel.get("hub"), wheel.get("wheel")
+        if _is_int(hub) and _is_int(channel):
+            if (hub, channel) in addresses:
+                allowed = f"{addresses[hub, channel]} has the same; each wheel needs its own"
+                yield Fault(f"{name}.wheel", f"hub = {hub}, wheel = {channel}", allowed)
+            addresses.setdefault((hub, channel), name)
+        sensor = _hex(wheel.get("sensor_id"))
+        if sensor is not None:
+            if sensor in sensors:
+                yield Fault(f"{name}.sensor_id", show(wheel["sensor_id"]), f"{sensors[sensor]} has the same sensor")
+            sensors.setdefault(sensor, name)
+
+
+def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
+    by_position = {wheel["position"]: wheel for _, wheel in wheels if isinstance(wheel.get("position"), str)}
+    taken: dict[str, int] = {}
+    for index, axle in _tables(data.get("axle")):
+        names = axle.get("wheels")
+        key = f"axle[#{index + 1}].wheels"
+        for name in names if isinstance(names, list | tuple) else ():
+            if not isinstance(name, str):
+                continue
+            if name not in by_position:
+                guess = nearest(name, by_position)
+                known = ", ".join(by_position) or "none"
+                allowed = f"no wheel has this position; {f'did you mean {guess}?' if guess else f'known: {known}'}"
+                yield Fault(key, show(name), allowed)
+            elif "load_n" in by_position[name]:
+                yield Fault(
+                    f"wheel[{name}].load_n",
+                    show(by_position[name]["load_n"]),
+                    f"{key[:-7]} states its load too; keep one",
+                )
+            if name in taken:
+                yield Fault(key, show(name), f"axle[#{taken[name] + 1}] names it already; a wheel has one axle")
+            taken.setdefault(name, index)
+
+
+def _radii(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
+    if "radius_mm" in _table(data.get("tire")):
+        return
+    for index, wheel in wheels:
+        if "radius_mm" not in _table(wheel.get("tire")):
+            key = key_of(data, ("wheel", index, "tire", "radius_mm"))
+            yield Fault(key, "nothing", "the belt radius is required here or as tire.radius_mm")
+
+
+def _tables(value: object) -> list[tuple[int, Mapping[str, Any]]]:
+    items = value if isinstance(value, list | tuple) else ()
+    return [(index, item) for index, item in enumerate(items) if isinstance(item, Mapping)]
+
+
+def _table(value: object) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}
+
+
+def _is_int(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _hex(value: object) -> int | None:
+    try:
+        return int(value, 16) if isinstance(value, str) else None
+    except ValueError:
+        return None

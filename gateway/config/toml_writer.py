@@ -1,0 +1,56 @@
+"""Write plain values as TOML; tomllib only reads."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+_BARE_KEY: Final = re.compile(r"^[A-Za-z0-9_-]+$")
+
+
+def toml_text(document: Mapping[str, object]) -> str:
+    """Return a mapping of str, bool, int, finite float, lists and mappings as TOML; empty tables are left out."""
+    return "\n".join(_table((), document)).lstrip("\n") + "\n"
+
+
+def _table(path: tuple[str, ...], table: Mapping[str, object]) -> Iterator[str]:
+    for key, value in table.items():
+        if not isinstance(value, Mapping) and not _is_table_array(value):
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in table.items():
+        name = ".".join(map(_key, (*path, key)))
+        if isinstance(value, Mapping):
+            lines = list(_table((*path, key), value))
+            if lines:
+                # A table that holds tables only needs no header of its own.
+                yield from lines if lines[0] == "" else ["", f"[{name}]", *lines]
+        elif _is_table_array(value):
+            for item in value:  # type: ignore[attr-defined]
+                yield from ("", f"[[{name}]]", *_table((*path, key), item))
+
+
+def _is_table_array(value: object) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and all(isinstance(item, Mapping) for item in value)
+
+
+def _key(key: str) -> str:
+    return key if _BARE_KEY.match(key) else _string(key)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, str):
+        return _string(value)
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    raise TypeError(f"{type(value).__name__} has no place in a TOML document")
+
+
+def _string(text: str) -> str:
+    # JSON's escapes are TOML's; only DEL, which JSON leaves bare, must not stand in TOML.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

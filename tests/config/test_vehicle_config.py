@@ -1,0 +1,274 @@
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.config.load import load_vehicle, parse_vehicle
+from gateway.config.model import (
+    Axle,
+    Mounting,
+    Reference,
+    Thresholds,
+    Tire,
+    Vehicle,
+    VehicleConfig,
+    Wheel,
+    default_vehicle,
+)
+from gateway.errors import ConfigError
+
+EXAMPLE = """
+[vehicle]
+name = "Demo car"
+[tire]
+size = "205/55R16"
+radius_mm = 320
+pressure_kpa = 210.0
+pressure_std_kpa = 2.0
+ring_thickness_mm = 15.0
+[tire.reference]
+Bs = 3.08e-3
+Cw = 0.195
+[[axle]]
+wheels = ["FL", "FR"]
+weight_kg = 900.0
+[[wheel]]
+position = "FL"
+hub = 0
+wheel = 0
+sensor_id = "0000A001"
+[[wheel]]
+position = "FR"
+hub = 0
+wheel = 1
+[wheel.tire]
+radius_mm = 300.0
+temperature_degc = 35.0
+[wheel.tire.reference]
+Bs = 1e-3
+[[wheel]]
+position = "RL"
+hub = 1
+wheel = 0
+load_n = 5000.0
+load_std_n = 50.0
+[wheel.mounting]
+offset_mm = 5.0
+roll_deg = 180e-1
+[thresholds]
+pressure_min_kpa = 180.0
+speed_max_kmh = 180.0
+frame_loss_max_percent = 1.0
+"""
+
+
+def faults_of(text: str) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        parse_vehicle(text, "car.toml")
+    assert caught.value.remedy
+    return str(caught.value).splitlines()
+
+
+def test_setups_are_in_si_with_overrides_and_axle_weights() -> None:
+    config = parse_vehicle(EXAMPLE, "car.toml")
+    front_left, front_right, rear_left = config.wheel_setups()
+    assert (front_left.position, front_left.hub, front_left.wheel) == ("FL", 0, 0)
+    assert front_left.radius_m == pytest.approx(0.32)
+    assert front_left.pressure_pa == pytest.approx(2.1e5)
+    assert front_left.pressure_std_pa == pytest.approx(2e3)
+    assert front_left.load_n == pytest.approx(450 * 9.80665)
+    assert front_left.load_std_n == pytest.approx(0.05 * 450 * 9.80665)
+    assert front_right.radius_m == pytest.approx(0.30)
+    assert front_right.temperature_degc == 35.0
+    assert front_right.pressure_pa == pytest.approx(2.1e5)
+    assert (rear_left.load_n, rear_left.load_std_n) == (5000.0, 50.0)
+    assert config.tire_of(config.wheel[1]).reference == Reference(Bs=1e-3, Cw=0.195)
+    assert config.wheel[0].sensor_number == 0xA001
+    assert config.wheel[2].mounting.offset_m == pytest.approx(5e-3)
+    assert config.wheel[2].mounting.roll_rad == pytest.approx(math.pi / 10)
+    assert config.thresholds.speed_max_mps == pytest.approx(50.0)
+    assert config.thresholds.frame_loss_max == pytest.approx(0.01)
+    assert config.tire.ring_thickness_m == pytest.approx(0.015)
+    assert config.name == "Demo car"
+    assert config.notices() == ()
+
+
+def test_axle_error_combines_scale_and_split() -> None:
+    axle = Axle(wheels=("A", "B"), weight_kg=1000.0, weight_std_kg=30.0, split_std_percent=4.0)
+    assert axle.wheel_load_std_n == pytest.approx(math.hypot(15.0, 20.0) * 9.80665)
+
+
+def test_every_fault_is_listed_at_once() -> None:
+    lines = faults_of(
+        """
+        [vehicle]
+        colour = "red"
+        [tire]
+        radius_mm = 0.32
+        radius_m = 0.32
+        pressure_kpa = 2.1
+        [tire.reference]
+        Bs = -1
+        [[axle]]
+        wheels = ["FL", "Fr", "FL"]
+        weight_kg = true
+        [[wheel]]
+        position = "FL"
+        hub = 0
+        wheel = 0
+        sensor_id = "zz"
+        load_n = 5000.0
+        [[wheel]]
+        position = "FR"
+        hub = 0
+        wheel = 0
+        sensor_id = "a1"
+        load_std_n = 5
+        [[wheel]]
+        position = "FR"
+        hub = "one"
+        wheel = 255
+        sensor_id = "00A1"
+        load_n = 4.5
+        [thresholds]
+        pressure_min_kpa = 300
+        pressure_max_kpa = 200
+        """
+    )
+    expected = [
+        ('vehicle.colour: "red" found', "known keys: name"),
+        ("tire.radius_mm: 0.32 found", "100 to 1200", "(mm; was it meant in m? then write 320)"),
+        ("tire.radius_m: 0.32 found", "did you mean 'radius_mm'?"),
+        ("tire.pressure_kpa: 2.1 found", "meant in bar? then write 210"),
+        ("tire.reference.Bs: -1 found", "more than 0"),
+        ("axle[#1].weight_kg: true found", "a number 20 to 40000"),
+        ('wheel[FL].sensor_id: "zz" found', "hexadecimal"),
+        ('wheel[#3].hub: "one" found', "a whole number 0 to 255"),
+        ("wheel[#3].wheel: 255 found", "0 to 254"),
+        ("wheel[#3].load_n: 4.5 found", "meant in kN? then write 4500"),
+        ("wheel[#2].wheel: hub = 0, wheel = 0 found", "wheel[FL] has the same"),
+        ('wheel[#3].position: "FR" found', "wheel[#2] has it already"),
+        ('wheel[#3].sensor_id: "00A1" found', "wheel[#2] has the same sensor"),
+        ("wheel[FL].load_n: 5000.0 found", "axle[#1] states its load too"),
+        ('axle[#1].wheels: "Fr" found', "did you mean FR?"),
+        ('axle[#1].wheels: "FL" found', "axle[#1] names it already"),
+        ("wheel[#2].load_std_n: 5 found", "needs load_n"),
+        ("thresholds.pressure_min_kpa: 300 found", "less than pressure_max_kpa = 200"),
+    ]
+    for parts in expected:
+        assert any(line.startswith("car.toml: ") and all(part in line for part in parts) for line in lines), parts
+    assert len(lines) == len(expected)
+
+
+def test_missing_radius_names_each_wheel() -> None:
+    lines = faults_of('[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n')
+    assert lines == ["car.toml: wheel[FL].tire.radius_mm: nothing found, " + lines[0].split("found, ")[1]]
+    assert "required" in lines[0]
+
+
+def test_no_wheel_at_all() -> None:
+    assert any("wheel: nothing found" in line for line in faults_of("[tire]\nradius_mm = 320\n"))
+
+
+@pytest.mark.parametrize(
+    "text", ["tire = 5", "wheel = 'x'", "wheel = [1, 2]", "axle = {}", "[[wheel]]\ntire = 1", "thresholds = []"]
+)
+def test_wrong_shapes_are_faults_not_crashes(text: str) -> None:
+    assert faults_of(text)
+
+
+def test_nan_and_infinity_are_refused() -> None:
+    lines = faults_of('[tire]\nradius_mm = nan\npressure_kpa = inf\n[[wheel]]\nposition = "A"\nhub = 0\nwheel = 0\n')
+    assert [line.split(" ")[1] for line in lines] == ["tire.radius_mm:", "tire.pressure_kpa:"]
+
+
+def test_syntax_error_names_the_line() -> None:
+    with pytest.raises(ConfigError, match=r"car\.toml: not valid TOML: .*line 3"):
+        parse_vehicle('[tire]\nradius_mm = 320\nsize = "', "car.toml")
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="No such file"):
+        load_vehicle(tmp_path / "none.toml")
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes(b'[vehicle]\nname = "\xfcber"\n')
+    with pytest.raises(ConfigError, match="byte 18 is not UTF-8"):
+        load_vehicle(latin)
+
+
+def test_load_reads_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "car.toml"
+    path.write_text(EXAMPLE, encoding="utf-8")
+    assert load_vehicle(path) == parse_vehicle(EXAMPLE, "elsewhere")
+
+
+def test_configuration_made_in_python_is_checked_too() -> None:
+    wheel = Wheel(position="FL", hub=0, wheel=0)
+    with pytest.raises(ValueError, match="belt radius is required"):
+        VehicleConfig(wheel=(wheel,))
+    with pytest.raises(ValueError, match="has it already"):
+        VehicleConfig(tire=Tire(radius_mm=300.0), wheel=(wheel, wheel))
+
+
+def test_default_vehicle_says_what_it_assumed() -> None:
+    config = default_vehicle([(0, 1), (2, 3)])
+    assert [setup.position for setup in config.wheel_setups()] == ["hub0.wheel1", "hub2.wheel3"]
+    assert {setup.radius_m for setup in config.wheel_setups()} == {0.32}
+    assert all(setup.load_n is None and setup.pressure_pa is None for setup in config.wheel_setups())
+    assert "radius_mm" in config.notices()[0]
+    assert "assumed" in config.notices()[0]
+    assert parse_vehicle(config.to_toml(), "round") == config
+
+
+def numbers(low: float, high: float) -> st.SearchStrategy[float | None]:
+    return st.none() | st.floats(low, high)
+
+
+REFERENCES = st.builds(Reference, Bs=numbers(1e-6, 10), Ts=numbers(1e-300, 1000))
+TIRES = st.builds(
+    Tire,
+    size=st.none() | st.text(),
+    radius_mm=numbers(100, 1200),
+    pressure_kpa=numbers(10, 1500),
+    temperature_degc=numbers(-60, 250),
+    reference=REFERENCES,
+)
+
+
+@st.composite
+def vehicles(draw: st.DrawFn) -> VehicleConfig:
+    positions = draw(
+        st.lists(st.from_regex(r"\A[A-Za-z0-9][A-Za-z0-9_.-]{0,23}\Z"), min_size=1, max_size=4, unique=True)
+    )
+    on_axle = draw(st.lists(st.sampled_from(positions), unique=True))
+    wheels = []
+    for number, position in enumerate(positions):
+        load_n = None if position in on_axle else draw(numbers(50, 1e5))
+        wheels.append(
+            Wheel(
+                position=position,
+                hub=draw(st.integers(0, 255)),
+                wheel=number,
+                sensor_id=draw(st.none() | st.just(f"{number + 0xABC:x}")),
+                load_n=load_n,
+                load_std_n=None if load_n is None else draw(numbers(0, 5e4)),
+                tire=draw(TIRES),
+                mounting=Mounting(offset_mm=draw(st.floats(-20, 80))),
+            )
+        )
+    tire = draw(TIRES).overridden_by(Tire(radius_mm=draw(st.floats(100, 1200))))
+    axle = (Axle(wheels=tuple(on_axle), weight_kg=draw(st.floats(20, 4e4))),) if on_axle else ()
+    return VehicleConfig(
+        vehicle=Vehicle(name=draw(st.text()), assumed=tuple(draw(st.lists(st.text(), max_size=2)))),
+        tire=tire,
+        axle=axle,
+        wheel=tuple(wheels),
+        thresholds=Thresholds(battery_min_percent=draw(numbers(0, 100))),
+    )
+
+
+@given(vehicles())
+def test_toml_round_trip(config: VehicleConfig) -> None:
+    assert parse_vehicle(config.to_toml(), "round") == config
