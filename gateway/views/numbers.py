@@ -1,0 +1,202 @@
+"""Numbers as an engineer writes them: rounded to their standard error, in field units, never NaN."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+from gateway.estimators.base import Estimate, Status
+
+MISSING: Final = "—"
+"""Stands for a value that nobody knows."""
+
+STATUS_MARKS: Final[dict[Status, str]] = {Status.VALID: "", Status.PROVISIONAL: "~", Status.INVALID: "x"}
+"""Mark behind a number; words, not colours, tell them apart elsewhere."""
+
+_SIGNIFICANT_DIGITS: Final = 6  # more than any of these quantities deserves; keeps columns narrow
+_DIGITS_WITHOUT_ERROR: Final = 4
+
+
+class Unit(NamedTuple):
+    """How a quantity is shown: symbol, and factor from the unit in its name."""
+
+    symbol: str
+    factor: float = 1.0
+
+
+# Suffix of a quantity's name -> shown unit. Longer suffixes first: `_mps2` must not be read as `_mps`.
+UNITS: Final[dict[str, Unit]] = {
+    "_radps2": Unit("rad/s²"),
+    "_radps": Unit("rad/s"),
+    "_mps2": Unit("m/s²"),
+    "_mps": Unit("km/h", 3.6),
+    "_kmh": Unit("km/h"),
+    "_rad": Unit("deg", 180.0 / math.pi),
+    "_degc": Unit("°C"),
+    "_deg": Unit("deg"),
+    "_kpa": Unit("kPa"),
+    "_pa": Unit("kPa", 1e-3),
+    "_percent": Unit("%"),
+    "_mm": Unit("mm"),
+    "_hz": Unit("Hz"),
+    "_npm": Unit("N/m"),
+    "_n": Unit("N"),
+    "_m": Unit("m"),
+    "_s": Unit("s"),
+    "_w": Unit("W"),
+    "_v": Unit("V"),
+}
+_DIMENSIONLESS: Final = Unit("")
+
+
+class Rounded(NamedTuple):
+    """A value and its standard error as text, with a common power of ten.
+
+    Attributes:
+        value: digits of the value, or MISSING.
+        error: digits of the error, empty when it is not known.
+        exponent: power of ten both are to be multiplied by; 0 when there is none.
+    """
+
+    value: str
+    error: str
+    exponent: int
+
+    @property
+    def power(self) -> str:
+        """The power of ten as written behind the digits, e.g. `e-3`; empty when there is none."""
+        return f"e{self.exponent}" if self.exponent else ""
+
+    def joined(self, sign: str = " ± ") -> str:
+        """Return `0.1953 ± 0.0012`, `(3.083 ± 0.012)e-3`, `65.03` or MISSING."""
+        if not self.error:
+            return self.value + self.power
+        text = f"{self.value}{sign}{self.error}"
+        return f"({text}){self.power}" if self.exponent else text
+
+
+UNKNOWN: Final = Rounded(MISSING, "", 0)
+
+
+def _decade(value: float) -> int:
+    """Return the power of ten of a positive value after rounding to two digits: 0.0996 counts as 0.10."""
+    decade = math.floor(math.log10(value))
+    return decade + 1 if value >= 9.95 * 10.0**decade else decade
+
+
+def round_to_error(value: float, std: float = math.nan) -> Rounded:
+    """Round a value to two significant digits of its standard error.
+
+    Without a usable error (NaN, infinite, not positive) four significant digits are given. Values below 0.01 and from
+    1e6 on get a power of ten in steps of three. At most six significant digits are shown; an error smaller than the
+    last of them is rounded up to it, never down to zero.
+    """
+    if not math.isfinite(value):
+        return UNKNOWN
+    known = math.isfinite(std) and std > 0.0
+    size = max(abs(value), std) if known else abs(value)
+    exponent = 0
+    if size and not 1e-2 <= size < 1e6:
+        exponent = 3 * (_decade(size) // 3)
+        value, std, size = value / 10.0**exponent, std / 10.0**exponent, size / 10.0**exponent
+    finest = _SIGNIFICANT_DIGITS - 1 - _decade(size) if size else _SIGNIFICANT_DIGITS
+    if not known:
+        digits = min(_DIGITS_WITHOUT_ERROR - 1 - _decade(size), finest) if size else 0
+        return Rounded(f"{round(value, digits) + 0.0:.{max(digits, 0)}f}", "", exponent)
+    digits = 1 - _decade(std)
+    if digits > finest:
+        digits = finest
+        std = max(std, 10.0**-digits)
+    decimals = max(digits, 0)
+    # Adding 0.0 turns a rounded -0.0 into 0.0.
+    return Rounded(f"{round(value, digits) + 0.0:.{decimals}f}", f"{round(std, digits):.{decimals}f}", exponent)
+
+
+@lru_cache(maxsize=256)
+def split_name(name: str) -> tuple[str, Unit]:
+    """Split a quantity's name into a label and the unit it is shown in: `leading_edge_rad` -> `leading edge`, deg."""
+    for suffix, unit in UNITS.items():
+        if name.endswith(suffix) and len(name) > len(suffix):
+            return name[: -len(suffix)].replace("_", " "), unit
+    return name.replace("_over_", "/").replace("_", " "), _DIMENSIONLESS
+
+
+class Shown(NamedTuple):
+    """An estimate ready for the screen.
+
+    Attributes:
+        label: what it is.
+        number: value and error in the shown unit; UNKNOWN when the estimate is invalid.
+        unit: symbol, empty when dimensionless.
+        status: as estimated.
+        reason: as estimated.
+    """
+
+    label: str
+    number: Rounded
+    unit: str
+    status: Status
+    reason: str
+
+    @property
+    def mark(self) -> str:
+        """Status mark, empty when valid."""
+        return STATUS_MARKS[self.status]
+
+    def text(self, sign: str = " ± ") -> str:
+        """Return number, unit and mark, e.g. `65.03 ± 0.02 km/h ~`."""
+        text = self.number.joined(sign)
+        if self.unit:
+            text += " " + self.unit
+        return f"{text} {self.mark}" if self.mark else text
+
+
+def show(estimate: Estimate) -> Shown:
+    """Convert an estimate to its shown unit and round it; an invalid one shows MISSING whatever its value."""
+    label, unit = split_name(estimate.name)
+    if estimate.status is Status.INVALID:
+        return Shown(label, UNKNOWN, unit.symbol, estimate.status, estimate.reason)
+    number = round_to_error(estimate.value * unit.factor, estimate.std * unit.factor)
+    return Shown(label, number, unit.symbol, estimate.status, estimate.reason)
+
+
+def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
+    """Return a plain number with so many decimals, or MISSING for None and what is not finite."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return f"{round(value * factor, decimals) + 0.0:.{decimals}f}"
+
+
+def kpa(pressure_pa: float | None) -> str:
+    """Return a pressure in kPa without its unit, e.g. `210.0`."""
+    return fixed(pressure_pa, 1, 1e-3)
+
+
+def duration(seconds: float) -> str:
+    """Return `h:mm:ss`."""
+    if not math.isfinite(seconds):
+        return MISSING
+    whole = max(int(seconds), 0)
+    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def file_size(size_bytes: int) -> str:
+    """Return a size in decimal units with three digits, e.g. `12.3 MB`."""
+    if size_bytes < 1000:
+        return f"{size_bytes} B"
+    size = float(size_bytes)
+    for prefix in "kMGT":
+        size /= 1000.0
+        if size < 999.5 or prefix == "T":
+            break
+    decimals = 2 if size < 9.995 else 1 if size < 99.95 else 0
+    return f"{size:.{decimals}f} {prefix}B"
+
+
+def percent(part: int, whole: int) -> str:
+    """Return a share as `1.02 %`; `0 %` when nothing is missing and `<0.01 %` rather than a rounded zero."""
+    if whole <= 0 or part <= 0:
+        return "0 %"
+    share = 100.0 * part / whole
+    return "<0.01 %" if share < 0.01 else f"{share:.2f} %" if share < 9.995 else f"{share:.1f} %"

@@ -1,0 +1,97 @@
+"""The plain view: one line a revolution, for logs, pipes and terminals without a screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from gateway.pipeline.results import RevolutionResult
+from gateway.views.numbers import Shown, kpa
+from gateway.views.reading import Reading, read_result
+from gateway.views.text import clean, crop, crop_middle, pad, width
+
+LINE_WIDTH: Final = 160
+HEADER_EVERY: Final = 40
+_NUMBERS_TITLE: Final = "numbers ± standard error (~ provisional, x invalid)"
+_NAME_WIDTH_MIN: Final = 5
+_NAME_WIDTH_MAX: Final = 14
+# Wide enough for `Bs (3.083±0.012)e-3`, `Cw 0.1953±0.0012`, `Rs 2.974±0.031`, `Ts 2.529±0.099`.
+_NUMBER_WIDTHS: Final = (19, 16, 14, 14)
+_NUMBERS_WIDTH_MAX: Final = 90
+_NO_DIGITS: Final = str.maketrans("", "", "0123456789.")
+_STATUS_WORDS: Final = {"valid": "ok", "provisional": "~", "invalid": "x"}
+
+
+def _cell(number: Shown) -> str:
+    return number.number.joined("±") + number.mark
+
+
+class PlainView:
+    """Writes results as aligned lines of at most LINE_WIDTH columns without escape codes."""
+
+    def __init__(self, write: Callable[[str], None]) -> None:
+        """Take the function that writes one line (it adds the line end)."""
+        self._write = write
+        self._lines_until_header = 0
+        self._name_width = _NAME_WIDTH_MIN
+        self._number_widths = list(_NUMBER_WIDTHS)
+        self._notes: dict[str, str] = {}
+
+    def result(self, result: RevolutionResult) -> None:
+        """Write one line for a revolution, and the header when it is due or a column had to grow."""
+        reading = read_result(result)
+        name = crop_middle(clean(result.position), _NAME_WIDTH_MAX)
+        # One mark behind the line says it when all numbers share a status.
+        marked = any(number.status is not reading.status for number in reading.numbers)
+        cells = [f"{shown.label} {shown.number.joined('±')}{shown.mark if marked else ''}" for shown in reading.numbers]
+        self._make_room(width(name), cells)
+        if self._lines_until_header <= 0:
+            self._write(self._header())
+            self._lines_until_header = HEADER_EVERY
+        self._lines_until_header -= 1
+        note = clean(reading.note)
+        line = self._line(name, cells, reading, result)
+        self._write(crop(f"{line}{note}".rstrip(), LINE_WIDTH))
+        # A reason may count something; only its words tell whether it is news.
+        words = note.translate(_NO_DIGITS)
+        if words != self._notes.get(result.position, ""):
+            self._notes[result.position] = words
+            if len(line) + width(note) > LINE_WIDTH:
+                self.notice(f"{name} rev {result.revolution.index}: {note}")
+
+    def notice(self, text: str) -> None:
+        """Write something the user should know, marked so that a filter can tell it from results."""
+        for line in text.splitlines():
+            self._write(f"# {clean(line)}")
+
+    def _make_room(self, name_width: int, cells: Sequence[str]) -> None:
+        if name_width > self._name_width:
+            self._name_width = name_width
+            self._lines_until_header = 0
+        for slot, cell in enumerate(cells):
+            if slot == len(self._number_widths):
+                self._number_widths.append(0)
+            grown = min(len(cell), _NUMBERS_WIDTH_MAX - sum(self._number_widths) + self._number_widths[slot])
+            if grown > self._number_widths[slot]:
+                self._number_widths[slot] = grown
+                self._lines_until_header = 0
+
+    def _header(self) -> str:
+        numbers = crop(_NUMBERS_TITLE, self._numbers_width())
+        return (
+            f"{pad('wheel', self._name_width)} {'rev':>6} {'device s':>10} {'km/h':>7} {'leading deg':>13} "
+            f"{'trailing deg':>12} {numbers:<{self._numbers_width()}} {'kPa':>6} st reason"
+        )
+
+    def _numbers_width(self) -> int:
+        return sum(self._number_widths) + len(self._number_widths) - 1
+
+    def _line(self, name: str, cells: Sequence[str], reading: Reading, result: RevolutionResult) -> str:
+        revolution = result.revolution
+        numbers = " ".join(f"{cell:<{size}}" for cell, size in zip(cells, self._number_widths, strict=False))
+        return (
+            f"{pad(name, self._name_width)} {revolution.index:>6} {revolution.start_s:>10.3f} "
+            f"{reading.speed.number.value + reading.speed.mark:>7} {_cell(reading.leading):>13} "
+            f"{_cell(reading.trailing):>12} {numbers:<{self._numbers_width()}} "
+            f"{kpa(result.conditions.pressure_pa):>6} {_STATUS_WORDS[reading.status]:<2} "
+        )

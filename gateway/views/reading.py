@@ -1,0 +1,89 @@
+"""What a view shows of a result: speed, contact angles, and the numbers or, without load or pressure, their ratios."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from gateway.estimators.base import Estimate, Status
+from gateway.pipeline.results import RevolutionResult
+from gateway.views.numbers import UNITS, Shown, show, split_name
+
+SPEED: Final = "speed_mps"
+ANGLE: Final = UNITS["_rad"]
+_ORDER: Final = (Status.VALID, Status.PROVISIONAL, Status.INVALID)
+
+
+class Reading(NamedTuple):
+    """The parts of a result in the order in which views show them.
+
+    Attributes:
+        speed: forward speed.
+        leading: leading contact angle, negative.
+        trailing: trailing contact angle, positive.
+        numbers: the dimensionless numbers, or their ratios when only those are known.
+        status: worst status among the numbers shown, invalid when there is none.
+        note: the reason for that status; empty when there is nothing to say.
+        ratios_only: True when `numbers` are ratios because the numbers themselves are invalid.
+    """
+
+    speed: Shown
+    leading: Shown
+    trailing: Shown
+    numbers: tuple[Shown, ...]
+    status: Status
+    note: str
+    ratios_only: bool
+
+
+def read_result(result: RevolutionResult) -> Reading:
+    """Sort a result's estimates; speed and angles fall back to the revolution's own when no estimate names them."""
+    speed: Estimate | None = None
+    leading: Estimate | None = None
+    trailing: Estimate | None = None
+    whole: list[Shown] = []
+    ratios: list[Shown] = []
+    for estimate in result.estimates:
+        label, unit = split_name(estimate.name)
+        if not unit.symbol:
+            (ratios if "/" in label else whole).append(show(estimate))
+        elif estimate.name == SPEED:
+            speed = estimate
+        elif unit is ANGLE and label.startswith("leading"):
+            leading = estimate
+        elif unit is ANGLE and label.startswith("trailing"):
+            trailing = estimate
+    known = any(number.status is not Status.INVALID for number in whole)
+    ratios_only = not known and any(ratio.status is not Status.INVALID for ratio in ratios)
+    shown = ratios if ratios_only else whole
+    revolution = result.revolution
+    return Reading(
+        show(speed or _measured(SPEED, revolution.omega_radps * result.conditions.radius_m, math.nan)),
+        show(leading or _measured("leading_edge_rad", revolution.leading_edge_rad, revolution.leading_edge_std_rad)),
+        show(
+            trailing or _measured("trailing_edge_rad", revolution.trailing_edge_rad, revolution.trailing_edge_std_rad)
+        ),
+        tuple(shown),
+        max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),
+        _note(result, whole, ratios_only),
+        ratios_only,
+    )
+
+
+def _measured(name: str, value: float, std: float) -> Estimate:
+    return Estimate(name, value, std, Status.VALID if math.isfinite(value) else Status.INVALID)
+
+
+def _note(result: RevolutionResult, numbers: Sequence[Shown], ratios_only: bool) -> str:
+    faults = "; ".join(result.revolution.faults)
+    if faults:
+        return faults
+    # The worst status explains most: look for an invalid number first, then a provisional one.
+    for status in reversed(_ORDER):
+        for number in numbers:
+            if number.status is status and number.reason:
+                return f"ratios only: {number.reason}" if ratios_only else number.reason
+    if ratios_only:
+        return "ratios only"
+    return "" if numbers else "no estimates"

@@ -1,0 +1,61 @@
+"""Width, cropping and cleaning of text that goes to a terminal."""
+
+from __future__ import annotations
+
+import unicodedata
+from functools import lru_cache
+
+ELLIPSIS = "…"
+
+
+@lru_cache(maxsize=1024)
+def _cells(character: str) -> int:
+    if unicodedata.combining(character) or unicodedata.category(character) in {"Cf", "Mn", "Me"}:
+        return 0
+    return 2 if unicodedata.east_asian_width(character) in "WF" else 1
+
+
+def width(text: str) -> int:
+    """Return how many terminal cells `text` takes."""
+    return len(text) if text.isascii() else sum(map(_cells, text))
+
+
+def clean(text: str) -> str:
+    """Replace everything that is not printable: a hub's log text must not be able to command the terminal."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else "·" if c > " " else " " for c in text)
+
+
+def crop(text: str, cells: int) -> str:
+    """Return `text`, or its beginning and an ellipsis, in at most `cells` cells."""
+    if width(text) <= cells:
+        return text
+    if cells <= 0:
+        return ""
+    kept, used = 0, 1
+    for character in text:
+        used += _cells(character)
+        if used > cells:
+            break
+        kept += 1
+    return text[:kept] + ELLIPSIS
+
+
+def crop_middle(text: str, cells: int) -> str:
+    """Like `crop`, but keeps both ends: what tells names and paths apart is often at the end."""
+    if width(text) <= cells:
+        return text
+    if cells < 5 or not text.isascii():
+        return crop(text, cells)
+    tail = cells // 2
+    return text[: cells - 1 - tail] + ELLIPSIS + text[-tail:]
+
+
+def pad(text: str, cells: int) -> str:
+    """Return `text` cropped or filled with blanks on the right to exactly `cells` cells."""
+    missing = cells - width(text)
+    return text + " " * missing if missing >= 0 else pad(crop(text, cells), cells) if cells > 0 else ""
+
+
+def pad_left(text: str, cells: int) -> str:
+    """Return `text` filled with blanks on the left to at least `cells` cells; longer text stays whole."""
+    return " " * (cells - width(text)) + text
