@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.signal.average import AngleAverage as AngleAverage  # what the average hands out is what estimators see
+
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
@@ -112,37 +114,6 @@ class Revolution:
     ac_coupled: bool
     faults: tuple[str, ...] = ()
     period_std_s: float = float("nan")
-
-
-@dataclass(frozen=True, slots=True)
-class AngleAverage:
-    """The running time synchronous average over revolutions, scaled to a common angular speed.
-
-    Attributes:
-        count: revolutions averaged so far.
-        effective_count: number of revolutions of equal weight that would have the same variance.
-        omega_radps: angular speed that the average is scaled to.
-        radial_mps2: (n,) mean of the revolutions' `radial_mps2` times (omega / omega_i)^2.
-        scatter_mps2: (n,) standard deviation from revolution to revolution at each angle; NaN while count < 2.
-        orders_mps2: (61,) complex coefficients of the average, c - i s.
-        orders_std_mps2: (61,) standard error of each real coefficient (cosine or sine) of the average.
-        leading_edge_rad: mean leading edge.
-        trailing_edge_rad: mean trailing edge.
-        leading_edge_std_rad: standard error of the mean.
-        trailing_edge_std_rad: standard error of the mean.
-    """
-
-    count: int
-    effective_count: float
-    omega_radps: float
-    radial_mps2: FloatArray
-    scatter_mps2: FloatArray
-    orders_mps2: ComplexArray
-    orders_std_mps2: FloatArray
-    leading_edge_rad: float
-    trailing_edge_rad: float
-    leading_edge_std_rad: float
-    trailing_edge_std_rad: float
 
 
 class Estimator(Protocol):

@@ -1,0 +1,90 @@
+"""Order coefficients of an angle-domain waveform and what noise does to them.
+
+With theta_k = -pi + 2 pi k / n and x = c_0 + sum c_n cos(n theta) + s_n sin(n theta), the coefficient of order n is the
+complex number c_n - i s_n; order 0 is the mean.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+ORDER_COUNT: Final = 61
+
+# Share of the Nyquist order up to which a sampled and spline-interpolated order is right within half a percent.
+_USABLE_BAND: Final = 0.56
+
+
+def highest_order(samples_per_revolution: float) -> int:
+    """Return the highest order that the sampling carries, at most 60.
+
+    The quintic interpolation of `resample` is within 0.5 % up to 0.56 of the Nyquist order (0.28 cycles per sample).
+    """
+    return max(0, min(ORDER_COUNT - 1, math.floor(_USABLE_BAND * samples_per_revolution / 2.0)))
+
+
+def order_coefficients(waveform: FloatArray, order_max: int = ORDER_COUNT - 1) -> ComplexArray:
+    """Return the coefficients c_n - i s_n of orders 0 to 60.
+
+    Args:
+        waveform: (..., n) on the angle grid, n >= 128.
+        order_max: coefficients above it are NaN.
+
+    Returns:
+        (..., 61) complex, in the unit of the waveform.
+    """
+    n = waveform.shape[-1]
+    spectrum = np.fft.rfft(waveform, axis=-1)[..., :ORDER_COUNT] * _SIGNS * (2.0 / n)
+    spectrum[..., 0] *= 0.5
+    spectrum[..., order_max + 1 :] = complex(math.nan, math.nan)
+    result: ComplexArray = spectrum
+    return result
+
+
+def waveform_from_orders(coefficients: ComplexArray, n: int) -> FloatArray:
+    """Return the waveform (..., n) of coefficients (..., 61); NaN coefficients count as zero."""
+    spectrum = np.zeros((*coefficients.shape[:-1], n // 2 + 1), dtype=np.complex128)
+    spectrum[..., :ORDER_COUNT] = np.nan_to_num(coefficients) * _SIGNS * (n / 2.0)
+    spectrum[..., 0] *= 2.0
+    result: FloatArray = np.fft.irfft(spectrum, n=n, axis=-1)
+    return result
+
+
+def coefficient_std(waveform: FloatArray, samples_per_revolution: float) -> float:
+    """Estimate the noise of one real order coefficient from the orders above the tire's own.
+
+    Takes the median power of the upper part of the carried orders, at best above order 150 where a tire's shape has
+    decayed. With few samples a revolution the band still holds signal, and the estimate errs to the high side.
+
+    Args:
+        waveform: (n,) on the angle grid.
+        samples_per_revolution: samples in time that the waveform was made from.
+
+    Returns:
+        Standard deviation of a cosine or sine coefficient, in the unit of the waveform; NaN when the waveform is.
+    """
+    n = waveform.shape[-1]
+    nyquist = min(n, samples_per_revolution) / 2.0
+    # Above 0.7 of the band the interpolation's own roll-off would make the noise look smaller.
+    high = max(3, min(n // 2, math.floor(0.7 * nyquist)))
+    low = min(150, max(1, math.floor(0.45 * nyquist)))
+    band = np.fft.rfft(waveform)[low:high]
+    power = band.real**2 + band.imag**2
+    # |C|^2 = 2 sigma^2 * (chi-square of two degrees / 2), whose median is ln 2.
+    return float(math.sqrt(float(np.median(power)) / (2.0 * math.log(2.0))) * 2.0 / n)
+
+
+def sample_std(coefficient_std_mps2: float, samples_per_revolution: float, n: int) -> float:
+    """Return the noise of one angle-domain sample, given white noise of one real coefficient."""
+    carried = min(n, samples_per_revolution)
+    return coefficient_std_mps2 * math.sqrt(carried / 2.0)
+
+
+_SIGNS: Final = np.where(np.arange(ORDER_COUNT) % 2, -1.0, 1.0)
+_SIGNS.setflags(write=False)
