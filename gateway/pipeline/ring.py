@@ -1,0 +1,119 @@
+"""Preallocated ring buffer of raw samples, addressed by running sample number."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The buffer is this many times the capacity: samples are written linearly and slid back rarely, so that every view
+# is one contiguous slice (measured faster than a modulo ring or writing twice, docs/performance.md).
+_SLACK: Final = 4
+
+
+class SampleRing:
+    """The latest `capacity` samples of one wheel, int16 (n, channels), indexed by running sample number.
+
+    Missing samples are filled by a straight line so that the numbering stays gapless; the gaps are kept beside it.
+    """
+
+    def __init__(self, capacity: int, channels: int) -> None:
+        """Allocate once.
+
+        Args:
+            capacity: samples that can be looked back at, > 0.
+            channels: values per sample.
+        """
+        self.capacity = capacity
+        self._data: NDArray[np.int16] = np.zeros((capacity * _SLACK, channels), np.int16)
+        self._start = 0
+        self._filled = 0
+        self._head = 0
+        self._gaps: list[tuple[int, int]] = []
+        self.overwritten = 0
+
+    @property
+    def head(self) -> int:
+        """Running number of the next sample to come."""
+        return self._head
+
+    @property
+    def tail(self) -> int:
+        """Running number of the oldest sample still held."""
+        return self._head - self._filled
+
+    def reset(self, head: int) -> None:
+        """Forget the samples and go on at running number `head`."""
+        self._start, self._filled, self._head = 0, 0, head
+        self._gaps.clear()
+
+    def append(self, counts: NDArray[np.int16], unread_from: int | None = None) -> None:
+        """Append (n, channels) samples; count those pushed out at or after `unread_from`, which nobody has read yet."""
+        n = len(counts)
+        if n > self.capacity:
+            self._count_overwritten(self._head + n - self.capacity, unread_from)
+            self._head += n - self.capacity
+            self._filled, self._start = 0, 0
+            counts = counts[-self.capacity :]
+            n = self.capacity
+        end = self._start + self._filled
+        if end + n > len(self._data):
+            keep = min(self._filled, self.capacity)
+            self._data[:keep] = self._data[end - keep : end]
+            self._start, self._filled, end = 0, keep, keep
+        self._data[end : end + n] = counts
+        self._head += n
+        self._filled += n
+        if self._filled > self.capacity:
+            drop = self._filled - self.capacity
+            self._count_overwritten(self.tail + drop, unread_from)
+            self._start += drop
+            self._filled = self.capacity
+            if self._gaps and self._gaps[0][1] <= self.tail:
+                self._gaps = [gap for gap in self._gaps if gap[1] > self.tail]
+
+    def bridge(self, missing: int, following: NDArray[np.int16], unread_from: int | None = None) -> None:
+        """Fill `missing` lost samples by a line from the last held sample to `following` (channels,)."""
+        first = self._head
+        last = self._data[self._start + self._filled - 1] if self._filled else following
+        step = np.arange(1, missing + 1)[:, None] / (missing + 1)
+        line = np.rint(last + step * (following.astype(np.float64) - last)).astype(np.int16)
+        self.append(line, unread_from)
+        self._gaps.append((first, self._head))
+
+    def patch(self, first: int, counts: NDArray[np.int16]) -> int:
+        """Put late samples where they belong; returns how many were still missing there."""
+        lo, hi = max(first, self.tail), min(first + len(counts), self._head)
+        repaired = 0
+        remaining: list[tuple[int, int]] = []
+        for gap_lo, gap_hi in self._gaps:
+            a, b = max(lo, gap_lo), min(hi, gap_hi)
+            if a >= b:
+                remaining.append((gap_lo, gap_hi))
+                continue
+            offset = self._start - self.tail
+            self._data[offset + a : offset + b] = counts[a - first : b - first]
+            repaired += b - a
+            remaining += [piece for piece in ((gap_lo, a), (b, gap_hi)) if piece[0] < piece[1]]
+        self._gaps = remaining
+        return repaired
+
+    def view(self, first: int, end: int) -> NDArray[np.int16]:
+        """Return samples `first` to `end` (exclusive) as a view, valid until the next append.
+
+        Raises:
+            IndexError: some of them are not held.
+        """
+        if first < self.tail or end > self._head or first > end:
+            raise IndexError(f"samples {first}..{end} are not in {self.tail}..{self._head}")
+        offset = self._start - self.tail
+        return self._data[offset + first : offset + end]
+
+    def missing_between(self, first: int, end: int) -> int:
+        """Count the samples in `first` to `end` (exclusive) that were lost and filled."""
+        return sum(max(0, min(end, hi) - max(first, lo)) for lo, hi in self._gaps)
+
+    def _count_overwritten(self, new_tail: int, unread_from: int | None) -> None:
+        if unread_from is not None and new_tail > unread_from:
+            self.overwritten += new_tail - max(unread_from, self.tail)
