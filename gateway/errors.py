@@ -32,3 +32,7 @@ class ConfigError(TreadlinkError):
 
 class ImportDataError(TreadlinkError):
     """A foreign measurement file does not match its map."""
+
+
+class OutputError(TreadlinkError):
+    """A result file cannot be written: it exists, its format needs a missing package, or the disk refuses."""

@@ -1,0 +1,153 @@
+"""What a session comes to: per wheel revolutions, speed, losses and the last estimates with their errors."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from gateway.estimators.base import Estimate, Status
+from gateway.pipeline.results import LinkSnapshot, RevolutionResult
+from gateway.views.numbers import duration, fixed, percent, show
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSummary:
+    """One wheel over a whole session or recording.
+
+    Attributes:
+        position: wheel.
+        revolutions: completed.
+        revolutions_valid: without a fault.
+        faults: how often each fault occurred.
+        saturated: revolutions with a saturated sample.
+        rolling_s: time in completed revolutions.
+        distance_m: 2 pi radius times revolutions.
+        speed_mean_mps: distance over time, NaN without a revolution.
+        speed_min_mps: slowest revolution.
+        speed_max_mps: fastest revolution.
+        missing_fraction: share of the samples that were lost on the link, by time.
+        estimates: the last of each name, the last one that was not invalid where there was one.
+    """
+
+    position: str
+    revolutions: int
+    revolutions_valid: int
+    faults: Mapping[str, int]
+    saturated: int
+    rolling_s: float
+    distance_m: float
+    speed_mean_mps: float
+    speed_min_mps: float
+    speed_max_mps: float
+    missing_fraction: float
+    estimates: tuple[Estimate, ...]
+
+
+@dataclass(slots=True)
+class _Wheel:
+    revolutions: int = 0
+    valid: int = 0
+    saturated: int = 0
+    rolling_s: float = 0.0
+    missing_s: float = 0.0
+    distance_m: float = 0.0
+    speed_min_mps: float = math.inf
+    speed_max_mps: float = -math.inf
+    faults: Counter[str] = field(default_factory=Counter)
+    estimates: dict[str, Estimate] = field(default_factory=dict)
+
+
+class ResultSummary:
+    """Adds results up wheel by wheel in constant memory."""
+
+    def __init__(self) -> None:
+        self._wheels: dict[str, _Wheel] = {}
+
+    def add(self, result: RevolutionResult) -> None:
+        """Count one result."""
+        wheel = self._wheels.setdefault(result.position, _Wheel())
+        revolution = result.revolution
+        wheel.revolutions += 1
+        wheel.valid += not revolution.faults
+        wheel.saturated += revolution.saturated
+        wheel.faults.update(revolution.faults)
+        wheel.rolling_s += revolution.period_s
+        wheel.missing_s += revolution.missing_fraction * revolution.period_s
+        wheel.distance_m += 2.0 * math.pi * result.conditions.radius_m
+        speed_mps = revolution.omega_radps * result.conditions.radius_m
+        wheel.speed_min_mps = min(wheel.speed_min_mps, speed_mps)
+        wheel.speed_max_mps = max(wheel.speed_max_mps, speed_mps)
+        for estimate in result.estimates:
+            known = wheel.estimates.get(estimate.name)
+            if known is None or estimate.status is not Status.INVALID or known.status is Status.INVALID:
+                wheel.estimates[estimate.name] = estimate
+
+    def wheels(self) -> tuple[WheelSummary, ...]:
+        """Return the sums so far, wheels in the order of their first result."""
+        return tuple(self._summary(position, wheel) for position, wheel in self._wheels.items())
+
+    @staticmethod
+    def _summary(position: str, wheel: _Wheel) -> WheelSummary:
+        rolled = wheel.rolling_s > 0.0
+        return WheelSummary(
+            position=position,
+            revolutions=wheel.revolutions,
+            revolutions_valid=wheel.valid,
+            faults=dict(wheel.faults.most_common()),
+            saturated=wheel.saturated,
+            rolling_s=wheel.rolling_s,
+            distance_m=wheel.distance_m,
+            speed_mean_mps=wheel.distance_m / wheel.rolling_s if rolled else math.nan,
+            speed_min_mps=wheel.speed_min_mps if rolled else math.nan,
+            speed_max_mps=wheel.speed_max_mps if rolled else math.nan,
+            missing_fraction=wheel.missing_s / wheel.rolling_s if rolled else math.nan,
+            estimates=tuple(wheel.estimates.values()),
+        )
+
+
+def summary_lines(wheels: Iterable[WheelSummary], links: Sequence[LinkSnapshot] = ()) -> list[str]:
+    """Return a summary as aligned plain lines: a block for each wheel, then one line for each link."""
+    blocks = [_wheel_lines(wheel) for wheel in wheels] or [["no revolution was completed"]]
+    lines = [line for block in blocks for line in (*block, "")]
+    return [*lines, *map(_link_line, links)] if links else lines[:-1]
+
+
+def _wheel_lines(wheel: WheelSummary) -> list[str]:
+    rows: list[tuple[str, str, str]] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
+    span = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
+    rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
+    rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", f"in {duration(wheel.rolling_s)}"))
+    lost = "0 %" if wheel.missing_fraction == 0 else f"{fixed(wheel.missing_fraction, 3, 100.0)} %"
+    rows.append(("samples lost", lost, f"{wheel.saturated} revolutions saturated" if wheel.saturated else ""))
+    for estimate in wheel.estimates:
+        shown = show(estimate)
+        note = "" if estimate.status is Status.VALID else str(estimate.status)
+        if estimate.reason:
+            note = f"{note}: {estimate.reason}" if note else estimate.reason
+        rows.append((shown.label, f"{shown.number.joined()} {shown.unit}".rstrip(), note))
+    left = max(len(label) for label, _, _ in rows)
+    middle = max(len(value) for _, value, _ in rows)
+    return [wheel.position, *(f"  {label:<{left}}  {value:<{middle}}  {note}".rstrip() for label, value, note in rows)]
+
+
+def _revolutions_note(wheel: WheelSummary) -> str:
+    if wheel.revolutions_valid == wheel.revolutions:
+        return "all valid"
+    faults = ", ".join(f"{count} {fault}" for fault, count in wheel.faults.items())
+    return f"{wheel.revolutions_valid} valid; {faults}"
+
+
+def _link_line(link: LinkSnapshot) -> str:
+    expected = link.frames + link.frames_lost
+    parts = [f"{link.frames} frames", f"{link.frames_lost} lost ({percent(link.frames_lost, expected)})"]
+    counted = {
+        "bad CRC": link.crc_errors,
+        "duplicate": link.duplicates,
+        "reordered": link.reordered,
+        "skipped": link.skipped,
+        "noise bytes": link.noise_bytes,
+        **{f"dropped by {stage}": count for stage, count in link.queue_dropped.items()},
+    }
+    return f"{link.link}: " + ", ".join([*parts, *(f"{count} {name}" for name, count in counted.items() if count)])

@@ -1,0 +1,112 @@
+"""The table formats that have columns: CSV and Parquet."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import IO, Any, Final, Protocol
+
+from gateway.errors import OutputError
+
+Cell = str | int | float | bool | None
+
+_ROW_GROUP: Final = 8192
+
+
+class RowSink(Protocol):
+    """A format with columns: told them once, then fed row by row."""
+
+    def begin(self, columns: dict[str, type]) -> None:
+        """Take the columns' names and types, before the first row."""
+        ...
+
+    def row(self, cells: list[Cell]) -> None:
+        """Add a row; None where nothing is known."""
+        ...
+
+    def end(self) -> None:
+        """Finish and close the file."""
+        ...
+
+
+class CsvSink:
+    """RFC 4180 with a header line; unknown is empty, truth is 0 or 1, floats keep every digit."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Take the open file; `end` closes it."""
+        self._text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+        self._rows = csv.writer(self._text)
+
+    def begin(self, columns: dict[str, type]) -> None:
+        """Write what comes before the rows."""
+        self._rows.writerow(columns)
+
+    def row(self, cells: list[Cell]) -> None:
+        """Add a row."""
+        self._rows.writerow([int(cell) if isinstance(cell, bool) else cell for cell in cells])
+
+    def end(self) -> None:
+        """Finish and close the file."""
+        self._text.close()
+
+
+def require_pyarrow() -> None:
+    """Raise OutputError, naming the extra to install, when Parquet's package is missing."""
+    try:
+        import pyarrow.parquet  # noqa: F401 - only whether it is there
+    except ImportError as error:
+        raise OutputError(
+            "Parquet needs the package pyarrow", "Install it: pip install 'treadlink[parquet]'"
+        ) from error
+
+
+class ParquetSink:
+    """Columns of plain types, in row groups; `host_utc` is a timestamp."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Take the open file; `end` closes it."""
+        self._file = file
+        self._writer: Any = None
+        self._schema: Any = None
+        self._cells: list[list[Cell]] = []
+
+    def begin(self, columns: dict[str, type]) -> None:
+        """Write what comes before the rows."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        types = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
+        fields = [
+            (name, pa.timestamp("ns", tz="UTC") if name == "host_utc" else types[kind])
+            for name, kind in columns.items()
+        ]
+        self._schema = pa.schema(fields)
+        self._writer = pq.ParquetWriter(self._file, self._schema)
+
+    def row(self, cells: list[Cell]) -> None:
+        """Add a row."""
+        self._cells.append(cells)
+        if len(self._cells) >= _ROW_GROUP:
+            self._flush()
+
+    def end(self) -> None:
+        """Finish and close the file."""
+        self._flush()
+        self._writer.close()
+        self._file.close()
+
+    def _flush(self) -> None:
+        import pyarrow as pa
+
+        if not self._cells:
+            return
+        names: list[str] = self._schema.names
+        columns: list[list[Cell]] = [list(column) for column in zip(*self._cells, strict=True)]
+        columns[names.index("host_utc")] = columns[names.index("host_ns")]
+        self._cells = []
+        self._writer.write_table(
+            pa.table(
+                [pa.array(column, field.type) for column, field in zip(columns, self._schema, strict=True)],
+                self._schema,
+            )
+        )

@@ -1,0 +1,98 @@
+import math
+
+import numpy as np
+import pytest
+
+from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.pipeline.results import LinkSnapshot, RevolutionResult
+from gateway.views.summary import ResultSummary, summary_lines
+
+
+def result(
+    position: str, period_s: float, *estimates: Estimate, missing: float = 0.0, faults: tuple[str, ...] = ()
+) -> RevolutionResult:
+    revolution = Revolution(
+        index=0,
+        start_s=0.0,
+        period_s=period_s,
+        omega_radps=2 * math.pi / period_s,
+        omega_dot_radps2=0.0,
+        radial_mps2=np.zeros(4),
+        axes_mps2=np.zeros((3, 4)),
+        orders_mps2=np.zeros(61, dtype=np.complex128),
+        order_max=60,
+        leading_edge_rad=-0.2,
+        trailing_edge_rad=0.2,
+        leading_edge_std_rad=0.001,
+        trailing_edge_std_rad=0.001,
+        noise_mps2=1.0,
+        missing_fraction=missing,
+        saturated=False,
+        ac_coupled=False,
+        faults=faults,
+    )
+    return RevolutionResult(position, 0, revolution, Conditions(0.5 / math.pi), estimates)
+
+
+def bs(value: float, status: Status = Status.VALID, reason: str = "") -> Estimate:
+    return Estimate("Bs", value, 1.2e-5, status, reason)
+
+
+def test_sums_per_wheel() -> None:
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1, bs(3e-3), missing=0.3))
+    summary.add(result("RR", 0.2))
+    summary.add(result("FL", 0.3, bs(3.083e-3), faults=("too much missing",)))
+    front, rear = summary.wheels()
+    assert (front.position, front.revolutions, front.revolutions_valid) == ("FL", 2, 1)
+    assert front.faults == {"too much missing": 1}
+    # 1 m of circumference: distance over time, not the mean of the speeds.
+    assert front.distance_m == pytest.approx(2.0)
+    assert front.speed_mean_mps == pytest.approx(2.0 / 0.4)
+    assert (front.speed_min_mps, front.speed_max_mps) == (pytest.approx(1 / 0.3), pytest.approx(10.0))
+    assert front.missing_fraction == pytest.approx(0.3 * 0.1 / 0.4)
+    assert front.estimates == (bs(3.083e-3),)
+    assert (rear.position, rear.estimates) == ("RR", ())
+
+
+def test_the_last_estimate_that_is_not_invalid_stays() -> None:
+    summary = ResultSummary()
+    refused = bs(math.nan, Status.INVALID, "saturated")
+    summary.add(result("FL", 0.1, refused))
+    assert summary.wheels()[0].estimates == (refused,)
+    good = bs(3e-3, Status.PROVISIONAL)
+    summary.add(result("FL", 0.1, good))
+    summary.add(result("FL", 0.1, refused))
+    assert summary.wheels()[0].estimates == (good,)
+
+
+def test_lines_are_aligned_and_rounded_to_the_error() -> None:
+    summary = ResultSummary()
+    speed = Estimate("speed_mps", 10.00012345, 0.0021, Status.VALID)
+    summary.add(result("FL", 0.1, speed, bs(3.0834e-3, Status.PROVISIONAL, "few revolutions"), missing=0.01))
+    lines = summary_lines(summary.wheels())
+    assert lines[0] == "FL"
+    by_label = {line.split("  ")[1].strip(): line for line in lines[1:]}
+    assert "36.0004 ± 0.0076 km/h" in by_label["speed"]
+    assert "(3.083 ± 0.012)e-3" in by_label["Bs"]
+    assert "provisional: few revolutions" in by_label["Bs"]
+    assert "36.000 km/h" in by_label["mean speed"]
+    assert "1.000 %" in by_label["samples lost"]
+    assert "all valid" in by_label["revolutions"]
+    column = by_label["revolutions"].index("1")
+    assert {line.index(text) for line, text in ((by_label["speed"], "36.0004"), (by_label["Bs"], "(3.083"))} == {column}
+
+
+def test_faults_and_links_are_told() -> None:
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1, faults=("late",)))
+    link = LinkSnapshot("sim:demo", False, "", 100, 990, 3, 17, 10, 0, 2, 0, None, {"pipeline": 4})
+    lines = summary_lines(summary.wheels(), [link])
+    assert any("0 valid; 1 late" in line for line in lines)
+    assert lines[-1] == (
+        "sim:demo: 990 frames, 10 lost (1.00 %), 3 bad CRC, 2 reordered, 17 noise bytes, 4 dropped by pipeline"
+    )
+
+
+def test_nothing_at_all() -> None:
+    assert summary_lines(ResultSummary().wheels()) == ["no revolution was completed"]

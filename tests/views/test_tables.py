@@ -1,0 +1,207 @@
+import csv
+import gc
+import json
+import math
+import sys
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.errors import OutputError
+from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.pipeline.results import RevolutionResult
+from gateway.views.tables import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
+
+START_NS = 1_700_000_000_123_456_789
+BS = Estimate("Bs", 3.08e-3, 1.2e-5, Status.PROVISIONAL, "few revolutions, so far")
+SPEED = Estimate("speed_mps", 18.0554321987, 0.002, Status.VALID)
+TS = Estimate("Ts", math.nan, math.nan, Status.INVALID, 'load unknown; says "none"')
+
+
+def result(
+    index: int = 0, position: str = "FL", estimates: tuple[Estimate, ...] = (SPEED, BS, TS), **conditions: Any
+) -> RevolutionResult:
+    revolution = Revolution(
+        index=index,
+        start_s=1.5 + index,
+        period_s=0.1,
+        omega_radps=20 * math.pi,
+        omega_dot_radps2=2.0,
+        radial_mps2=np.zeros(8),
+        axes_mps2=np.zeros((3, 8)),
+        orders_mps2=np.zeros(61, dtype=np.complex128),
+        order_max=60,
+        leading_edge_rad=-0.2,
+        trailing_edge_rad=0.21,
+        leading_edge_std_rad=0.001,
+        trailing_edge_std_rad=0.002,
+        noise_mps2=1.0,
+        missing_fraction=0.25,
+        saturated=index % 2 == 1,
+        ac_coupled=False,
+        faults=("too much missing", "late") if index == 0 else (),
+    )
+    return RevolutionResult(position, START_NS + index, revolution, Conditions(0.32, **conditions), estimates)
+
+
+def read_back(path: Path, table_format: TableFormat) -> list[dict[str, Any]]:
+    """Read a file into rows of Python values, unknown as None."""
+    if table_format is TableFormat.JSON:
+        return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    if table_format is TableFormat.PARQUET:
+        parquet = pytest.importorskip("pyarrow.parquet")
+        rows: list[dict[str, Any]] = parquet.read_table(path).drop_columns(["host_utc"]).to_pylist()
+        return rows
+    with path.open(newline="", encoding="utf-8") as file:
+        return [{key: _typed(key, text) for key, text in row.items()} for row in csv.DictReader(file)]
+
+
+def _typed(key: str, text: str) -> object:
+    if key in ("saturated", "ac_coupled"):
+        return bool(int(text))
+    if key in ("position", "faults", "host_utc", "other_estimates") or key.endswith(("_status", "_reason")):
+        return text
+    return None if text == "" else int(text) if key in ("revolution", "host_ns") else float(text)
+
+
+FORMATS = pytest.mark.parametrize("table_format", list(TableFormat))
+
+
+@FORMATS
+def test_every_value_comes_back_exactly(tmp_path: Path, table_format: TableFormat) -> None:
+    path = tmp_path / "out"
+    with open_table(path, table_format) as table:
+        table.write(result(0, load_n=5000.0, load_std_n=50.0, pressure_pa=2.1e5))
+        table.write(result(1, "FR"))
+    first, second = read_back(path, table_format)
+    assert (first["position"], first["revolution"], first["host_ns"]) == ("FL", 0, START_NS)
+    assert (first["device_start_s"], first["device_end_s"]) == (1.5, 1.6)
+    assert (first["speed_mps"], first["speed_mps_std"], first["speed_mps_status"]) == (18.0554321987, 0.002, "valid")
+    assert (first["Bs"], first["Bs_status"], first["Bs_reason"]) == (3.08e-3, "provisional", "few revolutions, so far")
+    assert (first["Ts"], first["Ts_std"]) == (None, None)
+    assert (first["Ts_status"], first["Ts_reason"]) == ("invalid", 'load unknown; says "none"')
+    assert (first["load_n"], first["load_std_n"], first["pressure_pa"], first["temperature_degc"]) == (
+        5000.0,
+        50.0,
+        2.1e5,
+        None,
+    )
+    assert first["acceleration_mps2"] == pytest.approx(0.64)
+    assert (first["missing_fraction"], first["saturated"], first["faults"]) == (0.25, False, "too much missing; late")
+    assert (second["position"], second["saturated"], second["load_n"], second["load_std_n"]) == ("FR", True, None, None)
+    assert second["faults"] == ""
+
+
+def test_host_time_is_iso_and_a_timestamp_in_parquet(tmp_path: Path) -> None:
+    assert iso_utc(START_NS) == "2023-11-14T22:13:20.123456Z"
+    parquet = pytest.importorskip("pyarrow.parquet")
+    with open_table(tmp_path / "out", TableFormat.PARQUET) as table:
+        table.write(result(0))
+    column = parquet.read_table(tmp_path / "out").column("host_utc")
+    assert str(column.type) == "timestamp[ns, tz=UTC]"
+    assert column.cast("int64").to_pylist() == [START_NS]
+
+
+@FORMATS
+def test_an_estimate_that_comes_late_loses_nothing(tmp_path: Path, table_format: TableFormat) -> None:
+    path = tmp_path / "out"
+    late = Estimate("wear_mm", 1.25, 0.1, Status.VALID)
+    count = COLUMNS_FIXED_AFTER_ROWS + 3
+    with open_table(path, table_format) as table:
+        for index in range(count):
+            table.write(result(index, estimates=(SPEED,) if index < count - 1 else (late, SPEED)))
+    rows = read_back(path, table_format)
+    assert [row["revolution"] for row in rows] == list(range(count))
+    assert rows[-1]["speed_mps"] == SPEED.value
+    last = rows[-1] if table_format is TableFormat.JSON else json.loads(rows[-1]["other_estimates"])
+    assert (last["wear_mm"], last["wear_mm_std"], last["wear_mm_status"]) == (1.25, 0.1, "valid")
+
+
+@pytest.mark.parametrize("table_format", [TableFormat.CSV, TableFormat.PARQUET])
+def test_columns_of_a_wheel_that_knows_other_estimates(tmp_path: Path, table_format: TableFormat) -> None:
+    path = tmp_path / "out"
+    ratio = Estimate("Cw_over_Bs", 63.0, 1.0, Status.VALID)
+    with open_table(path, table_format, estimates=("Rs",)) as table:
+        table.write(result(0, estimates=(SPEED, BS)))
+        table.write(result(1, "FR", estimates=(SPEED, ratio)))
+    first, second = read_back(path, table_format)
+    assert first["Rs"] is None
+    assert (first["Bs"], first["Cw_over_Bs"]) == (BS.value, None)
+    assert (second["Bs"], second["Cw_over_Bs"]) == (None, 63.0)
+    assert first.keys() == second.keys()
+
+
+@FORMATS
+def test_an_estimated_condition_does_not_hide_the_stated_one(tmp_path: Path, table_format: TableFormat) -> None:
+    path = tmp_path / "out"
+    with open_table(path, table_format) as table:
+        table.write(result(0, estimates=(Estimate("load_n", 4900.0, 20.0, Status.VALID),), load_n=5000.0))
+    (row,) = read_back(path, table_format)
+    assert (row["load_n"], row["estimated_load_n"], row["estimated_load_n_std"]) == (5000.0, 4900.0, 20.0)
+
+
+@FORMATS
+def test_a_file_without_rows_is_still_one(tmp_path: Path, table_format: TableFormat) -> None:
+    path = tmp_path / "out"
+    table = open_table(path, table_format)
+    table.close()
+    table.close()
+    assert read_back(path, table_format) == []
+
+
+@FORMATS
+def test_nothing_is_overwritten_without_force(tmp_path: Path, table_format: TableFormat) -> None:
+    path = tmp_path / "out"
+    path.write_text("precious")
+    with pytest.raises(OutputError, match="exists already") as caught:
+        open_table(path, table_format)
+    assert "--force" in caught.value.remedy
+    assert path.read_text() == "precious"
+    with open_table(path, table_format, force=True) as table:
+        table.write(result(1))
+    assert len(read_back(path, table_format)) == 1
+
+
+def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written"):
+        open_table(tmp_path / "none" / "out.csv", TableFormat.CSV)
+
+
+def test_missing_pyarrow_names_the_extra_and_leaves_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "out"
+    path.write_text("precious")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    with pytest.raises(OutputError, match="pyarrow") as caught:
+        open_table(path, TableFormat.PARQUET, force=True)
+    assert "treadlink[parquet]" in caught.value.remedy
+    assert path.read_text() == "precious"
+
+
+def test_a_full_disk_is_told() -> None:
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("/dev/full, a disk that is always full, exists on Linux only")
+    table = open_table(full, TableFormat.JSON, force=True)
+    with pytest.raises(OutputError, match="No space left"):  # noqa: PT012 - buffered: any of the two may raise
+        for index in range(100):
+            table.write(result(index))
+        table.close()
+
+
+@pytest.mark.parametrize("table_format", [TableFormat.CSV, TableFormat.JSON])
+def test_memory_is_flat_in_the_number_of_rows(tmp_path: Path, table_format: TableFormat) -> None:
+    row = result(1)
+    with open_table(tmp_path / "out", table_format) as table:
+        for _ in range(2 * COLUMNS_FIXED_AFTER_ROWS):
+            table.write(row)
+        gc.collect()
+        tracemalloc.start()
+        for _ in range(3000):
+            table.write(row)
+        _, peak_bytes = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert peak_bytes < 100_000
