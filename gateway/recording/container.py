@@ -1,0 +1,193 @@
+"""Writing an MCAP file that is never overwritten and whose written part survives every failure."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable, Mapping
+from io import FileIO
+from pathlib import Path
+from typing import Final
+
+from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
+
+from gateway import __version__
+from gateway.errors import RecordingError
+from gateway.recording.layout import CHANNEL_METADATA, PROFILE, ChannelInfo
+
+_BUFFER_BYTES: Final = 1 << 20
+
+
+class _GuardedStream:
+    """A buffer before a new file; when a write fails the file is cut back to what was complete.
+
+    `mcap` writes to it. A buffered Python file would keep what a full disk refused and try it again at close, and
+    would leave half a record behind.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = FileIO(path, "xb")
+        except OSError as error:
+            raise _open_error(path, error) from error
+        self._pending = bytearray()
+        self._written = 0
+
+    def write(self, data: bytes) -> int:
+        self._pending += data
+        if len(self._pending) > _BUFFER_BYTES:
+            self.flush()
+        return len(data)
+
+    def tell(self) -> int:
+        return self._written + len(self._pending)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system, so that killing this process loses none of it."""
+        try:
+            view = memoryview(self._pending)
+            done = 0
+            while done < len(view):
+                done += self._file.write(view[done:]) or 0
+            view.release()
+            if os.fstat(self._file.fileno()).st_nlink == 0:
+                raise FileNotFoundError(errno.ENOENT, "the file was deleted while it was written")
+        except OSError as error:
+            self._cut_back()
+            raise _write_error(self._path, error) from error
+        self._written += len(self._pending)
+        self._pending = bytearray()
+
+    def _cut_back(self) -> None:
+        self._pending = bytearray()
+        try:
+            self._file.truncate(self._written)
+        except OSError:
+            return  # the device is gone; readers stop at the half record
+
+    def sync(self) -> None:
+        """Hand everything to the disk."""
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise _write_error(self._path, error) from error
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class McapOutput:
+    """An MCAP file being written: channels by topic, a flush that reaches the operating system, no overwriting."""
+
+    def __init__(self, path: Path, *, compressed: bool = False, chunk_bytes: int = 256 << 10) -> None:
+        """Create the file and write its header.
+
+        Args:
+            path: must not exist yet.
+            compressed: zstd chunks instead of plain ones.
+            chunk_bytes: size at which a chunk ends even without a flush.
+
+        Raises:
+            RecordingError: the file exists or cannot be created.
+        """
+        self.path = path
+        self._stream = _GuardedStream(path)
+        self._writer = Writer(
+            self._stream,  # type: ignore[arg-type]  # has what Writer uses: write, tell, flush
+            chunk_size=chunk_bytes,
+            compression=CompressionType.ZSTD if compressed else CompressionType.NONE,
+        )
+        self._schema_ids: dict[str, int] = {}
+        self._sequences: dict[int, int] = {}
+        self.failed = False
+        self.closed = False
+        self._writer.start(PROFILE, f"treadlink {__version__} {LIBRARY_IDENTIFIER}")
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the file including what is not flushed yet, without the chunk in progress."""
+        return self._stream.tell()
+
+    def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """Write a metadata record."""
+        self._guard(lambda: self._writer.add_metadata(name, dict(entries)))
+
+    def register(self, channel: ChannelInfo, schema_name: str, schema_encoding: str, schema: bytes) -> int:
+        """Declare a channel and return its number.
+
+        The declaration is written twice, in the chunk as MCAP wants it and as metadata, so that one damaged place
+        does not leave messages of an unknown channel.
+        """
+        if schema_name not in self._schema_ids:
+            self._schema_ids[schema_name] = self._writer.register_schema(schema_name, schema_encoding, schema)
+        entries = {"link": channel.link} if channel.link else {}
+        number = self._writer.register_channel(channel.topic, channel.encoding, self._schema_ids[schema_name], entries)
+        self._sequences[number] = 0
+        declaration = {"id": str(number), "topic": channel.topic, "encoding": channel.encoding, "link": channel.link}
+        self.add_metadata(CHANNEL_METADATA, declaration)
+        return number
+
+    def add_message(self, channel: int, log_time_ns: int, data: bytes, sequence: int | None = None) -> None:
+        """Append a message; its sequence counts up by itself unless given."""
+        if sequence is None:
+            sequence = self._sequences[channel]
+            self._sequences[channel] = (sequence + 1) & 0xFFFFFFFF
+        number = sequence
+        self._guard(lambda: self._writer.add_message(channel, log_time_ns, data, log_time_ns, number))
+
+    def flush(self) -> None:
+        """End the chunk in progress and hand all bytes to the operating system."""
+        self._guard(self._writer.flush)
+
+    def close(self) -> None:
+        """Write index and footer, sync, close. After a failure only close: the written part stays readable."""
+        if self.closed:
+            return
+        self.closed = True
+        try:
+            if not self.failed:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._stream.flush()
+                self._stream.sync()
+        finally:
+            self._stream.close()
+
+    def abandon(self) -> None:
+        """Close and delete the file: what it was to become has failed."""
+        if not self.closed:
+            self.closed = True
+            self._stream.close()
+        self.path.unlink(missing_ok=True)
+
+    def _guard(self, action: Callable[[], object]) -> None:
+        if self.failed or self.closed:
+            raise RecordingError(f"recording '{self.path}' is closed", "Start a new recording.")
+        try:
+            action()
+        except RecordingError:
+            self.failed = True
+            raise
+
+
+def _open_error(path: Path, error: OSError) -> RecordingError:
+    if isinstance(error, FileExistsError):
+        return RecordingError(f"'{path}' exists already", "Recordings are never overwritten; give another name.")
+    if isinstance(error, FileNotFoundError):
+        return RecordingError(f"directory '{path.parent}' does not exist", f"Create it: mkdir -p '{path.parent}'")
+    if isinstance(error, PermissionError):
+        return RecordingError(f"no permission to write '{path}'", "Choose a directory of your own.")
+    return RecordingError(f"cannot create '{path}': {error.strerror}", "Choose another directory or disk.")
+
+
+def _write_error(path: Path, error: OSError) -> RecordingError:
+    kept = "what was written before stays readable"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return RecordingError(f"disk full while recording '{path}'; {kept}", "Free space or record to another disk.")
+    if error.errno == errno.ENOENT:
+        return RecordingError(
+            f"recording '{path}' was deleted while it was written", "Record to a directory that nobody clears."
+        )
+    return RecordingError(
+        f"cannot write recording '{path}': {error.strerror}; {kept}", "Check the disk or record to another one."
+    )

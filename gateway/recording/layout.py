@@ -1,0 +1,110 @@
+"""What a treadlink recording holds beside what MCAP prescribes: topics, names, and how an item becomes a message."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+
+PROFILE: Final = "treadlink"
+FORMAT_VERSION: Final = "1"
+SESSION_METADATA: Final = "treadlink"
+CHANNEL_METADATA: Final = "treadlink.channel"
+REPAIR_METADATA: Final = "treadlink.repair"
+
+RAW_ENCODING: Final = "treadlink-link-bytes"
+RAW_SCHEMA_NAME: Final = "treadlink.LinkBytes"
+RAW_SCHEMA_ENCODING: Final = "text/plain"
+RAW_SCHEMA_TEXT: Final = """\
+The bytes of a link exactly as one read delivered them, before any decoding; log_time is their arrival.
+Joined in file order, the messages of one channel are the byte stream of that link, in which frames of the
+treadlink protocol (A5 5A, header, payload, CRC-32) lie at any place and may span messages. The message
+sequence counts the messages of the channel from 0. The channel's metadata name the link.
+"""
+JSON_ENCODING: Final = "json"
+MARKS_TOPIC: Final = "/marks"
+
+MAX_RECORD_BYTES: Final = 256 << 20
+"""No recorder writes records longer than this; a longer one is damage."""
+
+
+class ChannelInfo(NamedTuple):
+    """A channel of a recording.
+
+    Attributes:
+        topic: as other programs show it.
+        encoding: `treadlink-link-bytes` or `json`.
+        link: the link a raw channel belongs to, or that events are about; empty for other channels.
+    """
+
+    topic: str
+    encoding: str
+    link: str = ""
+
+
+class RecordedMessage(NamedTuple):
+    """One message of a recording as stored."""
+
+    channel: ChannelInfo
+    sequence: int
+    log_time_ns: int
+    data: bytes
+
+
+def raw_topic(link: str) -> str:
+    """Return the topic of a link's bytes."""
+    return f"/link/{link}/raw"
+
+
+def event_topic(link: str) -> str:
+    """Return the topic of a link's events."""
+    return f"/link/{link}/event"
+
+
+def event_payload(event: LinkEvent) -> dict[str, str]:
+    """Return an event or mark as the JSON object that is recorded."""
+    return {"link": event.link, "kind": event.kind.value, "text": event.text}
+
+
+def message_to_item(message: RecordedMessage) -> LinkItem | None:
+    """Return the link item that a message recorded, or None for decoded topics and unreadable events."""
+    channel = message.channel
+    if channel.encoding == RAW_ENCODING:
+        return Chunk(channel.link, message.log_time_ns, message.data) if message.data else None
+    if channel.topic != MARKS_TOPIC and not (channel.topic.startswith("/link/") and channel.topic.endswith("/event")):
+        return None
+    try:
+        payload = json.loads(message.data)
+        return LinkEvent(str(payload["link"]), message.log_time_ns, LinkEventKind(payload["kind"]), payload["text"])
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def encode_json(payload: Mapping[str, Any]) -> bytes:
+    """Encode a decoded topic; numbers that are not finite are left out, in arrays they become null.
+
+    JSON has no NaN, and plotting programs take a missing field for a gap.
+    """
+    tidy = {key: value for key, raw in payload.items() if (value := _tidy(raw)) is not None}
+    return json.dumps(tidy, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode()
+
+
+def _tidy(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind == "f" and not np.isfinite(value).all():
+            return [_tidy(entry) for entry in value.tolist()]
+        return value.tolist()
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: tidy for key, raw in value.items() if (tidy := _tidy(raw)) is not None}
+    if isinstance(value, list | tuple):
+        return [_tidy(entry) for entry in value]
+    return value

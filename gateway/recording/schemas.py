@@ -1,0 +1,181 @@
+"""JSON schemas of the decoded topics, so that Foxglove and PlotJuggler can offer and plot their fields.
+
+Only plain types are used (no unions, no null): Foxglove refuses schemas with more. A number that is not known is left
+out of the message. Fields beyond the listed ones are allowed; those of a revolution are the estimates, each as
+`<name>`, `<name>_std` and `<name>_status`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+from gateway.recording.layout import MARKS_TOPIC
+
+
+class TopicSchema(NamedTuple):
+    """Schema of the topics that match a pattern."""
+
+    name: str
+    topic: re.Pattern[str]
+    required: tuple[str, ...]
+    schema: Mapping[str, Any]
+
+    def to_bytes(self) -> bytes:
+        """Return the JSON schema as stored."""
+        return json.dumps(self.schema, separators=(",", ":")).encode()
+
+
+_TYPES: Final[dict[str, dict[str, Any]]] = {
+    "n": {"type": "number"},
+    "i": {"type": "integer"},
+    "s": {"type": "string"},
+    "b": {"type": "boolean"},
+    "[n]": {"type": "array", "items": {"type": "number"}},
+}
+
+
+def _topic(name: str, pattern: str, required: str, fields: str) -> TopicSchema:
+    """Declare a topic: `fields` lists `name:type:description` lines, types as in _TYPES."""
+    properties: dict[str, Any] = {}
+    for line in fields.strip().splitlines():
+        field, kind, description = (part.strip() for part in line.split(":", 2))
+        properties[field] = {**_TYPES[kind], "description": description}
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": name,
+        "type": "object",
+        "properties": properties,
+        "required": required.split(),
+    }
+    return TopicSchema(name, re.compile(pattern), tuple(required.split()), schema)
+
+
+TOPICS: Final[tuple[TopicSchema, ...]] = (
+    _topic(
+        "treadlink.Revolution",
+        r"/wheel/[^/]+/revolution",
+        "index speed_mps",
+        """
+        index: i: running number of the wheel's revolutions
+        speed_mps: n: rolling speed
+        speed_mps_std: n: one standard error
+        period_s: n: duration of the revolution
+        omega_radps: n: mean angular speed
+        omega_dot_radps2: n: angular acceleration
+        leading_edge_rad: n: angle of the leading contact edge, negative
+        leading_edge_rad_std: n: one standard error
+        trailing_edge_rad: n: angle of the trailing contact edge
+        trailing_edge_rad_std: n: one standard error
+        noise_mps2: n: noise of one sample in the angle domain
+        missing_fraction: n: share of samples lost on the link
+        load_n: n: stated vertical load
+        pressure_pa: n: inflation pressure (gauge)
+        temperature_degc: n: temperature of the inner liner
+        """,
+    ),
+    _topic(
+        "treadlink.Waveform",
+        r"/wheel/[^/]+/waveform",
+        "index theta_rad radial_mps2",
+        """
+        index: i: running number of the wheel's revolutions
+        theta_rad: [n]: angle of the sensor from the contact centre
+        radial_mps2: [n]: radial specific force of the revolution, gravity removed
+        average_mps2: [n]: running average at the same speed
+        """,
+    ),
+    _topic(
+        "treadlink.Environment",
+        r"/wheel/[^/]+/environment",
+        "",
+        """
+        pressure_pa: n: inflation pressure (gauge)
+        temperature_degc: n: temperature of the inner liner
+        supply_v: n: supply of the sensor
+        """,
+    ),
+    _topic(
+        "treadlink.HubStatus",
+        r"/hub/[^/]+/status",
+        "uptime_s",
+        """
+        uptime_s: i: since the hub's start
+        battery_percent: i: state of charge
+        supply_v: n: supply voltage
+        supply_w: n: supply power
+        rssi_dbm: i: signal strength of the sensor link
+        frames_sent: i: frames handed to the link
+        frames_dropped: i: frames the hub could not send
+        samples_dropped: i: samples the hub could not send
+        link_retries: i: retransmissions on the sensor link
+        """,
+    ),
+    _topic(
+        "treadlink.Hello",
+        r"/hub/[^/]+/hello",
+        "",
+        """
+        wheel: i: wheel number at the hub
+        protocol: s: version of the protocol, major.minor
+        hub_id: s: serial number of the hub, hex
+        sensor_id: s: serial number of the sensor, hex
+        firmware: s: version of the firmware
+        boot_count: i: how often the hub has started
+        rate_hz: n: sampling rate
+        axes: i: axis mask: 1 circumferential, 2 lateral, 4 radial
+        coupling: s: dc or ac
+        highpass_hz: n: corner of the AC coupling
+        range_mps2: [n]: full scale, circumferential, lateral, radial
+        scale_mps2: [n]: m/s^2 a count, circumferential, lateral, radial
+        offset_counts: [n]: counts at zero, circumferential, lateral, radial
+        saturation_counts: i: counts at or above which a sample is saturated
+        """,
+    ),
+    _topic(
+        "treadlink.LinkEvent",
+        r"/link/.+/event",
+        "link kind text",
+        """
+        link: s: name of the link
+        kind: s: connected, lost, retrying, restored or ended
+        text: s: what happened, in plain words
+        """,
+    ),
+    _topic(
+        "treadlink.Mark",
+        re.escape(MARKS_TOPIC),
+        "link kind text",
+        """
+        link: s: link the mark belongs to, may be empty
+        kind: s: always mark
+        text: s: what the user typed
+        """,
+    ),
+    _topic(
+        "treadlink.Log",
+        r"/log",
+        "level text",
+        """
+        level: s: debug, info, warning or error
+        text: s: the line
+        hub: i: hub that wrote it
+        link: s: link it came by
+        """,
+    ),
+)
+
+
+def schema_of(topic: str) -> TopicSchema:
+    """Return the schema of a decoded topic.
+
+    Raises:
+        ValueError: the topic is not one of the recording's.
+    """
+    for candidate in TOPICS:
+        if candidate.topic.fullmatch(topic):
+            return candidate
+    known = ", ".join(entry.topic.pattern for entry in TOPICS)
+    raise ValueError(f"no schema for topic '{topic}'; topics look like {known}")

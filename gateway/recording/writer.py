@@ -1,0 +1,175 @@
+"""Recording link items as they arrive, before anything decodes them."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from gateway import __version__
+from gateway.errors import RecordingError
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.recording.container import McapOutput
+from gateway.recording.layout import (
+    FORMAT_VERSION,
+    JSON_ENCODING,
+    MARKS_TOPIC,
+    RAW_ENCODING,
+    RAW_SCHEMA_ENCODING,
+    RAW_SCHEMA_NAME,
+    RAW_SCHEMA_TEXT,
+    SESSION_METADATA,
+    ChannelInfo,
+    encode_json,
+    event_payload,
+    event_topic,
+    raw_topic,
+)
+from gateway.recording.schemas import TopicSchema, schema_of
+
+FLUSH_INTERVAL_NS: Final = 100_000_000
+
+
+class RecordingWriter:
+    """Writes a recording. Safe to use from several threads.
+
+    Items are flushed to the operating system when 0.1 s of their own time has passed since the last flush; `tick`
+    does the same by the clock when nothing arrives.
+    """
+
+    def __init__(
+        self, path: Path | str, *, start_ns: int, vehicle_toml: str | None = None, sources: Sequence[str] = ()
+    ) -> None:
+        """Create the file.
+
+        Args:
+            path: a new file, or a directory in which a name is made from the start time.
+            start_ns: start of the session, ns since the epoch.
+            vehicle_toml: configuration text kept with the recording.
+            sources: URIs of the sources, for the reader's information.
+
+        Raises:
+            RecordingError: the file exists, or cannot be created.
+        """
+        self._lock = threading.Lock()
+        self._output = McapOutput(_choose_path(Path(path), start_ns))
+        self._raw_channels: dict[str, int] = {}
+        self._topic_channels: dict[str, tuple[int, TopicSchema]] = {}
+        self._last_flush_ns = start_ns
+        self._session = {
+            "format": FORMAT_VERSION,
+            "treadlink": __version__,
+            "start_ns": str(start_ns),
+            "started": utc_text(start_ns),
+            "sources": json.dumps(list(sources)),
+        }
+        if vehicle_toml is not None:
+            self._session["vehicle_toml"] = vehicle_toml
+        self._output.add_metadata(SESSION_METADATA, self._session)
+        self._output.flush()
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._output.path
+
+    @property
+    def size_bytes(self) -> int:
+        """Size so far, without the 0.1 s not written yet."""
+        return self._output.size_bytes
+
+    def write(self, item: LinkItem) -> None:
+        """Record a chunk, an event or a mark.
+
+        Raises:
+            RecordingError: the disk is full or gone; what was written stays readable.
+        """
+        with self._lock:
+            if isinstance(item, Chunk):
+                channel = self._raw_channels.get(item.link)
+                if channel is None:
+                    channel = self._register_raw(item.link)
+                self._output.add_message(channel, item.host_ns, item.data)
+            else:
+                topic = MARKS_TOPIC if item.kind is LinkEventKind.MARK else event_topic(item.link)
+                self._add_json(topic, item.host_ns, event_payload(item), item)
+            self._flush_when_due(item.host_ns)
+
+    def write_topic(self, topic: str, host_ns: int, payload: Mapping[str, Any]) -> None:
+        """Record a decoded quantity beside the bytes; topics and fields as in `schemas`.
+
+        Raises:
+            RecordingError: the disk is full or gone.
+            ValueError: an unknown topic, or a required field is missing.
+        """
+        with self._lock:
+            self._add_json(topic, host_ns, payload, None)
+            self._flush_when_due(host_ns)
+
+    def tick(self, now_ns: int) -> None:
+        """Flush when 0.1 s have passed since the last flush.
+
+        Raises:
+            RecordingError: the disk is full or gone.
+        """
+        with self._lock:
+            self._flush_when_due(now_ns)
+
+    def close(self) -> None:
+        """Finish the file; may be called twice.
+
+        Raises:
+            RecordingError: the disk is full or gone.
+        """
+        with self._lock:
+            if self._output.closed:
+                return
+            if not self._output.failed:
+                # Once more at the end: a damaged beginning must not cost the configuration.
+                self._output.add_metadata(SESSION_METADATA, self._session)
+            self._output.close()
+
+    def _register_raw(self, link: str) -> int:
+        info = ChannelInfo(raw_topic(link), RAW_ENCODING, link)
+        number = self._output.register(info, RAW_SCHEMA_NAME, RAW_SCHEMA_ENCODING, RAW_SCHEMA_TEXT.encode())
+        self._raw_channels[link] = number
+        return number
+
+    def _add_json(self, topic: str, host_ns: int, payload: Mapping[str, Any], event: LinkEvent | None) -> None:
+        known = self._topic_channels.get(topic)
+        if known is None:
+            schema = schema_of(topic)
+            link = event.link if event is not None and topic != MARKS_TOPIC else ""
+            info = ChannelInfo(topic, JSON_ENCODING, link)
+            known = (self._output.register(info, schema.name, "jsonschema", schema.to_bytes()), schema)
+            self._topic_channels[topic] = known
+        number, schema = known
+        missing = [field for field in schema.required if field not in payload]
+        if missing:
+            raise ValueError(f"topic '{topic}' lacks {', '.join(missing)}")
+        self._output.add_message(number, host_ns, encode_json(payload))
+
+    def _flush_when_due(self, now_ns: int) -> None:
+        # Links' clocks never differ by a second; a bigger step back is a new time base.
+        if not -1_000_000_000 < now_ns - self._last_flush_ns < FLUSH_INTERVAL_NS:
+            self._output.flush()
+            self._last_flush_ns = now_ns
+
+
+def utc_text(ns: int) -> str:
+    """Return ns since the epoch as ISO 8601 text."""
+    return datetime.fromtimestamp(ns * 1e-9, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _choose_path(path: Path, start_ns: int) -> Path:
+    if not path.is_dir():
+        return path
+    stem = datetime.fromtimestamp(start_ns * 1e-9, UTC).strftime("treadlink-%Y%m%dT%H%M%SZ")
+    for number in range(1, 1000):
+        candidate = path / (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap")
+        if not candidate.exists():
+            return candidate
+    raise RecordingError(f"no free name for a recording in '{path}'", "Give a file name.")
