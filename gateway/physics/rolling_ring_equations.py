@@ -1,0 +1,193 @@
+"""Force balance of the geometrically exact rolling ring on a grid of nodes, and its analytic tangent."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gateway.physics.rolling_ring_road import (
+    QUARTER_TURN,
+    BeltLaw,
+    FloatArray,
+    Grid,
+    RoadPush,
+    following,
+    outer,
+    preceding,
+    road_push,
+)
+
+
+class Balance(NamedTuple):
+    """Residual and tangent of the whole ring: blocks, border and the border's residual.
+
+    Attributes:
+        residual: (N, d) unbalanced force of each node (and unbalanced moment of its section).
+        blocks: (5, N, d, d) derivative of the residual of node i by the unknowns of node i + o - 2.
+        columns: (m, N, d) derivative by the axle height (and the traction).
+        rows: (m, N, d) derivative of the load (and torque) equation.
+        corner: (m, m).
+        border: (m,) residual of the load (and torque) equation.
+        road: the road's push.
+    """
+
+    residual: FloatArray
+    blocks: FloatArray
+    columns: FloatArray
+    rows: FloatArray
+    corner: FloatArray
+    border: FloatArray
+    road: RoadPush
+
+
+def belt_balance(law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, traction: float) -> Balance:
+    """Return the balance of every node at `state` (N, d): x, y and, when shear-flexible, the section's extra turn."""
+    nodes = len(state)
+    position = state[:, :2]
+    residual = np.zeros((nodes, law.dof))
+    blocks = np.zeros((5, nodes, law.dof, law.dof))
+    _add_belt_forces(law, grid, state, residual, blocks)
+    _add_pressure_and_inertia(law, grid, position, residual, blocks)
+    _add_sidewall(law, grid, position, residual, blocks)
+    road = road_push(law, grid, position, height_m, traction)
+    length = law.radius_m * grid.step_rad
+    residual[:, :2] += length * road.force_npm
+    blocks[1:4, :, :2, :2] += length * road.d_position
+    columns, rows, corner, border = _border(law, grid, position, road)
+    return Balance(residual, blocks, columns, rows, corner, border, road)
+
+
+def segment_turn(grid: Grid, along: FloatArray) -> FloatArray:
+    """Return (N,) the angle of each segment's direction `along` (N, 2) from its resting direction."""
+    cross = grid.chord[:, 0] * along[:, 1] - grid.chord[:, 1] * along[:, 0]
+    turn: FloatArray = np.arctan2(cross, np.einsum("ia,ia->i", grid.chord, along))
+    return turn
+
+
+def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: FloatArray, blocks: FloatArray) -> None:
+    """Add tension, bending and shear of the segments: residual_i += F_i - F_(i-1), F = N t + V n."""
+    h, radius = grid.step_rad, law.radius_m
+    rest = 2.0 * radius * math.sin(h / 2)
+    span = following(state[:, :2]) - state[:, :2]
+    length = np.hypot(span[:, 0], span[:, 1])
+    tangent = span / length[:, None]
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    turn = segment_turn(grid, tangent)
+    # The exact pretension of the grid: the resting polygon balances pressure and transport inertia to rounding.
+    spin = law.mass_kgpm * (radius * law.omega_radps) ** 2
+    pretension = law.pressure_pa * law.tension_width_m * radius * math.cos(h / 2) + spin * 2.0 * math.sin(h / 2) / h
+    tension: FloatArray = pretension + law.extension_n * (length / rest - 1.0)
+    stiffness = law.bending_nm2 / (radius * h)
+    turn_by = normal / length[:, None]  # derivative of a segment's turn by its span
+    if law.dof == 2:
+        moment = stiffness * (turn - preceding(turn))
+        shear = (moment - following(moment)) / length
+        own = 2.0 * stiffness / length
+        reach = -(stiffness / length)[:, None, None]
+        before = reach * outer(normal, preceding(turn_by))
+        after = reach * outer(normal, following(turn_by))
+    else:
+        section = state[:, 2]
+        slip = turn - 0.5 * (section + following(section))
+        shear = law.shear_n * rest * slip / length
+        own = law.shear_n * rest / length
+    own_block = (
+        (law.extension_n / rest) * outer(tangent, tangent)
+        + outer(tension[:, None] * normal - shear[:, None] * tangent + own[:, None] * normal, turn_by)
+        - outer((shear / length)[:, None] * normal, tangent)
+    )
+    force = tension[:, None] * tangent + shear[:, None] * normal
+    residual[:, :2] += force - preceding(force)
+    flat = blocks[:, :, :2, :2]
+    # F_i by span_i = X_(i+1) - X_i, for node i (plus) and node i + 1 (minus).
+    flat[3] += own_block
+    flat[2] -= own_block + preceding(own_block)
+    flat[1] += preceding(own_block)
+    if law.dof == 2:
+        flat[2] += before + preceding(after)  # span_(i-1) ends at node i, span_i of F_(i-1) begins there
+        flat[1] += -before - preceding(before)
+        flat[0] += preceding(before)
+        flat[4] += after
+        flat[3] += -after - preceding(after)
+        return
+    couple = law.shear_n * rest * slip
+    bending = stiffness * (following(section) - section)
+    residual[:, 2] += bending - preceding(bending) + 0.5 * (couple + preceding(couple))
+    by_span = 0.5 * law.shear_n * rest * turn_by
+    blocks[3, :, 2, :2] += by_span
+    blocks[2, :, 2, :2] += preceding(by_span) - by_span
+    blocks[1, :, 2, :2] -= preceding(by_span)
+    quarter = 0.25 * law.shear_n * rest
+    blocks[3, :, 2, 2] += stiffness - quarter
+    blocks[2, :, 2, 2] -= 2.0 * (stiffness + quarter)
+    blocks[1, :, 2, 2] += stiffness - quarter
+    by_section = -0.5 * (law.shear_n * rest / length)[:, None] * normal  # F_i by the section of node i and of i + 1
+    blocks[3, :, :2, 2] += by_section
+    blocks[2, :, :2, 2] += by_section - preceding(by_section)
+    blocks[1, :, :2, 2] -= preceding(by_section)
+
+
+def _add_pressure_and_inertia(
+    law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray
+) -> None:
+    """Add the pressure (follows the belt's normal) and minus the belt's transport inertia."""
+    ahead, behind = following(position), preceding(position)
+    push = 0.5 * law.pressure_pa * law.tension_width_m * QUARTER_TURN
+    residual[:, :2] += (ahead - behind) @ push.T
+    inertia = law.mass_kgpm * law.radius_m * law.omega_radps**2 / grid.step_rad
+    residual[:, :2] -= inertia * (ahead - 2.0 * position + behind)
+    blocks[3, :, :2, :2] += push - inertia * np.eye(2)
+    blocks[2, :, :2, :2] += 2.0 * inertia * np.eye(2)
+    blocks[1, :, :2, :2] -= push + inertia * np.eye(2)
+
+
+def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray) -> None:
+    """Add the elastic foundation on the rim, stiffening with deflection, damped in the rim's frame."""
+    length = law.radius_m * grid.step_rad
+    out = position - law.radius_m * grid.radial
+    rate = law.damping_nspm2 * law.omega_radps / (2.0 * grid.step_rad)
+    flat = blocks[:, :, :2, :2]
+    for stiffness, axis in ((law.radial_npm2, grid.radial), (law.tangential_npm2, grid.along)):
+        u = np.einsum("ia,ia->i", out, axis)
+        growth = law.stiffening_pm * np.abs(u)
+        pull = stiffness * u * (1.0 + growth)
+        flat[2] -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
+        if rate:
+            pull = pull + rate * (following(u) - preceding(u))
+            flat[3] -= length * rate * outer(axis, following(axis))
+            flat[1] += length * rate * outer(axis, preceding(axis))
+        residual[:, :2] -= length * pull[:, None] * axis
+
+
+def _border(
+    law: BeltLaw, grid: Grid, position: FloatArray, road: RoadPush
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the border: axle height against the load and, with friction, traction against the torque."""
+    nodes = len(position)
+    length = law.radius_m * grid.step_rad
+    by_height, by_traction = length * road.d_height, length * road.d_traction
+    # Derivative of sum over i of weight_i . push_i by the position of node j.
+    size = 1 if law.torque_nm is None else 2
+    columns = np.zeros((size, nodes, law.dof))
+    rows = np.zeros((size, nodes, law.dof))
+    weights = [np.broadcast_to(np.array([0.0, 1.0]), (nodes, 2))]
+    columns[0, :, :2] = by_height
+    border = [length * float(road.force_npm[:, 1].sum()) - law.load_n]
+    if law.torque_nm is not None:
+        lever = np.stack([-position[:, 1], position[:, 0]], axis=1)
+        weights.append(lever)
+        columns[1, :, :2] = by_traction
+        border.append(length * float(np.einsum("ia,ia->", lever, road.force_npm)) + law.torque_nm)
+        rows[1, :, 0] = length * road.force_npm[:, 1]
+        rows[1, :, 1] = -length * road.force_npm[:, 0]
+    corner = np.zeros((size, size))
+    for k, weight in enumerate(weights):
+        for offset in (-1, 0, 1):
+            pulled = np.einsum("ia,iab->ib", weight, road.d_position[offset + 1])
+            rows[k, :, :2] += length * np.roll(pulled, offset, axis=0)
+        corner[k, 0] = np.einsum("ia,ia->", weight, by_height)
+        if size == 2:
+            corner[k, 1] = np.einsum("ia,ia->", weight, by_traction)
+    return columns, rows, corner, np.array(border)

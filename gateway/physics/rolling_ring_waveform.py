@@ -1,0 +1,89 @@
+"""What a sensor on the belt feels: exact kinematics of a steadily passing shape, gravity and spin kept apart."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+STANDARD_GRAVITY_MPS2 = 9.80665
+
+
+class SensorWaveform(NamedTuple):
+    """Specific force over one revolution, split so that speed, gravity and acceleration can be put together at will.
+
+    All arrays are (N,) over material angles theta = -pi + 2 pi i / N; radial is positive inward, circumferential along
+    +theta. Specific force = omega^2 * shape + g * gravity + domega/dt * spin (`specific_force`).
+
+    Attributes:
+        radial_m: radial shape, acceleration per omega^2 (about R outside the contact, 0 inside).
+        circumferential_m: circumferential shape.
+        gravity_radial: projection of minus gravity on the radial axis, cos of the belt's inclination.
+        gravity_circumferential: projection of minus gravity on the circumferential axis.
+        spin_radial_m: radial reaction to angular acceleration, the axle's own acceleration included.
+        spin_circumferential_m: circumferential reaction, 0 in the contact, where the belt rests on the road.
+    """
+
+    radial_m: FloatArray
+    circumferential_m: FloatArray
+    gravity_radial: FloatArray
+    gravity_circumferential: FloatArray
+    spin_radial_m: FloatArray
+    spin_circumferential_m: FloatArray
+
+    def specific_force(
+        self, omega_radps: float, omega_dot_radps2: float = 0.0, gravity_mps2: float = STANDARD_GRAVITY_MPS2
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (radial, circumferential) specific force in m/s^2 at every angle; gravity 0 leaves it out."""
+        radial = omega_radps**2 * self.radial_m + gravity_mps2 * self.gravity_radial
+        along = omega_radps**2 * self.circumferential_m + gravity_mps2 * self.gravity_circumferential
+        return (
+            radial + omega_dot_radps2 * self.spin_radial_m,
+            along + omega_dot_radps2 * self.spin_circumferential_m,
+        )
+
+
+def angle_derivatives(values: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return first and second derivative by the angle of a periodic complex curve (N,), by FFT."""
+    nodes = len(values)
+    spectrum = np.fft.fft(values)
+    order = np.fft.fftfreq(nodes, 1.0 / nodes)
+    first = 1j * order * spectrum
+    if nodes % 2 == 0:
+        first[nodes // 2] = 0.0
+    return np.fft.ifft(first), np.fft.ifft(-(order**2) * spectrum)
+
+
+def sensor_waveform(
+    position_m: FloatArray, radius_m: float, sensor_offset_m: float = 0.0, section_rad: FloatArray | None = None
+) -> SensorWaveform:
+    """Return what a sensor feels that rides `sensor_offset_m` below (inside) the belt's neutral layer.
+
+    The sensor passes the shape z - e n_out once a revolution; its acceleration omega^2 d2/dtheta2 is taken by FFT and
+    projected on its own axes, which follow the belt's normal and tangent, or the belt's section where that turns
+    separately (../rolling_ring_equations: a shear-flexible belt).
+
+    Args:
+        position_m: (N, 2) neutral layer, axle at the origin, y up, belt counter-clockwise.
+        radius_m: rolling circumference / 2 pi; turns angular acceleration into the axle's acceleration.
+        sensor_offset_m: e.
+        section_rad: (N,) direction of the belt's section, None when it is the tangent's.
+    """
+    neutral = position_m[:, 0] + 1j * position_m[:, 1]
+    slope, _ = angle_derivatives(neutral)
+    along = slope / np.abs(slope) if section_rad is None else np.exp(1j * section_rad)
+    inward = 1j * along
+    velocity, acceleration = angle_derivatives(neutral + sensor_offset_m * inward)
+    # The axle moves towards -x: accelerating by domega/dt, it adds -R domega/dt along x to every point of the belt.
+    spin = velocity - radius_m
+    return SensorWaveform(
+        radial_m=(acceleration * inward.conj()).real,
+        circumferential_m=(acceleration * along.conj()).real,
+        gravity_radial=inward.imag.copy(),
+        gravity_circumferential=along.imag.copy(),
+        spin_radial_m=(spin * inward.conj()).real,
+        spin_circumferential_m=(spin * along.conj()).real,
+    )
