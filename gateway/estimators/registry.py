@@ -10,10 +10,11 @@ from gateway.estimators.base import Estimator
 
 # name -> "module:class"; the class is called without arguments, once per wheel.
 ESTIMATORS: Final[dict[str, str]] = {
+    "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
     "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
 }
 
-DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("ring-paper",)
+DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "ring-paper")
 
 
 def make_estimator(name: str) -> Estimator:

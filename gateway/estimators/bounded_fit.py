@@ -1,0 +1,118 @@
+"""Damped Gauss-Newton (Levenberg-Marquardt) for a few parameters that cannot be negative."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+# Returns model values (m,) and their Jacobian (m, k).
+Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+_FIRST_DAMPING: Final = 1e-3
+_HOPELESS_DAMPING: Final = 1e12
+_LEAST_DAMPING: Final = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class BoundedFit:
+    """Where a fit ended.
+
+    Attributes:
+        parameters: (k,) at least 0.
+        free: (k,) False where a parameter is held at 0 because the data would make it negative.
+        residuals: (m,) data minus model.
+        jacobian: (m, k) of the model.
+        cost: sum of squared residuals.
+        iterations: evaluations of the model.
+        converged: False when the evaluations ran out first.
+    """
+
+    parameters: FloatArray
+    free: NDArray[np.bool_]
+    residuals: FloatArray
+    jacobian: FloatArray
+    cost: float
+    iterations: int
+    converged: bool
+
+
+def fit_nonnegative(
+    model: Model, data: FloatArray, start: FloatArray, *, tolerance: float = 1e-7, max_evaluations: int = 60
+) -> BoundedFit:
+    """Minimise sum (data - model(p))^2 over p >= 0.
+
+    Parameters on their bound are held there while the gradient pushes outward (projected step). Scale the parameters to
+    about 1: the tolerance is on their largest change.
+
+    Args:
+        model: the function to fit; need not be defined for all p = 0.
+        data: (m,) finite.
+        start: (k,) at least 0.
+        tolerance: largest change of a parameter, relative to the largest parameter, that counts as converged.
+        max_evaluations: of the model.
+
+    Returns:
+        The end point; deterministic.
+    """
+    here = start.copy()
+    values, jacobian = model(here)
+    residuals = data - values
+    cost = float(residuals @ residuals)
+    damping = _FIRST_DAMPING
+    evaluations = 1
+    converged = False
+    normal, gradient = jacobian.T @ jacobian, jacobian.T @ residuals
+    while evaluations < max_evaluations and not converged:
+        step = _projected_step(normal, gradient, here, damping)
+        there = np.maximum(here + step, 0.0)
+        reach = float(np.abs(there - here).max())
+        if reach <= tolerance * float(here.max()):
+            converged = True
+            break
+        values, new_jacobian = model(there)
+        evaluations += 1
+        new_residuals = data - values
+        new_cost = float(new_residuals @ new_residuals)
+        if new_cost <= cost:  # False for NaN as well
+            here, residuals, jacobian = there, new_residuals, new_jacobian
+            cost = new_cost
+            normal, gradient = jacobian.T @ jacobian, jacobian.T @ residuals
+            damping = max(damping * 0.1, _LEAST_DAMPING)
+        else:
+            damping *= 8.0
+            if damping > _HOPELESS_DAMPING:
+                converged = True
+    free = (here > 0.0) | (gradient > 0.0)
+    return BoundedFit(here, free, residuals, jacobian, cost, evaluations, converged)
+
+
+def _projected_step(normal: FloatArray, gradient: FloatArray, here: FloatArray, damping: float) -> FloatArray:
+    """Return the damped step with the parameters that would leave the bound taken out."""
+    free = (here > 0.0) | (gradient > 0.0)
+    step = np.zeros_like(here)
+    # A free parameter that the step carries below zero ends on its bound; the others are then solved anew without it.
+    for _ in range(len(here)):
+        count = int(np.count_nonzero(free))
+        if not count:
+            break
+        sub = normal[np.ix_(free, free)]
+        diagonal = np.diagonal(sub)
+        damped = sub + np.diag(damping * diagonal + 1e-300)
+        right = gradient[free] - normal[np.ix_(free, ~free)] @ step[~free]
+        try:
+            solved = np.linalg.solve(damped, right)
+        except np.linalg.LinAlgError:
+            solved = right / np.maximum(diagonal, 1e-300)
+        step[free] = solved
+        leaving = free & (here + step < 0.0)
+        if not leaving.any():
+            break
+        step[leaving] = -here[leaving]
+        free = free & ~leaving
+    return step

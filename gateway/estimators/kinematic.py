@@ -1,0 +1,79 @@
+"""Speed and contact from the timing and the edges of one revolution; needs no tire model but the belt radius."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.signal.contact import EDGE_MODEL_STD_RAD
+
+NAMES: Final = ("speed_mps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m")
+
+# Share of interpolated samples above which edges, which may lie in the gap, are provisional.
+_MUCH_MISSING: Final = 0.01
+
+
+class KinematicEstimator:
+    """Speed, both contact edges and contact length, of each revolution by itself."""
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "kinematic"
+
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
+    def update(
+        self,
+        revolution: Revolution,
+        average: AngleAverage,  # noqa: ARG002 - the interface's; a revolution by itself is enough here
+        conditions: Conditions,
+    ) -> tuple[Estimate, ...]:
+        """Return speed_mps, leading_edge_rad, trailing_edge_rad and contact_length_m of this revolution.
+
+        The standard error of the speed is that of the timing of two contacts, each midway between two edges; an error
+        of the belt radius comes on top and scales speed and contact length alike. Contact length is the material
+        length R (trailing - leading). Never raises on values.
+        """
+        return tuple(self._estimates(revolution, conditions))
+
+    def _estimates(self, revolution: Revolution, conditions: Conditions) -> Iterator[Estimate]:
+        radius = conditions.radius_m
+        leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
+        leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
+        status, reason = _condition(revolution)
+        # The contact is passed twice, at either end, each time at the mean of two edges; what the edges' definition is
+        # off by is the same both times and cancels.
+        timing = math.hypot(_noise(leading_std), _noise(trailing_std)) / (2.0 * math.pi) * math.sqrt(0.5)
+        speed = radius * revolution.omega_radps
+        yield _estimate(NAMES[0], speed, speed * timing, status, reason)
+        yield _estimate(NAMES[1], leading, leading_std, status, reason)
+        yield _estimate(NAMES[2], trailing, trailing_std, status, reason)
+        # The two edges' definition may be off the same way: the errors add without cancelling.
+        length_std = radius * (leading_std + trailing_std)
+        yield _estimate(NAMES[3], radius * (trailing - leading), length_std, status, reason)
+
+
+def _estimate(name: str, value: float, std: float, status: Status, reason: str) -> Estimate:
+    if not math.isfinite(value):
+        return Estimate(name, math.nan, math.nan, Status.INVALID, reason or "no contact found in this revolution")
+    return Estimate(name, value, std, status, reason)
+
+
+def _condition(revolution: Revolution) -> tuple[Status, str]:
+    """Return how far this revolution's timing and edges can be trusted, and why not further."""
+    reasons = list(revolution.faults)
+    if revolution.saturated:
+        reasons.append("sensor saturated")
+    if revolution.missing_fraction > _MUCH_MISSING:
+        reasons.append(f"{revolution.missing_fraction:.1%} of the samples lost")
+    reasons = list(dict.fromkeys(reasons))
+    return (Status.PROVISIONAL, ", ".join(reasons)) if reasons else (Status.VALID, "")
+
+
+def _noise(std_rad: float) -> float:
+    """Return the part of an edge's error that differs between contacts."""
+    return math.sqrt(max(0.0, std_rad**2 - EDGE_MODEL_STD_RAD**2))

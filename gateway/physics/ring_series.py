@@ -1,0 +1,140 @@
+"""The ring paper's simplified modal model: four dimensionless numbers and the orders they give.
+
+Equations are those of "Tire Dimensionless Numbers for Analysis of Tire Characteristics and Intelligent Tire Signals",
+with their misprints repaired (docs/ring-paper-estimator.md lists them). The model is linear about the undeformed circle; it
+is exact for small loads only. Orders n are integers from 1 up; all functions broadcast over them.
+
+Numbers are Bs = EI / (R^4 p0), Cw = b / R, Rs = kw / p0 and Ts = kv / p0 (Eq. 17), in this order; `RingParameters` of
+`rolling_ring` turns them into a ring's stiffnesses and back.
+
+Sign: s is the radial sensor signal, positive inward, so that Eq. 27 holds with its printed minus.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Kinematics(StrEnum):
+    """What a sensor that rides on the ring reads of a standing deformation of order n.
+
+    PRINTED is Eq. 25: n^2, the acceleration seen from the road. CORRECTED is n^2 - 1, with the Coriolis and centripetal
+    terms of the rotating sensor: 0 at n = 1, 3/4 of the printed at n = 2.
+    """
+
+    PRINTED = "printed"
+    CORRECTED = "corrected"
+
+
+class RoadForce(StrEnum):
+    """Direction of the uniform road push over the contact: RADIAL is Eq. 23, VERTICAL has its small tangential part."""
+
+    RADIAL = "radial"
+    VERTICAL = "vertical"
+
+
+def stiffness_terms(orders: ArrayLike) -> FloatArray:
+    """Return what Bs, Cw, Rs and Ts are multiplied with in Eq. 19's denominator, (n, 4)."""
+    square = np.square(np.asarray(orders, dtype=np.float64))
+    bend = square - 1.0
+    return np.stack([square * bend**2, square * bend, square, np.ones_like(square)], axis=-1)
+
+
+def modal_stiffness(orders: ArrayLike, numbers: Sequence[float]) -> FloatArray:
+    """Return D_n = Bs n^2 (n^2-1)^2 + Cw n^2 (n^2-1) + Rs n^2 + Ts, (n,)."""
+    result: FloatArray = stiffness_terms(orders) @ np.asarray(numbers, dtype=np.float64)
+    return result
+
+
+def modal_number(orders: ArrayLike, numbers: Sequence[float]) -> FloatArray:
+    """Return the modal tire model number Tm = A_n p0 = -n^2 / (pi D_n), (n,) (Eq. 17 and 19)."""
+    square = np.square(np.asarray(orders, dtype=np.float64))
+    result: FloatArray = -square / (math.pi * modal_stiffness(orders, numbers))
+    return result
+
+
+def modal_force(
+    orders: ArrayLike, load_n: float, radius_m: float, half_angle_rad: float, road: RoadForce = RoadForce.RADIAL
+) -> FloatArray:
+    """Return alpha_n of a uniform road push, N/m, (n,).
+
+    RADIAL: Q sin(n theta_r) / (n R theta_r), Eq. 22 and 23. VERTICAL: the integral of q (cos theta cos n theta +
+    sin theta sin(n theta) / n), whose small-angle limit that is.
+    """
+    n = np.asarray(orders, dtype=np.float64)
+    if road is RoadForce.RADIAL:
+        radial: FloatArray = load_n * np.sin(n * half_angle_rad) / (n * radius_m * half_angle_rad)
+        return radial
+    # Products of sines and cosines, integrated: np.sinc keeps n = 1 finite.
+    below = half_angle_rad * np.sinc((n - 1.0) * half_angle_rad / math.pi)
+    above = half_angle_rad * np.sinc((n + 1.0) * half_angle_rad / math.pi)
+    vertical: FloatArray = load_n / (2.0 * radius_m * half_angle_rad) * ((below + above) + (below - above) / n)
+    return vertical
+
+
+def displacement_orders(
+    orders: ArrayLike,
+    numbers: Sequence[float],
+    *,
+    load_n: float,
+    pressure_pa: float,
+    radius_m: float,
+    half_angle_rad: float,
+    road: RoadForce = RoadForce.RADIAL,
+) -> FloatArray:
+    """Return the cosine coefficients of the outward displacement w, m, (n,) (Eq. 24)."""
+    result: FloatArray = (
+        modal_number(orders, numbers) / pressure_pa * modal_force(orders, load_n, radius_m, half_angle_rad, road)
+    )
+    return result
+
+
+def signal_orders(
+    orders: ArrayLike,
+    numbers: Sequence[float],
+    *,
+    load_n: float,
+    pressure_pa: float,
+    radius_m: float,
+    half_angle_rad: float,
+    kinematics: Kinematics = Kinematics.PRINTED,
+    road: RoadForce = RoadForce.RADIAL,
+) -> FloatArray:
+    """Return the cosine coefficients of s / Omega^2, m, (n,) (Eq. 25 to 27).
+
+    PRINTED and RADIAL together are Eq. 27 as it stands; CORRECTED and VERTICAL are what the linear ring truly gives.
+    """
+    square = np.square(np.asarray(orders, dtype=np.float64))
+    displacement = displacement_orders(
+        orders,
+        numbers,
+        load_n=load_n,
+        pressure_pa=pressure_pa,
+        radius_m=radius_m,
+        half_angle_rad=half_angle_rad,
+        road=road,
+    )
+    result: FloatArray = displacement * (square if kinematics is Kinematics.PRINTED else square - 1.0)
+    return result
+
+
+def signal_waveform(
+    angles_rad: FloatArray, omega_radps: float, radius_m: float, coefficients_m: FloatArray
+) -> FloatArray:
+    """Return s = Omega^2 (R + sum of c_n cos n theta), coefficients of orders 1 up; m/s^2, shape of the angles."""
+    orders = np.arange(1, len(coefficients_m) + 1)
+    series = np.cos(np.multiply.outer(angles_rad, orders)) @ coefficients_m
+    result: FloatArray = omega_radps**2 * (radius_m + series)
+    return result
+
+
+def pressure_number(load_n: float, pressure_pa: float, radius_m: float, half_angle_rad: float) -> float:
+    """Return Pn = Q / (2 p0 theta_r R^2) (Eq. 33)."""
+    return load_n / (2.0 * pressure_pa * half_angle_rad * radius_m**2)
