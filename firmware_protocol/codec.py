@@ -1,0 +1,333 @@
+"""Encodes and decodes frames and payloads with `struct`; held byte for byte against `declaration.py` by the tests."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from typing import Final, NoReturn
+from zlib import crc32
+
+import numpy as np
+
+from firmware_protocol import wire
+from firmware_protocol.messages import (
+    Coupling,
+    Environment,
+    Frame,
+    Hello,
+    HubStatus,
+    LogText,
+    Message,
+    MessageType,
+    SampleBlock,
+    TimeSync,
+)
+
+SAMPLE_DTYPE: Final = np.dtype("<i2")
+CHANNELS: Final = tuple(mask.bit_count() if 0 < mask <= wire.ALL_AXES else 0 for mask in range(256))
+"""Number of channels per axis mask, 0 where the mask is invalid."""
+SAMPLE_SHAPES: Final = {
+    length << 16 | n << 8 | axes: (n, channels)
+    for axes, channels in enumerate(CHANNELS)
+    if channels
+    for n in range(1, 256)
+    if (length := wire.SAMPLES_HEADER_BYTES + SAMPLE_DTYPE.itemsize * channels * n) <= wire.MAX_PAYLOAD_BYTES
+}
+"""Shapes of the samples in every valid sample payload, by `length << 16 | n << 8 | axes`."""
+
+_HEADER: Final = struct.Struct(wire.HEADER_FORMAT)
+_CRC: Final = struct.Struct("<I")
+_HELLO: Final = struct.Struct("<BBBBHBBQIIff3f3f3fH")
+_SAMPLES: Final = struct.Struct(wire.SAMPLES_FORMAT)
+_ENVIRONMENT: Final = struct.Struct("<ihH")
+_HUB_STATUS: Final = struct.Struct("<IIIIIIHBb")
+_TIME_SYNC: Final = struct.Struct("<QQ")
+
+_U8: Final = 0xFF
+_U16: Final = 0xFFFF
+_U32: Final = 0xFFFF_FFFF
+_U64: Final = 0xFFFF_FFFF_FFFF_FFFF
+_MAX_F32: Final = float(np.finfo(np.float32).max)
+_INF: Final = math.inf
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """Return the bytes of `frame`; its message decides the type and the payload.
+
+    Raises:
+        ValueError: a value does not fit; the message names the field.
+    """
+    type_, encode = _ENCODERS[type(frame.message)]
+    if frame.type != type_:
+        _reject("type", frame.type, f"{type_:d} for {type(frame.message).__name__}")
+    return encode_raw(type_, encode(frame.message), frame.hub, frame.wheel, frame.seq, frame.tick_us)
+
+
+def encode_raw(
+    type_: int,
+    payload: bytes,
+    hub: int,
+    wheel: int,
+    seq: int,
+    tick_us: int,
+    *,
+    version: int = wire.VERSION_BYTE,
+    flags: int = 0,
+) -> bytes:
+    """Return a frame around any payload, also of types, versions and flags that this version does not know.
+
+    Raises:
+        ValueError: a value does not fit; the message names the field.
+    """
+    if len(payload) > wire.MAX_PAYLOAD_BYTES:
+        _reject("length of the payload", len(payload), f"at most {wire.MAX_PAYLOAD_BYTES}")
+    try:
+        header = _HEADER.pack(wire.SYNC, version, type_, len(payload), hub, wheel, flags, seq, tick_us)
+    except struct.error:
+        for name, value, top in (
+            ("version", version, _U8),
+            ("type", type_, _U8),
+            ("hub", hub, _U8),
+            ("wheel", wheel, _U8),
+            ("flags", flags, _U8),
+            ("seq", seq, _U32),
+            ("tick_us", tick_us, _U32),
+        ):
+            _integer(name, value, 0, top)
+        raise
+    body = header + payload
+    return body + _CRC.pack(crc32(body))
+
+
+def encode_payload(message: Message) -> bytes:
+    """Return the payload bytes of `message`.
+
+    Raises:
+        ValueError: a value does not fit; the message names the field.
+    """
+    return _ENCODERS[type(message)][1](message)
+
+
+def decode_payload(type_: int, payload: bytes) -> Message:
+    """Return the message in `payload`; samples are a view of it.
+
+    Raises:
+        ValueError: the type is unknown, or the payload breaks the layout of its type.
+    """
+    decode = DECODERS.get(type_)
+    if decode is None:
+        raise ValueError(f"unknown message type {type_}")
+    return decode(payload)
+
+
+def _encode_hello(message: Hello) -> bytes:
+    major, minor, patch = message.firmware
+    return _HELLO.pack(
+        _integer("protocol_major", message.protocol_major, 0, _U8),
+        _integer("protocol_minor", message.protocol_minor, 0, _U8),
+        _integer("firmware major", major, 0, _U8),
+        _integer("firmware minor", minor, 0, _U8),
+        _integer("firmware patch", patch, 0, _U16),
+        _integer("axes", message.axes, 1, wire.ALL_AXES),
+        _integer("coupling", message.coupling, 0, max(Coupling)),
+        _integer("hub_id", message.hub_id, 0, _U64),
+        _integer("sensor_id", message.sensor_id, 0, _U32),
+        _integer("boot_count", message.boot_count, 0, _U32),
+        _real("rate_hz", message.rate_hz, wire.MIN_RATE_HZ, wire.MAX_RATE_HZ),
+        _real("highpass_hz", message.highpass_hz, 0.0, _INF),
+        *_triple("range_mps2", message.range_mps2, 0.0),
+        *_triple("scale_mps2", message.scale_mps2, -_INF),
+        *_triple("offset_counts", message.offset_counts, -_INF),
+        _integer("saturation_counts", message.saturation_counts, 1, wire.MAX_SATURATION_COUNTS),
+    )
+
+
+def _decode_hello(payload: bytes) -> Hello:
+    _require_length("hello", payload, _HELLO.size)
+    values = _HELLO.unpack(payload)
+    major, minor, fw_major, fw_minor, fw_patch, axes, coupling, hub_id, sensor_id, boot_count = values[:10]
+    rate_hz, highpass_hz, saturation = values[10], values[11], values[21]
+    reals = values[10:21]
+    if not (
+        CHANNELS[axes]
+        and coupling <= max(Coupling)
+        and all(map(math.isfinite, reals))
+        and wire.MIN_RATE_HZ <= rate_hz <= wire.MAX_RATE_HZ
+        and min(highpass_hz, *values[12:15]) >= 0
+        and 1 <= saturation <= wire.MAX_SATURATION_COUNTS
+    ):
+        raise ValueError("hello holds a value outside its range")
+    return Hello(
+        major,
+        minor,
+        hub_id,
+        sensor_id,
+        (fw_major, fw_minor, fw_patch),
+        boot_count,
+        rate_hz,
+        axes,
+        Coupling(coupling),
+        highpass_hz,
+        values[12:15],
+        values[15:18],
+        values[18:21],
+        saturation,
+    )
+
+
+def _encode_samples(message: SampleBlock) -> bytes:
+    counts = message.counts
+    if counts.dtype != SAMPLE_DTYPE:
+        exact = counts.astype(SAMPLE_DTYPE)
+        if not np.array_equal(exact, counts):
+            _reject("counts", counts.dtype, "whole numbers of 16 bit")
+        counts = exact
+    channels = CHANNELS[_integer("axes", message.axes, 1, wire.ALL_AXES)]
+    most = (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // (SAMPLE_DTYPE.itemsize * channels)
+    if counts.ndim != 2 or counts.shape[1] != channels or not 1 <= len(counts) <= most:
+        _reject("shape of counts", counts.shape, f"(1 to {most}, {channels})")
+    head = _SAMPLES.pack(_integer("first_sample", message.first_sample, 0, _U32), message.axes, len(counts))
+    return head + counts.tobytes()
+
+
+def _decode_samples(payload: bytes) -> SampleBlock:
+    if len(payload) < wire.SAMPLES_HEADER_BYTES:
+        _require_length("samples", payload, wire.SAMPLES_HEADER_BYTES)
+    first_sample, axes, n = _SAMPLES.unpack_from(payload)
+    shape = SAMPLE_SHAPES.get(len(payload) << 16 | n << 8 | axes)
+    if shape is None:
+        raise ValueError(f"samples payload has {len(payload)} bytes, axis mask {axes:#x} and {n} samples")
+    counts: np.ndarray[tuple[int, int], np.dtype[np.int16]]
+    counts = np.ndarray(shape, SAMPLE_DTYPE, payload, wire.SAMPLES_HEADER_BYTES)
+    return SampleBlock(first_sample, axes, counts)
+
+
+def _encode_environment(message: Environment) -> bytes:
+    return _ENVIRONMENT.pack(
+        _fixed("pressure_pa", message.pressure_pa, 1, wire.NONE_I32 + 1, -(wire.NONE_I32 + 1), wire.NONE_I32),
+        _fixed("temperature_degc", message.temperature_degc, 100, wire.NONE_I16 + 1, 0x7FFF, wire.NONE_I16),
+        _fixed("supply_v", message.supply_v, 1000, 0, wire.NONE_U16 - 1, wire.NONE_U16),
+    )
+
+
+def _decode_environment(payload: bytes) -> Environment:
+    _require_length("environment", payload, _ENVIRONMENT.size)
+    pressure, temperature, supply = _ENVIRONMENT.unpack(payload)
+    return Environment(
+        None if pressure == wire.NONE_I32 else float(pressure),
+        None if temperature == wire.NONE_I16 else temperature / 100,
+        None if supply == wire.NONE_U16 else supply / 1000,
+    )
+
+
+def _encode_hub_status(message: HubStatus) -> bytes:
+    battery, rssi = message.battery_percent, message.rssi_dbm
+    return _HUB_STATUS.pack(
+        _integer("uptime_s", message.uptime_s, 0, _U32),
+        _integer("frames_sent", message.frames_sent, 0, _U32),
+        _integer("frames_dropped", message.frames_dropped, 0, _U32),
+        _integer("samples_dropped", message.samples_dropped, 0, _U32),
+        _integer("link_retries", message.link_retries, 0, _U32),
+        _fixed("supply_w", message.supply_w, 1_000_000, 0, _U32),
+        _fixed("supply_v", message.supply_v, 1000, 0, _U16),
+        wire.NONE_U8 if battery is None else _integer("battery_percent", battery, 0, wire.MAX_BATTERY_PERCENT),
+        wire.NONE_I8 if rssi is None else _integer("rssi_dbm", rssi, wire.NONE_I8 + 1, 0x7F),
+    )
+
+
+def _decode_hub_status(payload: bytes) -> HubStatus:
+    _require_length("hub status", payload, _HUB_STATUS.size)
+    uptime_s, sent, dropped, samples_dropped, retries, supply_uw, supply_mv, battery, rssi = _HUB_STATUS.unpack(payload)
+    if wire.MAX_BATTERY_PERCENT < battery != wire.NONE_U8:
+        raise ValueError(f"hub status with a battery at {battery} %")
+    return HubStatus(
+        uptime_s,
+        None if battery == wire.NONE_U8 else battery,
+        supply_mv / 1000,
+        supply_uw / 1_000_000,
+        None if rssi == wire.NONE_I8 else rssi,
+        sent,
+        dropped,
+        samples_dropped,
+        retries,
+    )
+
+
+def _encode_time_sync(message: TimeSync) -> bytes:
+    return _TIME_SYNC.pack(_integer("hub_us", message.hub_us, 0, _U64), _integer("host_ns", message.host_ns, 0, _U64))
+
+
+def _decode_time_sync(payload: bytes) -> TimeSync:
+    _require_length("time sync", payload, _TIME_SYNC.size)
+    return TimeSync(*_TIME_SYNC.unpack(payload))
+
+
+def _encode_log_text(message: LogText) -> bytes:
+    text = message.text.encode()
+    if len(text) >= wire.MAX_PAYLOAD_BYTES:
+        _reject("length of text", len(text), f"at most {wire.MAX_PAYLOAD_BYTES - 1} bytes of UTF-8")
+    return bytes((_integer("level", message.level, 0, _U8),)) + text
+
+
+def _decode_log_text(payload: bytes) -> LogText:
+    if not payload:
+        _require_length("log text", payload, 1)
+    return LogText(payload[0], payload[1:].decode(errors="replace"))
+
+
+_ENCODERS: Final[dict[type, tuple[MessageType, Callable[..., bytes]]]] = {
+    Hello: (MessageType.HELLO, _encode_hello),
+    SampleBlock: (MessageType.SAMPLES, _encode_samples),
+    Environment: (MessageType.ENVIRONMENT, _encode_environment),
+    HubStatus: (MessageType.HUB_STATUS, _encode_hub_status),
+    TimeSync: (MessageType.TIME_SYNC, _encode_time_sync),
+    LogText: (MessageType.LOG_TEXT, _encode_log_text),
+}
+
+DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
+    MessageType.HELLO: _decode_hello,
+    MessageType.SAMPLES: _decode_samples,
+    MessageType.ENVIRONMENT: _decode_environment,
+    MessageType.HUB_STATUS: _decode_hub_status,
+    MessageType.TIME_SYNC: _decode_time_sync,
+    MessageType.LOG_TEXT: _decode_log_text,
+}
+"""Payload decoder per type byte; each raises ValueError when the payload breaks its layout."""
+
+
+def _reject(name: str, value: object, allowed: str) -> NoReturn:
+    raise ValueError(f"{name} is {value}; allowed: {allowed}")
+
+
+def _require_length(what: str, payload: bytes, length: int) -> None:
+    if len(payload) != length:
+        raise ValueError(f"{what} payload has {len(payload)} bytes, its layout {length}")
+
+
+def _integer(name: str, value: int, low: int, high: int) -> int:
+    if not low <= value <= high or value != int(value):
+        _reject(name, value, f"whole numbers {low} to {high}")
+    return int(value)
+
+
+def _real(name: str, value: float, low: float, high: float) -> float:
+    if not (low <= value <= high and abs(value) <= _MAX_F32):
+        _reject(name, value, f"{low:g} to {high:g}")
+    return value
+
+
+def _triple(name: str, values: tuple[float, float, float], low: float) -> tuple[float, float, float]:
+    if len(values) != 3:
+        _reject(name, values, "three values, one per axis")
+    first, second, third = (_real(name, value, low, _INF) for value in values)
+    return first, second, third
+
+
+def _fixed(name: str, value: float | None, per_unit: int, low: int, high: int, none: int | None = None) -> int:
+    """Return `value` as a fixed-point number of `per_unit` steps a unit, or the sentinel for None."""
+    if value is None and none is not None:
+        return none
+    if value is None or not low - 0.5 <= value * per_unit <= high + 0.5:
+        _reject(name, value, f"{low / per_unit:g} to {high / per_unit:g}")
+    return min(max(round(value * per_unit), low), high)

@@ -1,0 +1,162 @@
+"""Finds frames in a byte stream, chunk by chunk. No I/O, no clock; the same frames however the stream is cut."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from struct import Struct
+from typing import Any, Final
+from zlib import crc32
+
+import numpy as np
+
+from firmware_protocol import wire
+from firmware_protocol.codec import DECODERS, SAMPLE_DTYPE, SAMPLE_SHAPES, decode_payload
+from firmware_protocol.counters import LinkCounters
+from firmware_protocol.messages import Frame, Hello, Message, MessageType, SampleBlock
+from firmware_protocol.sequence import COUNTER_MASK
+from firmware_protocol.tracking import LinkTracker
+
+_HEADER: Final = Struct("<2xBBBHBII")
+# A sample frame up to its samples in one unpack: sync, version and type are one number, as are hub and wheel,
+# and axes and n.
+_SAMPLES_START: Final = Struct("<IBHBIIIH")
+_SAMPLES: Final = int(MessageType.SAMPLES)
+_SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, _SAMPLES)), "little")
+_SAMPLES_OFFSET: Final = wire.HEADER_BYTES + wire.SAMPLES_HEADER_BYTES
+_SAMPLES_LEAST: Final = wire.OVERHEAD_BYTES + wire.SAMPLES_HEADER_BYTES
+_OVERHEAD: Final = wire.OVERHEAD_BYTES
+_RESIDUE: Final = wire.CRC_RESIDUE
+_unpack_start: Final = _SAMPLES_START.unpack_from
+# What a named tuple's own constructor calls, at half the time.
+_new_tuple: Final[Any] = tuple.__new__
+_new_array: Final[Any] = np.ndarray
+
+
+class FrameDecoder:
+    """Streaming decoder of one link.
+
+    Never raises on any bytes. Holds at most one incomplete frame (243 bytes) and counters of at most 65,536 sources.
+
+    Attributes:
+        counters: what arrived so far; a live object.
+    """
+
+    def __init__(self) -> None:
+        self._tail = b""
+        self._wanted = 0
+        self._tracker = LinkTracker()
+        self._sources = self._tracker.sources
+        self.counters: LinkCounters = self._tracker.counters
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes held back because they may be the start of a frame."""
+        return len(self._tail)
+
+    def feed(self, data: bytes | bytearray | memoryview) -> list[Frame]:
+        """Return the frames that `data` completes, in the order of the stream."""
+        buffer = self._tail + data if self._tail else bytes(data)
+        frames: list[Frame] = []
+        size = len(buffer)
+        if size < self._wanted:
+            self._tail = buffer
+            return frames
+        sources = self._sources
+        start = wanted = 0
+        # Sample frames of a known source, back to back and in order, are settled here; `_step` knows everything else.
+        while size - start >= _SAMPLES_LEAST:
+            word, length, key, flags, seq, tick_us, first_sample, axes_n = _unpack_start(buffer, start)
+            shape = SAMPLE_SHAPES.get(length << 16 | axes_n)
+            if word == _SAMPLES_WORD and shape is not None and not flags:
+                end = start + _OVERHEAD + length
+                if end > size:
+                    wanted = end - start
+                    break
+                if crc32(buffer[start:end]) == _RESIDUE:
+                    source = sources.get(key)
+                    if source is not None and seq == source.expected:
+                        source.expected = seq + 1 & COUNTER_MASK
+                        source.counters.frames += 1
+                        counts = _new_array(shape, SAMPLE_DTYPE, buffer, start + _SAMPLES_OFFSET)
+                        block = _new_tuple(SampleBlock, (first_sample, axes_n & 0xFF, counts))
+                        frames.append(_new_tuple(Frame, (_SAMPLES, key & 0xFF, key >> 8, seq, tick_us, block)))
+                        start = end
+                        continue
+            after = self._step(buffer, start, frames)
+            if after == start:
+                break
+            start = after
+        else:
+            while start < size and (after := self._step(buffer, start, frames)) != start:
+                start = after
+        self._tail = buffer[start:]
+        self._wanted = wanted
+        return frames
+
+    def finish(self) -> list[Frame]:
+        """End the stream: what was held back is searched as it stands. The decoder can be fed again afterwards."""
+        frames: list[Frame] = []
+        while self._tail:
+            rest, self._tail, self._wanted = self._tail[1:], b"", 0
+            self.counters.truncated += bool(rest)
+            self.counters.noise_bytes += 1
+            frames += self.feed(rest)
+        return frames
+
+    def _step(self, buffer: bytes, start: int, frames: list[Frame]) -> int:
+        """Parse from `start` past one candidate or stretch of noise; return where to go on, `start` to wait."""
+        counters = self.counters
+        at = start if buffer.startswith(wire.SYNC, start) else buffer.find(wire.SYNC, start)
+        if at < 0:
+            at = len(buffer) - buffer.endswith(wire.SYNC[:1])
+        if at > start:
+            counters.noise_bytes += at - start
+            return at
+        if at + wire.LENGTH_KNOWN_BYTES > len(buffer):
+            return at
+        length = buffer[at + wire.LENGTH_OFFSET]
+        end = at + _OVERHEAD + length
+        if length > wire.MAX_PAYLOAD_BYTES:
+            counters.noise_bytes += 1
+            return at + 1
+        if end > len(buffer):
+            return at
+        if crc32(buffer[at:end]) != _RESIDUE:
+            counters.crc_errors += 1
+            counters.noise_bytes += 1
+            return at + 1
+        frame = self._read(buffer, at, end)
+        if frame is not None:
+            frames.append(frame)
+        return end
+
+    def _read(self, buffer: bytes, at: int, end: int) -> Frame | None:
+        """Return the intact frame at `at`, or None when it is to be skipped, and count it."""
+        version, type_, _, key, flags, seq, tick_us = _HEADER.unpack_from(buffer, at)
+        counters = self.counters
+        if version >> 4 != wire.VERSION_MAJOR:
+            counters.other_major += 1
+            return None
+        readable = version <= wire.VERSION_BYTE and not flags & ~wire.KNOWN_FLAGS
+        message: Message | None = None
+        if readable and type_ in DECODERS:
+            with suppress(ValueError):
+                message = decode_payload(type_, buffer[at + wire.HEADER_BYTES : end - wire.CRC_BYTES])
+        if isinstance(message, Hello):
+            self._tracker.hello(key, message.boot_count)
+        # Whatever it says, the frame arrived: its counter is looked at first.
+        source = self._tracker.source(key)
+        if not source.accept(seq):
+            return None
+        if message is not None:
+            source.counters.frames += 1
+            return Frame(type_, key & 0xFF, key >> 8, seq, tick_us, message)
+        if version > wire.VERSION_BYTE:
+            counters.newer_minor += 1
+        elif not readable:
+            counters.unknown_flags += 1
+        elif type_ not in DECODERS:
+            counters.unknown_type += 1
+        else:
+            counters.bad_payload += 1
+        return None

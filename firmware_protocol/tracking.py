@@ -1,0 +1,98 @@
+"""Applies the counter rules to every source of a link; shared by the streaming and the batch decoder."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from firmware_protocol.counters import LinkCounters, SourceCounters
+from firmware_protocol.sequence import COUNTER_MASK, Arrival, Window, advance, classify
+
+_NOTHING_YET: Final = -1
+
+
+class SourceTracker:
+    """Counter state of one source.
+
+    Attributes:
+        counters: its public counters.
+        expected: counter that continues the last one, -1 before the first frame. A decoder that meets it may just
+            advance it: the window catches up when a frame out of order asks for it.
+    """
+
+    __slots__ = ("_window", "counters", "expected", "restarted_alone")
+
+    def __init__(self, counters: SourceCounters) -> None:
+        self.counters = counters
+        self.expected = _NOTHING_YET
+        self.restarted_alone = False
+        self._window: Window | None = None
+
+    @property
+    def window(self) -> Window | None:
+        """What the counters did so far."""
+        if self._window is None:
+            return None
+        return advance(self._window, (self.expected - 1 - self._window.last) & COUNTER_MASK)
+
+    @window.setter
+    def window(self, window: Window | None) -> None:
+        self._window = window
+        self.expected = _NOTHING_YET if window is None else (window.last + 1) & COUNTER_MASK
+
+    def accept(self, seq: int) -> bool:
+        """Count a frame by its counter; return False when it is a duplicate."""
+        if seq == self.expected:
+            self.expected = (seq + 1) & COUNTER_MASK
+            return True
+        arrival, lost, self.window = classify(self.window, seq)
+        counters = self.counters
+        if arrival is Arrival.DUPLICATE:
+            counters.duplicates += 1
+            return False
+        counters.lost += lost
+        if arrival is Arrival.LATE:
+            counters.reordered += 1
+        elif arrival is Arrival.RESTART:
+            counters.restarts += 1
+            self.restarted_alone = True
+        return True
+
+    def hub_restarted(self) -> None:
+        """Start anew because the hub did, unless the counter has shown this restart already."""
+        if not self.restarted_alone:
+            self.counters.restarts += 1
+            self.window = None
+        self.restarted_alone = False
+
+
+class LinkTracker:
+    """Counter state of all sources of a link: at most 65,536 sources and 256 hubs, about 30 MB at the very worst."""
+
+    def __init__(self) -> None:
+        self.counters = LinkCounters()
+        self.sources: dict[int, SourceTracker] = {}
+        self._boot_counts: dict[int, int] = {}
+
+    def source(self, key: int) -> SourceTracker:
+        """Return the tracker of the source `wheel << 8 | hub`, new if need be."""
+        tracker = self.sources.get(key)
+        if tracker is None:
+            counters = self.counters.sources[key & 0xFF, key >> 8] = SourceCounters()
+            tracker = self.sources[key] = SourceTracker(counters)
+        return tracker
+
+    def restarts_with(self, hub: int, boot_count: int) -> bool:
+        """Return whether a hello with this boot count tells of a restart of its hub."""
+        return self._boot_counts.get(hub, boot_count) != boot_count
+
+    def hello(self, key: int, boot_count: int) -> None:
+        """Note a hello's boot count, before its counter is looked at; a new one restarts all sources of the hub."""
+        hub = key & 0xFF
+        if self.restarts_with(hub, boot_count):
+            for of_hub in range(hub, 0x10000, 0x100):
+                tracker = self.sources.get(of_hub)
+                if tracker is not None:
+                    tracker.hub_restarted()
+        elif key in self.sources:
+            self.sources[key].restarted_alone = False
+        self._boot_counts[hub] = boot_count

@@ -1,0 +1,57 @@
+"""Every number of the wire format that is not a payload layout. Protocol 1.0; see `docs/protocol.md`."""
+
+from __future__ import annotations
+
+from typing import Final
+
+VERSION_MAJOR: Final = 1
+VERSION_MINOR: Final = 0
+VERSION_BYTE: Final = VERSION_MAJOR << 4 | VERSION_MINOR
+
+SYNC: Final = b"\xa5\x5a"
+HEADER_BYTES: Final = 16
+CRC_BYTES: Final = 4
+OVERHEAD_BYTES: Final = HEADER_BYTES + CRC_BYTES
+MAX_PAYLOAD_BYTES: Final = 224
+MAX_FRAME_BYTES: Final = OVERHEAD_BYTES + MAX_PAYLOAD_BYTES
+
+VERSION_OFFSET: Final = 2
+TYPE_OFFSET: Final = 3
+LENGTH_OFFSET: Final = 4
+FLAGS_OFFSET: Final = 7
+LENGTH_KNOWN_BYTES: Final = LENGTH_OFFSET + 1
+"""Bytes of a candidate that must be there before its length is known."""
+
+HEADER_FORMAT: Final = "<2sBBBBBBII"
+SAMPLES_FORMAT: Final = "<IBB"
+SAMPLES_HEADER_BYTES: Final = 6
+
+KNOWN_FLAGS: Final = 0
+"""Flag bits that a 1.0 decoder understands; bit 0 is reserved for authentication."""
+
+CRC_RESIDUE: Final = 0x2144DF1C
+"""CRC-32 of any intact frame taken with its own CRC at the end: one comparison checks a frame."""
+
+CRC_CHECK_VALUE: Final = 0xCBF43926
+"""CRC-32 of the nine bytes "123456789"."""
+
+COUNTER_BITS: Final = 32
+WINDOW_FRAMES: Final = 64
+"""How far back a counter may lie and still be a late frame or a duplicate rather than a restart."""
+
+MIN_RATE_HZ: Final = 2000.0
+MAX_RATE_HZ: Final = 25600.0
+MAX_SATURATION_COUNTS: Final = 32768
+ALL_AXES: Final = 0b111
+MAX_BATTERY_PERCENT: Final = 100
+
+NONE_U8: Final = 0xFF
+NONE_I8: Final = -0x80
+NONE_U16: Final = 0xFFFF
+NONE_I16: Final = -0x8000
+NONE_I32: Final = -0x80000000
+
+HELLO_PERIOD_S: Final = 2.0
+ENVIRONMENT_PERIOD_S: Final = 1.0
+HUB_STATUS_PERIOD_S: Final = 1.0
+TIME_SYNC_PERIOD_S: Final = 1.0
