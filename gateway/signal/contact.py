@@ -20,9 +20,14 @@ from gateway.signal.resample import angle_grid
 
 FloatArray = NDArray[np.float64]
 
-# The steepest slope lies this far inside the edge, and how much that varies over load, pressure and wear.
-EDGE_OFFSET_RAD: Final = 0.0157
-EDGE_MODEL_STD_RAD: Final = 0.0045
+# How far inside the edge the steepest slope of the smoothed waveform lies, against the smoothing in orders: mean and
+# spread over loads, pressures, wear, belts and treads of the exact ring (tools/bench_ring_paper.py prints the table).
+_OFFSET_ORDERS: Final = (15.0, 20.0, 25.0, 30.0, 40.0)
+_OFFSETS_RAD: Final = (0.0153, 0.0188, 0.0204, 0.0213, 0.0218)
+_OFFSET_STDS_RAD: Final = (0.0128, 0.0092, 0.0074, 0.0064, 0.0053)
+
+# What the definition of the edge is uncertain by at the usual smoothing: the same for every revolution of a tire.
+EDGE_MODEL_STD_RAD: Final = _OFFSET_STDS_RAD[-1]
 
 # Orders kept in the smoothed derivative: a Gaussian of this standard width, less when the sampling carries less.
 SMOOTHING_ORDER: Final = 40.0
@@ -48,7 +53,7 @@ class ContactEdges:
         trailing_std_rad: likewise.
         leading_noise_std_rad: the part that differs from revolution to revolution.
         trailing_noise_std_rad: likewise.
-        plateau_mps2: level in the middle half of the contact.
+        plateau_mps2: level in the middle of the contact.
         baseline_mps2: level of the free belt.
         contrast: (baseline - plateau) over the noise of the smoothed waveform.
         reason: why the edges are NaN; empty when they are found.
@@ -92,7 +97,9 @@ def find_contact_edges(
     n = radial_mps2.shape[0]
     if noise_coefficient_mps2 is None:
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
-    smooth, slope, gain_orders, gain = _smooth(radial_mps2, samples_per_revolution)
+    width = smoothing_order(samples_per_revolution)
+    smooth, slope, gain_orders, gain = _smooth(radial_mps2, width)
+    offset, model_std = edge_offset(width)
     step_rad = 2.0 * math.pi / n
     middle = n // 2
     baseline = float(np.median(smooth[np.abs(angle_grid(n)) > _FREE_RAD]))
@@ -120,8 +127,8 @@ def find_contact_edges(
     for index, direction in zip(crossings, (-1, 1), strict=True):
         position, bend = _steepest(slope * direction, index)
         noise_std = noise_curvature / (bend / step_rad**2) if bend > 0.0 else math.inf
-        angle = -math.pi + position * step_rad + direction * EDGE_OFFSET_RAD
-        edges.append((angle, math.hypot(noise_std, EDGE_MODEL_STD_RAD), noise_std))
+        angle = -math.pi + position * step_rad + direction * offset
+        edges.append((angle, math.hypot(noise_std, model_std), noise_std))
     (leading, leading_std, leading_noise), (trailing, trailing_std, trailing_noise) = edges
     if not (leading < 0.0 < trailing and math.isfinite(leading_std) and math.isfinite(trailing_std)):
         return _nothing("the contact edges have no clear slope", plateau, baseline, contrast)
@@ -131,25 +138,38 @@ def find_contact_edges(
 
 
 def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> slice | None:
-    """Return the grid points of the middle half of the contact, of a (n,) waveform; None when there is no contact.
+    """Return the grid points of the middle quarter of the contact, of a (n,) waveform; None when there is no contact.
 
-    Curvature vanishes in a flat contact, so the level there is what an AC-coupled signal lacks to be s = V^2 kappa.
+    Curvature vanishes in a flat contact: on the exact ring the level there is -0.06 to +0.01 of R Omega^2 from a
+    half angle of 0.14 rad up. A shorter contact is not flat (+0.2 at 0.11 rad), and a drum of radius Rd leaves -R / Rd.
     """
     edges = find_contact_edges(radial_mps2, samples_per_revolution)
     if not edges.found:
         return None
     n = radial_mps2.shape[0]
     points_per_rad = n / (2.0 * math.pi)
-    quarter = 0.25 * (edges.trailing_rad - edges.leading_rad)
-    first = round((math.pi + edges.leading_rad + quarter) * points_per_rad)
-    last = round((math.pi + edges.trailing_rad - quarter) * points_per_rad)
+    margin = 0.375 * (edges.trailing_rad - edges.leading_rad)
+    first = round((math.pi + edges.leading_rad + margin) * points_per_rad)
+    last = round((math.pi + edges.trailing_rad - margin) * points_per_rad)
     return slice(first, max(first, last) + 1)
 
 
-def _smooth(waveform: FloatArray, samples: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def smoothing_order(samples_per_revolution: float) -> float:
+    """Return the standard width, in orders, of the Gaussian that the waveform is smoothed with."""
+    return min(SMOOTHING_ORDER, _SMOOTHING_SHARE * samples_per_revolution)
+
+
+def edge_offset(width: float) -> tuple[float, float]:
+    """Return how far inside the edge the steepest slope lies at a smoothing width in orders, and its spread, rad."""
+    return (
+        float(np.interp(width, _OFFSET_ORDERS, _OFFSETS_RAD)),
+        float(np.interp(width, _OFFSET_ORDERS, _OFFSET_STDS_RAD)),
+    )
+
+
+def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the smoothed waveform and its derivative by angle, (n,), and the orders kept with their gains."""
     n = waveform.shape[0]
-    width = min(SMOOTHING_ORDER, _SMOOTHING_SHARE * min(samples, n))
     orders = np.arange(1.0, min(n // 2, math.ceil(3.5 * width)))
     gain = np.exp(-0.5 * (orders / width) ** 2)
     spectra = np.zeros((2, n // 2 + 1), dtype=np.complex128)

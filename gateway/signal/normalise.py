@@ -40,7 +40,12 @@ class NormalisedRadial:
 
 
 def normalise_radial(
-    radial_mps2: FloatArray, phase: Phase, *, ac_coupled: bool = False, gravity_mps2: float = STANDARD_GRAVITY_MPS2
+    radial_mps2: FloatArray,
+    phase: Phase,
+    *,
+    ac_coupled: bool = False,
+    steady_mps2: float | None = None,
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2,
 ) -> NormalisedRadial:
     """Remove gravity and the speed drift within the revolution; restore an AC-coupled signal's steady value.
 
@@ -48,15 +53,17 @@ def normalise_radial(
     in the contact the belt lies flat, so gravity is constant there. Where the waveform does not close into a belt
     (AC-coupled and no contact found, or a mean that is not positive), the material angle theta stands in for psi.
 
-    An AC-coupled signal has lost its constant. Curvature vanishes in a flat contact, hence the level of the contact's
-    middle half is set to zero. That is exact to the belt's residual curvature there, some percent of R Omega^2; it
-    changes order 0 and, through the drift correction, order n by (drift / n) of it. Without a contact the signal stays
-    AC and the drift correction is left out, because it needs the steady value.
+    An AC-coupled signal has lost its constant. The mean of s over a closed belt is R Omega^2, so with `steady_mps2` the
+    constant is restored to the accuracy of radius and gain. Without, the middle of the contact is set to zero, which
+    is right to some percent of R Omega^2 on a flat road (`contact_interior` has the figures). An error of the constant
+    stays in order 0 and, through the drift correction, reaches order n as (drift / n) of it. With neither, the signal
+    stays AC and the drift correction is left out, because it needs the steady value.
 
     Args:
         radial_mps2: (n,) radial axis on the angle grid, positive inward.
         phase: the revolution's phase.
-        ac_coupled: whether the sensor passes the steady value.
+        ac_coupled: True when the sensor does not pass the steady value.
+        steady_mps2: R Omega^2 at the revolution's mean speed, used for AC-coupled signals only.
         gravity_mps2: acceleration of gravity; 0 for data without it.
 
     Returns:
@@ -69,13 +76,17 @@ def normalise_radial(
     closed = False
     constant = 0.0
     shape = radial_mps2 - gravity_mps2 * np.cos(theta)
-    interior = contact_interior(shape, phase.samples) if ac_coupled else None
-    if ac_coupled and interior is None:
-        return NormalisedRadial(shape, 0.0, theta, False)
+    interior = None
+    if ac_coupled and steady_mps2 is None:
+        interior = contact_interior(shape, phase.samples)
+        if interior is None:
+            return NormalisedRadial(shape, 0.0, theta, False)
     for _ in range(_ITERATIONS if gravity_mps2 else 1):
         shape = radial_mps2 - gravity_mps2 * np.cos(angle)
         if interior is not None:
             constant = -float(shape[interior].mean())
+        elif ac_coupled and steady_mps2 is not None:
+            constant = (steady_mps2 - float((shape * gain).mean())) / float(gain.mean())
         curvature = _relative_curvature((shape + constant) * gain)
         if curvature is None:
             angle, closed = theta, False
