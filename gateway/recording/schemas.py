@@ -57,7 +57,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
     _topic(
         "treadlink.Revolution",
         r"/wheel/[^/]+/revolution",
-        "index speed_mps",
+        "index",
         """
         index: i: running number of the wheel's revolutions
         speed_mps: n: rolling speed
@@ -79,7 +79,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
     _topic(
         "treadlink.Waveform",
         r"/wheel/[^/]+/waveform",
-        "index theta_rad radial_mps2",
+        "index",
         """
         index: i: running number of the wheel's revolutions
         theta_rad: [n]: angle of the sensor from the contact centre

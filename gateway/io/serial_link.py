@@ -1,0 +1,139 @@
+"""Serial ports: `serial:///dev/ttyUSB0?baudrate=921600`, `serial:COM3`."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import errno
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import serial
+
+from gateway.clock import Clock
+from gateway.errors import LinkLostError, SourceError
+from gateway.io.pyserial_link import PyserialLink
+from gateway.io.reconnect import ReconnectingSource
+from gateway.io.source import Source, SourceAddress
+
+DEFAULT_BAUDRATE: Final = 921600
+_MAX_BAUDRATE: Final = 20_000_000
+_YES_NO: Final = {"yes": True, "no": False}
+
+
+def open_serial(address: SourceAddress, clock: Clock) -> Source:
+    """Make a source of a serial port; it is opened when its items are asked for.
+
+    Options: baudrate (default 921600), exclusive=yes|no, parity=none|even|odd, stopbits=1|2, rtscts=yes|no.
+
+    Raises:
+        SourceError: an option is not known or not allowed.
+    """
+    settings = serial_settings(address.options)
+    port = address.target
+
+    def connect() -> serial.SerialBase:
+        return serial.Serial(port, **settings)
+
+    def make_link() -> PyserialLink:
+        return PyserialLink(
+            connect,
+            lambda error: explain_open_error(port, error, present_ports()),
+            lambda error: LinkLostError(f"{port} went away ({_brief(error)})", "Unplugged? Plug the hub in again."),
+        )
+
+    return ReconnectingSource(f"serial:{port}", make_link, clock)
+
+
+def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
+    """Turn URI options into pyserial's settings.
+
+    Raises:
+        SourceError: an option is not known or not allowed.
+    """
+    readers: dict[str, Callable[[str], Any]] = {
+        "baudrate": _baudrate,
+        "exclusive": lambda text: _choice("exclusive", text, _YES_NO),
+        "parity": lambda text: _choice("parity", text, {"none": "N", "even": "E", "odd": "O"}),
+        "stopbits": lambda text: _choice("stopbits", text, {"1": 1, "2": 2}),
+        "rtscts": lambda text: _choice("rtscts", text, _YES_NO),
+    }
+    settings: dict[str, Any] = {"baudrate": DEFAULT_BAUDRATE, "exclusive": True}
+    for name, text in options.items():
+        if name not in readers:
+            near = difflib.get_close_matches(name, readers, 1)
+            hint = f"Did you mean {near[0]}? " if near else ""
+            raise SourceError(f"serial has no option '{name}'", f"{hint}Options are {', '.join(readers)}.")
+        settings[name] = readers[name](text)
+    return settings
+
+
+def present_ports() -> list[str]:
+    """Return the serial ports of this machine, each with what is known of the device."""
+    from serial.tools import list_ports
+
+    ports = []
+    for port in sorted(list_ports.comports()):
+        known = port.description if port.description not in (None, "", "n/a") else ""
+        ports.append(f"{port.device} ({known})" if known else port.device)
+    return ports
+
+
+def explain_open_error(port: str, error: Exception, present: list[str]) -> SourceError:
+    """Say in plain words why a port does not open, and what to do."""
+    number = getattr(error, "errno", None)
+    if number == errno.ENOENT or isinstance(error, FileNotFoundError) or (os.name == "posix" and not _exists(port)):
+        if present:
+            remedy = f"Ports present: {', '.join(present)}. Is the hub plugged in?"
+        else:
+            remedy = "No serial port is present; plug in the hub, or try `treadlink live sim:demo`."
+        return SourceError(f"there is no port {port}", remedy)
+    if number in (errno.EACCES, errno.EPERM):
+        group = _group_of(port)
+        return SourceError(
+            f"no permission to open {port}",
+            f"Join its group, then log in again: sudo usermod -aG {group} $USER",
+        )
+    if number in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EBUSY):
+        return SourceError(
+            f"{port} is in use by another program",
+            f"Close it (`fuser {port}` names it), or share the port with ?exclusive=no.",
+        )
+    if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or not _is_device(port):
+        return SourceError(f"{port} is not a serial port, or refuses these settings", "Check the port and its options.")
+    return SourceError(f"cannot open {port}: {_brief(error)}", "Check cable and driver; `treadlink doctor` helps.")
+
+
+def _baudrate(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= _MAX_BAUDRATE:
+        raise SourceError(f"baudrate={text} is not allowed", f"Give a whole number from 1 to {_MAX_BAUDRATE}.")
+    return int(text)
+
+
+def _choice(name: str, text: str, choices: Mapping[str, Any]) -> Any:
+    if text.lower() not in choices:
+        raise SourceError(f"{name}={text} is not allowed", f"Give {name}={'|'.join(choices)}.")
+    return choices[text.lower()]
+
+
+def _exists(port: str) -> bool:
+    return "://" in port or Path(port).exists()
+
+
+def _is_device(port: str) -> bool:
+    return os.name != "posix" or Path(port).is_char_device()
+
+
+def _group_of(port: str) -> str:
+    with contextlib.suppress(OSError, KeyError, NotImplementedError):
+        group = Path(port).group()
+        if group != "root":
+            return group
+    return "dialout"
+
+
+def _brief(error: Exception) -> str:
+    strerror = getattr(error, "strerror", None)
+    return str(strerror or error or type(error).__name__)

@@ -1,0 +1,109 @@
+"""A serial port made of a real pseudo-terminal, a TCP hub on loopback, and a reader thread as the session has one."""
+
+from __future__ import annotations
+
+import os
+import queue
+import select
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
+
+TIMEOUT_S = 10.0
+
+
+class PtyPort:
+    """A port to unplug and replug: `path` is a symlink to a pseudo-terminal, the rest is the hub's end."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._master = -1
+        self.plug()
+
+    def plug(self) -> None:
+        tty = pytest.importorskip("tty", reason="pseudo-terminals exist on POSIX only")
+        self._master, slave = os.openpty()
+        tty.setraw(slave)
+        name = os.ttyname(slave)
+        os.close(slave)
+        self.path.symlink_to(name)
+
+    def send(self, data: bytes) -> None:
+        view = memoryview(data)
+        while view:
+            assert select.select([], [self._master], [], TIMEOUT_S)[1], "the gateway does not read"
+            view = view[os.write(self._master, view[:2048]) :]
+
+    def unplug(self) -> None:
+        os.close(self._master)
+        self._master = -1
+        self.path.unlink()
+
+    def close(self) -> None:
+        if self._master >= 0:
+            self.unplug()
+
+
+class TcpHub:
+    """Listens on loopback; `accept` gives the gateway's connection."""
+
+    def __init__(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.settimeout(TIMEOUT_S)
+        self.port: int = self._listener.getsockname()[1]
+
+    def accept(self) -> socket.socket:
+        connection, _ = self._listener.accept()
+        connection.settimeout(TIMEOUT_S)
+        return connection
+
+    def close(self) -> None:
+        self._listener.close()
+
+
+class Reader:
+    """Reads a source in a thread; items come by a queue, so that tests wait without sleeping."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.stop = threading.Event()
+        self.error: Exception | None = None
+        self._queue: queue.Queue[LinkItem | None] = queue.Queue()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            for item in self.source.items(self.stop):
+                self._queue.put(item)
+        except Exception as error:
+            self.error = error
+        finally:
+            self._queue.put(None)
+
+    def next(self) -> LinkItem | None:
+        """Return the next item, None at the end."""
+        return self._queue.get(timeout=TIMEOUT_S)
+
+    def event(self, kind: LinkEventKind) -> LinkEvent:
+        item = self.next()
+        assert isinstance(item, LinkEvent), item
+        assert item.kind is kind, item
+        return item
+
+    def bytes(self, count: int) -> list[Chunk]:
+        chunks: list[Chunk] = []
+        while sum(len(chunk.data) for chunk in chunks) < count:
+            item = self.next()
+            assert isinstance(item, Chunk), item
+            chunks.append(item)
+        return chunks
+
+    def finish(self) -> None:
+        self.stop.set()
+        self._thread.join(TIMEOUT_S)
+        assert not self._thread.is_alive(), "the source does not stop"

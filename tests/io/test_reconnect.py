@@ -1,0 +1,170 @@
+"""The states of a reconnecting source, on a scripted link and a manual clock."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from gateway.clock import ManualClock
+from gateway.errors import LinkLostError, SourceError
+from gateway.io.reconnect import Backoff, LinkState, ReconnectingSource
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind
+
+MISSING = SourceError("there is no port X", "Plug it in.")
+BUSY = SourceError("X is in use", "Close the other program.")
+LOST = LinkLostError("X went away", "Unplugged?")
+
+
+class ScriptedLink:
+    def __init__(self, script: list[bytes | Exception], opened: Callable[[], None]) -> None:
+        self.script = script
+        self.closed = 0
+        self._opened = opened
+
+    def open(self) -> None:
+        self._opened()
+        if self.script and isinstance(self.script[0], SourceError):
+            raise self.script[0]
+
+    def read(self, timeout_s: float) -> bytes:
+        if not self.script:
+            raise LOST
+        step = self.script.pop(0)
+        if isinstance(step, Exception):
+            raise step
+        return step
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+class Bench:
+    """Gives scripted links one after the other and notes when each was opened; sets `stop` when the script is over."""
+
+    def __init__(self, *scripts: list[bytes | Exception]) -> None:
+        self.clock = ManualClock(0)
+        self.opened_ns: list[int] = []
+        self.links: list[ScriptedLink] = []
+        self.stop = threading.Event()
+        self._scripts = list(scripts)
+        self.source = ReconnectingSource("test:X", self._make, self.clock)
+
+    def _make(self) -> ScriptedLink:
+        script = self._scripts.pop(0) if self._scripts else [BUSY]
+        link = ScriptedLink(script, self._note)
+        self.links.append(link)
+        return link
+
+    def _note(self) -> None:
+        self.opened_ns.append(self.clock.now_ns())
+        if not self._scripts:
+            self.stop.set()
+
+    def run(self) -> list[Chunk | LinkEvent]:
+        return list(self.source.items(self.stop))
+
+
+def kinds(items: list[Chunk | LinkEvent]) -> list[str]:
+    return [item.kind.value if isinstance(item, LinkEvent) else "chunk" for item in items]
+
+
+def test_first_opening_fails_loudly() -> None:
+    bench = Bench([MISSING])
+    with pytest.raises(SourceError, match="no port X") as caught:
+        bench.run()
+    assert caught.value.remedy == "Plug it in."
+    assert bench.links[0].closed >= 1
+
+
+def test_lost_link_is_retried_and_told_once() -> None:
+    bench = Bench([b"ab", b"", b"cd"], [MISSING], [MISSING], [BUSY], [BUSY], [b"ef"], [])
+    items = bench.run()
+    assert kinds(items)[:8] == ["connected", "chunk", "chunk", "lost", "retrying", "retrying", "restored", "chunk"]
+    assert [item.data for item in items if isinstance(item, Chunk)] == [b"ab", b"cd", b"ef"]
+    lost, missing, busy, restored = [item for item in items if isinstance(item, LinkEvent)][1:5]
+    assert lost.text == "X went away. Unplugged?"
+    assert "no port X" in missing.text
+    assert "Plug it in." in missing.text
+    assert "in use" in busy.text
+    assert restored.text == "test:X is back after 7.8 s"  # 0.25 + 0.5 + 1 + 2 + 4
+
+
+def test_pauses_double_up_to_the_cap() -> None:
+    bench = Bench([b"x"], *[[MISSING] for _ in range(8)])
+    bench.run()
+    opened = bench.opened_ns
+    pauses_s = [(b - a) * 1e-9 for a, b in itertools.pairwise(opened)]
+    assert pauses_s == [0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0]
+
+
+def test_pauses_start_over_only_when_bytes_arrived() -> None:
+    # A link that opens but breaks at once (a flapping cable) must not be hammered.
+    bench = Bench([b"x"], [], [], [b"y"], [])
+    bench.run()
+    opened = bench.opened_ns
+    assert [(b - a) * 1e-9 for a, b in itertools.pairwise(opened)] == [0.25, 0.5, 1.0, 0.25]
+
+
+def test_backoff_never_overflows() -> None:
+    assert Backoff().pause_ns(10_000) == 5_000_000_000
+
+
+def test_stop_while_waiting_ends_without_another_attempt() -> None:
+    bench = Bench([b"x"], [MISSING], [MISSING])
+    items = bench.source.items(bench.stop)
+    assert kinds([next(items), next(items), next(items)]) == ["connected", "chunk", "lost"]
+    bench.stop.set()
+    assert list(items) == []
+    assert len(bench.opened_ns) == 1
+
+
+def test_close_ends_items_and_is_harmless_twice() -> None:
+    bench = Bench([b"x", b"y", b"z"], [])
+    items = bench.source.items(bench.stop)
+    next(items)
+    next(items)
+    bench.source.close()
+    bench.source.close()
+    assert list(items) == []
+    assert bench.source.state is LinkState.CLOSED
+    assert bench.links[0].closed >= 1
+    assert list(bench.source.items(bench.stop)) == []
+    assert len(bench.links) == 1, "a closed source must not open its port again"
+
+
+def test_stopping_does_not_wait_for_an_opening_that_hangs() -> None:
+    hanging, released, closed = threading.Event(), threading.Event(), threading.Event()
+
+    class Hanging:
+        def open(self) -> None:
+            hanging.set()
+            assert released.wait(10)
+
+        def read(self, timeout_s: float) -> bytes:
+            raise AssertionError("never opened")
+
+        def close(self) -> None:
+            closed.set()
+
+    stop = threading.Event()
+    source = ReconnectingSource("test:hang", Hanging, ManualClock())
+    items: list[object] = []
+    thread = threading.Thread(target=lambda: items.extend(source.items(stop)))
+    thread.start()
+    assert hanging.wait(10)
+    stop.set()
+    thread.join(10)
+    assert not thread.is_alive()
+    assert items == []
+    released.set()
+    assert closed.wait(10), "a connection that came too late must be closed again"
+
+
+def test_events_carry_the_clock() -> None:
+    bench = Bench([b"x"], [b"y"], [])
+    events = [item for item in bench.run() if isinstance(item, LinkEvent)]
+    assert [event.host_ns for event in events[:3]] == [0, 0, 250_000_000]
+    assert events[2].kind is LinkEventKind.RESTORED

@@ -1,0 +1,120 @@
+"""Serial ports through real pseudo-terminals and the real pyserial."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import serial
+
+from gateway.clock import ManualClock
+from gateway.errors import SourceError
+from gateway.io.serial_link import explain_open_error, serial_settings
+from gateway.io.source import LinkEventKind, Source, open_source
+from tests.io.hub_ends import PtyPort, Reader
+
+Read = Callable[[Source], Reader]
+
+
+def test_bytes_arrive_unchanged_in_few_reads(pty_port: PtyPort, read: Read) -> None:
+    data = np.random.default_rng(1).integers(0, 256, 300_000, dtype=np.uint8).tobytes()
+    reader = read(open_source(f"serial://{pty_port.path}?baudrate=921600", ManualClock()))
+    connected = reader.event(LinkEventKind.CONNECTED)
+    assert str(pty_port.path) in connected.text
+    pty_port.send(data)
+    chunks = reader.bytes(len(data))
+    assert b"".join(chunk.data for chunk in chunks) == data
+    assert len(chunks) < len(data) / 50, "reads are not big"
+
+
+def test_unplugging_is_told_and_replugging_resumes(pty_port: PtyPort, read: Read) -> None:
+    reader = read(open_source(f"serial:{pty_port.path}", ManualClock()))
+    reader.event(LinkEventKind.CONNECTED)
+    pty_port.send(b"before")
+    assert b"".join(chunk.data for chunk in reader.bytes(6)) == b"before"
+    pty_port.unplug()
+    lost = reader.event(LinkEventKind.LOST)
+    assert str(pty_port.path) in lost.text
+    assert "Unplugged?" in lost.text
+    retrying = reader.event(LinkEventKind.RETRYING)
+    assert f"there is no port {pty_port.path}" in retrying.text
+    pty_port.plug()
+    reader.event(LinkEventKind.RESTORED)
+    pty_port.send(b"after")
+    assert b"".join(chunk.data for chunk in reader.bytes(5)) == b"after"
+
+
+def test_missing_port_names_those_present(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, read: Read) -> None:
+    monkeypatch.setattr("gateway.io.serial_link.present_ports", lambda: ["/dev/ttyUSB3 (FT232R)"])
+    reader = read(open_source(f"serial:{tmp_path}/ttyNO", ManualClock()))
+    assert reader.next() is None
+    assert isinstance(reader.error, SourceError)
+    assert str(reader.error) == f"there is no port {tmp_path}/ttyNO"
+    assert "/dev/ttyUSB3 (FT232R)" in reader.error.remedy
+
+
+def test_no_port_at_all_offers_the_simulator() -> None:
+    error = explain_open_error("/nowhere/ttyUSB0", FileNotFoundError(errno.ENOENT, "no"), [])
+    assert "sim:demo" in error.remedy
+
+
+def test_busy_port_names_the_option(pty_port: PtyPort, read: Read) -> None:
+    with serial.Serial(str(pty_port.path), exclusive=True):
+        reader = read(open_source(f"serial:{pty_port.path}", ManualClock()))
+        assert reader.next() is None
+        assert "in use by another program" in str(reader.error)
+        assert isinstance(reader.error, SourceError)
+        assert "exclusive=no" in reader.error.remedy
+        shared = read(open_source(f"serial:{pty_port.path}?exclusive=no", ManualClock()))
+        shared.event(LinkEventKind.CONNECTED)
+
+
+def test_permission_names_the_group(pty_port: PtyPort) -> None:
+    denied = serial.SerialException(errno.EACCES, "could not open port")
+    error = explain_open_error(str(pty_port.path), denied, [])
+    assert "no permission" in str(error)
+    assert "usermod -aG" in error.remedy
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, Path.touch])
+def test_what_is_no_port_is_said_to_be_none(tmp_path: Path, read: Read, make: Callable[[Path], None]) -> None:
+    make(tmp_path / "thing")
+    reader = read(open_source(f"serial:{tmp_path}/thing", ManualClock()))
+    assert reader.next() is None
+    assert "is not a serial port" in str(reader.error)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"baudrate": "fast"}, "baudrate=fast"),
+        ({"baudrate": "0"}, "baudrate=0"),
+        ({"baudrate": "-1"}, "baudrate=-1"),
+        ({"exclusive": "maybe"}, "exclusive=maybe"),
+        ({"parity": "x"}, "parity=x"),
+        ({"baud": "9600"}, "no option 'baud'"),
+    ],
+)
+def test_wrong_options_are_named(options: dict[str, str], says: str) -> None:
+    with pytest.raises(SourceError, match=says) as caught:
+        serial_settings(options)
+    assert caught.value.remedy
+
+
+def test_a_near_miss_is_suggested() -> None:
+    with pytest.raises(SourceError) as caught:
+        serial_settings({"baud": "9600"})
+    assert "Did you mean baudrate?" in caught.value.remedy
+
+
+def test_options_reach_pyserial() -> None:
+    assert serial_settings({"parity": "even", "stopbits": "2", "rtscts": "yes", "exclusive": "NO"}) == {
+        "baudrate": 921600,
+        "exclusive": False,
+        "parity": "E",
+        "stopbits": 2,
+        "rtscts": True,
+    }
