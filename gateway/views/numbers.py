@@ -42,7 +42,7 @@ UNITS: Final[dict[str, Unit]] = {
     "_hz": Unit("Hz"),
     "_npm": Unit("N/m"),
     "_n": Unit("N"),
-    "_m": Unit("m"),
+    "_m": Unit("mm", 1e3),
     "_s": Unit("s"),
     "_w": Unit("W"),
     "_v": Unit("V"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from gateway.estimators.base import Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.views.numbers import Shown, kpa
 from gateway.views.reading import Reading, read_result
@@ -36,6 +37,7 @@ class PlainView:
         self._name_width = _NAME_WIDTH_MIN
         self._number_widths = list(_NUMBER_WIDTHS)
         self._notes: dict[str, str] = {}
+        self._remarks: set[str] = set()
 
     def result(self, result: RevolutionResult) -> None:
         """Write one line for a revolution, and the header when it is due or a column had to grow."""
@@ -49,14 +51,20 @@ class PlainView:
             self._write(self._header())
             self._lines_until_header = HEADER_EVERY
         self._lines_until_header -= 1
-        note = clean(reading.note)
         line = self._line(name, cells, reading, result)
-        self._write(crop(f"{line}{note}".rstrip(), LINE_WIDTH))
-        # A reason may count something; only its words tell whether it is news.
+        note = clean(reading.note)
+        valid = reading.status is Status.VALID and not reading.ratios_only and not result.revolution.faults
+        self._write(line.rstrip() if valid else crop(line + note, LINE_WIDTH).rstrip())
+        # What holds of valid numbers is said once; a reason that does not fit is said in full when it is new. It may
+        # count something, so only its words tell whether it is.
         words = note.translate(_NO_DIGITS)
-        if words != self._notes.get(result.position, ""):
+        if valid:
+            if words and words not in self._remarks:
+                self._remarks.add(words)
+                self.notice(note)
+        elif words != self._notes.get(result.position, ""):
             self._notes[result.position] = words
-            if len(line) + width(note) > LINE_WIDTH:
+            if width(line) + width(note) > LINE_WIDTH:
                 self.notice(f"{name} rev {result.revolution.index}: {note}")
 
     def notice(self, text: str) -> None:

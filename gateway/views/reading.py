@@ -22,6 +22,7 @@ class Reading(NamedTuple):
         speed: forward speed.
         leading: leading contact angle, negative.
         trailing: trailing contact angle, positive.
+        others: every other quantity with a unit, e.g. contact length.
         numbers: the dimensionless numbers, or their ratios when only those are known.
         status: worst status among the numbers shown, invalid when there is none.
         note: the reason for that status; empty when there is nothing to say.
@@ -31,6 +32,7 @@ class Reading(NamedTuple):
     speed: Shown
     leading: Shown
     trailing: Shown
+    others: tuple[Shown, ...]
     numbers: tuple[Shown, ...]
     status: Status
     note: str
@@ -42,6 +44,7 @@ def read_result(result: RevolutionResult) -> Reading:
     speed: Estimate | None = None
     leading: Estimate | None = None
     trailing: Estimate | None = None
+    others: list[Shown] = []
     whole: list[Shown] = []
     ratios: list[Shown] = []
     for estimate in result.estimates:
@@ -54,19 +57,25 @@ def read_result(result: RevolutionResult) -> Reading:
             leading = estimate
         elif unit is ANGLE and label.startswith("trailing"):
             trailing = estimate
+        else:
+            others.append(show(estimate))
     known = any(number.status is not Status.INVALID for number in whole)
     ratios_only = not known and any(ratio.status is not Status.INVALID for ratio in ratios)
     shown = ratios if ratios_only else whole
     revolution = result.revolution
-    return Reading(
+    kinematic = (
         show(speed or _measured(SPEED, revolution.omega_radps * result.conditions.radius_m, math.nan)),
         show(leading or _measured("leading_edge_rad", revolution.leading_edge_rad, revolution.leading_edge_std_rad)),
         show(
             trailing or _measured("trailing_edge_rad", revolution.trailing_edge_rad, revolution.trailing_edge_std_rad)
         ),
+    )
+    return Reading(
+        *kinematic,
+        tuple(others),
         tuple(shown),
         max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),
-        _note(result, whole, ratios_only),
+        _note(revolution.faults, whole, kinematic, ratios_only),
         ratios_only,
     )
 
@@ -75,15 +84,14 @@ def _measured(name: str, value: float, std: float) -> Estimate:
     return Estimate(name, value, std, Status.VALID if math.isfinite(value) else Status.INVALID)
 
 
-def _note(result: RevolutionResult, numbers: Sequence[Shown], ratios_only: bool) -> str:
-    faults = "; ".join(result.revolution.faults)
+def _note(faults: Sequence[str], numbers: Sequence[Shown], kinematic: Sequence[Shown], ratios_only: bool) -> str:
     if faults:
-        return faults
-    # The worst status explains most: look for an invalid number first, then a provisional one.
+        return "; ".join(faults)
+    # The worst status explains most; what holds of valid numbers is said only when nothing is wrong.
     for status in reversed(_ORDER):
-        for number in numbers:
-            if number.status is status and number.reason:
-                return f"ratios only: {number.reason}" if ratios_only else number.reason
+        for shown in (*numbers, *kinematic):
+            if shown.status is status and shown.reason:
+                return f"ratios only: {shown.reason}" if ratios_only else shown.reason
     if ratios_only:
         return "ratios only"
     return "" if numbers else "no estimates"

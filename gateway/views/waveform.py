@@ -42,9 +42,9 @@ _DEFAULT_TOP_MPS2: Final = 1.0
 _AVERAGE_EVERY: Final = 2  # dot columns; sparse dots tell the average from the solid line without colour
 LEGEND: Final[PlotRow] = (
     ("⠤⠤⠤", Ink.LAST),
-    (" last revolution  ", Ink.AXIS),
+    (" last  ", Ink.AXIS),
     ("⠄⠄⠄", Ink.AVERAGE),
-    (" running average", Ink.AXIS),
+    (" average", Ink.AXIS),
 )
 """Explains the two curves."""
 

@@ -1,0 +1,162 @@
+"""The live console: a screen drawn ten times a second from snapshots, never per frame or revolution."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final, Protocol
+
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+from textual.events import Resize
+from textual.widgets import Input
+
+from gateway.pipeline.results import SessionSnapshot
+from gateway.views.console_board import Board
+from gateway.views.console_page import ViewState, compose
+from gateway.views.waveform import Zoom
+
+DRAW_INTERVAL_S: Final = 0.1
+_SHORT_MARK: Final = "mark"
+
+
+class LiveSession(Protocol):
+    """What the console needs of a running session. Its methods are called from the console's thread."""
+
+    def snapshot(self) -> SessionSnapshot:
+        """Return the latest state; cheap, never raises."""
+        ...
+
+    def mark(self, text: str) -> None:
+        """Put a mark into the recording and among the notices."""
+        ...
+
+    def request_stop(self) -> None:
+        """Ask the session to end; returns at once."""
+        ...
+
+
+class ConsoleApp(App[None]):
+    """Shows one session until it ends, its time is up, or the user quits."""
+
+    ENABLE_COMMAND_PALETTE = False
+    CSS = """
+    Screen { background: ansi_default; }
+    #mark { display: none; height: 1; border: none; padding: 0 1; background: ansi_default; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("ctrl+c,ctrl+q", "quit_session", priority=True),
+        Binding("q,Q", "quit_session"),
+        Binding("space", "pause"),
+        Binding("m", "mark"),
+        Binding("tab,right,down", "switch(1)", priority=True),
+        Binding("shift+tab,left,up", "switch(-1)", priority=True),
+        Binding("z", "zoom"),
+        Binding("question_mark", "help"),
+        Binding("escape", "leave", priority=True),
+        *(Binding(str(number), f"select({number})") for number in range(1, 9)),
+    ]
+
+    def __init__(self, session: LiveSession, duration_s: float | None = None) -> None:
+        """Take the session to show, and the session time at which to stop it."""
+        super().__init__(ansi_color=True)
+        self._session = session
+        self._duration_s = duration_s
+        self._live = session.snapshot()
+        self._frozen: SessionSnapshot | None = None
+        self._mark_at_s = 0.0
+        self.view = ViewState()
+
+    def compose(self) -> ComposeResult:
+        """Put the board on the screen and the mark's input, hidden, below it."""
+        yield Board()
+        yield Input(id="mark", placeholder="text of the mark; Enter sets it, Escape drops it")
+
+    def on_mount(self) -> None:
+        """Start drawing."""
+        self._board = self.query_one(Board)
+        self._input = self.query_one("#mark", Input)
+        self._board.focus()
+        self.set_interval(DRAW_INTERVAL_S, self._tick)
+
+    def on_resize(self, event: Resize) -> None:  # noqa: ARG002 - textual's signature
+        """Draw for the new size once the board has it."""
+        self.call_after_refresh(self._draw)
+
+    def _tick(self) -> None:
+        self._live = self._session.snapshot()
+        time_is_up = self._duration_s is not None and self._live.elapsed_s >= self._duration_s
+        if self._live.ended or time_is_up:
+            self._frozen, self.view.paused_at_s = None, None
+        self._draw()
+        if self._live.ended or time_is_up:
+            self._session.request_stop()
+            self.call_after_refresh(self.exit)
+
+    def _draw(self) -> None:
+        size = self._board.size
+        self._board.show(compose(self._frozen or self._live, self.view, size.width, size.height))
+
+    def action_quit_session(self) -> None:
+        """Ask the session to stop and leave."""
+        self._session.request_stop()
+        self.exit()
+
+    def action_pause(self) -> None:
+        """Freeze the view, or follow the session again."""
+        self._frozen = None if self._frozen else self._live
+        self.view.paused_at_s = self._frozen.elapsed_s if self._frozen else None
+        self._draw()
+
+    def action_switch(self, step: int) -> None:
+        """Select the next or previous wheel."""
+        wheels = len((self._frozen or self._live).wheels)
+        if wheels:
+            self.view.selected = (self.view.selected + step) % wheels
+            self._draw()
+
+    def action_select(self, number: int) -> None:
+        """Select a wheel by its number."""
+        if number <= len((self._frozen or self._live).wheels):
+            self.view.selected = number - 1
+            self._draw()
+
+    def action_zoom(self) -> None:
+        """Show the whole revolution or the neighbourhood of the contact."""
+        self.view.zoom = Zoom.CONTACT if self.view.zoom is Zoom.WHOLE else Zoom.WHOLE
+        self._draw()
+
+    def action_help(self) -> None:
+        """Show the help page or leave it."""
+        self.view.help_shown = not self.view.help_shown
+        self._draw()
+
+    def action_leave(self) -> None:
+        """Leave the mark's input or the help page."""
+        self.view.help_shown = False
+        self._close_input()
+        self._draw()
+
+    def action_mark(self) -> None:
+        """Ask for the text of a mark; the time of this key is what counts."""
+        self._mark_at_s = self._session.snapshot().elapsed_s
+        self._input.value = ""
+        self._input.display = True
+        self._input.focus()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Set the mark and say when its key was pressed."""
+        text = event.value.strip() or _SHORT_MARK
+        self._close_input()
+        self._session.mark(f"{text} (key pressed at {self._mark_at_s:.1f} s)")
+
+    def _close_input(self) -> None:
+        self._input.display = False
+        self._board.focus()
+
+
+def run_console(session: LiveSession, duration_s: float | None = None) -> None:
+    """Show the session on the terminal until the user quits, `duration_s` of session time is over, or it has ended.
+
+    Stops the session when it leaves for another reason than the session's own end.
+    """
+    # Without the mouse the terminal's own selection works, for copying values.
+    ConsoleApp(session, duration_s).run(mouse=False)
