@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.pipeline.results import WheelState
+from gateway.signal.resample import MARGIN_SAMPLES
 from gateway.signal.segmentation import (
     INTERVAL_RATIO,
     Contact,
@@ -55,11 +56,13 @@ class ContactPair:
         start: the contact that begins it.
         end: the contact that ends it.
         previous_period: samples of the revolution before, None when it was not seen.
+        decided_at: samples before this number were there when it was decided, and no others may be used for it.
     """
 
     start: Contact
     end: Contact
     previous_period: float | None
+    decided_at: int
 
 
 class Segmenter:
@@ -136,7 +139,7 @@ class Segmenter:
         previous: float | None = None
         for start, following in pairwise(contacts):
             if start.centre > self._paired_until - 0.5 * start.duration:
-                pairs.append(ContactPair(start, following, previous))
+                pairs.append(ContactPair(start, following, previous, end))
             previous = following.centre - start.centre
         self._contact = contacts[-1]
         self._periods = (contacts[-2].centre - contacts[-3].centre, contacts[-1].centre - contacts[-2].centre)
@@ -170,7 +173,8 @@ class Segmenter:
         self._period = self._expected_period()
         self._width = max(3.0, self._duty * self._period)
         outer = box_offsets(self._width)[2]
-        self.next_index = int(np.ceil(self._contact.centre + self._period + 0.25 * self._width)) + outer + 1
+        beyond = max(0.25 * self._width + outer + 1, MARGIN_SAMPLES + 2)
+        self.next_index = int(np.ceil(self._contact.centre + self._period + beyond))
 
     def _track(self, read: Read, missing: Missing) -> list[ContactPair]:
         last = self._contact
@@ -239,7 +243,7 @@ class Segmenter:
         last = self._contact
         assert last is not None
         period = contact.centre - last.centre
-        pair = ContactPair(last, contact, self._periods[-1] if self._periods else None)
+        pair = ContactPair(last, contact, self._periods[-1] if self._periods else None, self.next_index)
         if not contact.predicted:
             self._predicted = 0
             weight = _DEPTH_WEIGHT

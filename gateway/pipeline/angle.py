@@ -1,0 +1,112 @@
+"""From two contacts and the ring buffer to a revolution in the angle domain."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import Axis
+from gateway.estimators.base import Revolution
+from gateway.pipeline.ring import SampleRing
+from gateway.pipeline.segmenter import ContactPair
+from gateway.signal.contact import find_contact_edges
+from gateway.signal.normalise import normalise_radial
+from gateway.signal.orders import coefficient_std, highest_order, order_coefficients, sample_std
+from gateway.signal.resample import GRID_SIZE, MARGIN_SAMPLES, fit_phase, resample_revolution
+
+FloatArray = NDArray[np.float64]
+
+# A revolution with more of its samples lost than this is kept out of averages: a straight line stands in for them.
+_MAX_MISSING: Final = 0.0
+
+
+def revolution_in_angle(
+    pair: ContactPair,
+    *,
+    ring: SampleRing,
+    columns: tuple[int, ...],
+    scale_mps2: FloatArray,
+    offset_counts: FloatArray,
+    saturation_counts: int,
+    sign: int,
+    rate_hz: float,
+    ac_coupled: bool,
+    index: int,
+    start_s: float,
+) -> Revolution:
+    """Cut one revolution out of the ring and take it into the angle domain.
+
+    Args:
+        pair: the contacts that bound it.
+        ring: raw samples, holding at least the revolution.
+        columns: axis of each channel.
+        scale_mps2: (channels,) m/s^2 per count.
+        offset_counts: (channels,) counts at zero acceleration.
+        saturation_counts: |count| at or above which a sample is saturated.
+        sign: +1 or -1, makes the radial axis positive inward.
+        rate_hz: sampling rate.
+        ac_coupled: whether the sensor passes no steady value.
+        index: running number of the revolution.
+        start_s: hub time of the first contact centre.
+
+    Returns:
+        the revolution; what is wrong with it is in its `faults`.
+    """
+    start, end = pair.start.centre, pair.end.centre
+    first = max(math.floor(start) - MARGIN_SAMPLES - 1, ring.tail)
+    last = min(math.ceil(end) + MARGIN_SAMPLES + 2, pair.decided_at, ring.head)
+    counts = ring.view(first, last)
+    radial_column = columns.index(Axis.RADIAL)
+    inside = counts[:, radial_column]
+    saturated = bool(inside.max() >= saturation_counts or inside.min() <= -saturation_counts)
+    samples = (counts - offset_counts) * scale_mps2
+    samples[:, radial_column] *= sign
+    previous = start - pair.previous_period - first if pair.previous_period is not None else None
+    phase = fit_phase(start - first, end - first, previous)
+    channels = resample_revolution(samples, phase)
+    axes = np.full((len(Axis), GRID_SIZE), np.nan)
+    axes[list(columns)] = channels
+    period = end - start
+    normal = normalise_radial(axes[Axis.RADIAL], phase, ac_coupled=ac_coupled)
+    radial = normal.radial_mps2
+    noise_coefficient = coefficient_std(radial, period)
+    edges = find_contact_edges(radial, period, noise_coefficient)
+    order_max = highest_order(period)
+    missing = ring.missing_between(math.floor(start), math.ceil(end)) / period
+    return Revolution(
+        index=index,
+        start_s=start_s,
+        period_s=period / rate_hz,
+        omega_radps=2.0 * math.pi * rate_hz / period,
+        omega_dot_radps2=phase.acceleration * rate_hz**2,
+        radial_mps2=radial,
+        axes_mps2=axes,
+        orders_mps2=order_coefficients(radial, order_max),
+        order_max=order_max,
+        leading_edge_rad=edges.leading_rad,
+        trailing_edge_rad=edges.trailing_rad,
+        leading_edge_std_rad=edges.leading_std_rad,
+        trailing_edge_std_rad=edges.trailing_std_rad,
+        noise_mps2=sample_std(noise_coefficient, period, GRID_SIZE),
+        missing_fraction=missing,
+        saturated=saturated,
+        ac_coupled=ac_coupled,
+        faults=_faults(pair, missing, saturated, edges.reason),
+        period_std_s=math.hypot(pair.start.centre_std, pair.end.centre_std) / rate_hz,
+    )
+
+
+def _faults(pair: ContactPair, missing: float, saturated: bool, edge_reason: str) -> tuple[str, ...]:
+    faults = []
+    if pair.start.predicted or pair.end.predicted:
+        faults.append("a contact was lost on the link and its place predicted")
+    if missing > _MAX_MISSING:
+        faults.append(f"{missing:.1%} of the samples were lost on the link")
+    if saturated:
+        faults.append("the radial axis reached the end of its range")
+    if edge_reason:
+        faults.append(edge_reason)
+    return tuple(faults)

@@ -1,0 +1,284 @@
+"""One wheel: raw samples in, revolutions and estimates out."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import Axis, Coupling, Environment, Hello
+from firmware_protocol.sequence import unwrap
+from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.estimators.registry import make_estimator
+from gateway.pipeline.angle import revolution_in_angle
+from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
+from gateway.pipeline.ring import SampleRing
+from gateway.pipeline.segmenter import SEARCH_WINDOW_S, ContactPair, Segmenter
+from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.timebase import HostClock, SampleClock
+from gateway.signal.average import RunningAverage
+
+FloatArray = NDArray[np.float64]
+
+RING_S: Final = 6.0
+# Longer gaps are not bridged: the wheel is searched for anew behind them.
+_MAX_BRIDGE_S: Final = 0.25
+# A late block must carry a time stamp that fits its sample number; otherwise the hub has restarted.
+_LATE_TOLERANCE_US: Final = 250_000
+# Environment values kept for revolutions that are still being cut.
+_ENVIRONMENT_DEPTH: Final = 64
+
+
+@dataclass(slots=True)
+class _Axes:
+    """How to read a wheel's samples, from its hello."""
+
+    hello: Hello
+    columns: tuple[int, ...]
+    scale: FloatArray
+    offset: FloatArray
+    radial: int
+
+
+class WheelPipeline:
+    """The synchronous pipeline of one wheel. Not thread-safe; never reads a clock."""
+
+    def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
+        """Make the wheel's estimators; buffers are allocated at the first hello."""
+        self.setup = setup
+        self._estimators = [make_estimator(name) for name in estimators]
+        self._average = RunningAverage()
+        self._axes: _Axes | None = None
+        self._ring: SampleRing | None = None
+        self._segmenter: Segmenter | None = None
+        self._clock: SampleClock | None = None
+        self._environment: deque[tuple[int, Environment]] = deque(maxlen=_ENVIRONMENT_DEPTH)
+        self._last: RevolutionResult | None = None
+        self._samples = self._lost = self._saturated = self._revolutions = self._rejected = 0
+        self._overwritten_before = 0
+        self.blocks_before_hello = 0
+
+    def hello(self, hello: Hello) -> None:
+        """Learn, or learn anew, how to read the samples; a changed sensor or rate starts the wheel afresh."""
+        known = self._axes
+        if known is not None and known.hello == hello:
+            return
+        columns = tuple(axis for axis in Axis if hello.axes >> axis & 1)
+        same_layout = (
+            known is not None
+            and known.columns == columns
+            and known.hello.rate_hz == hello.rate_hz
+            and known.hello.boot_count == hello.boot_count
+            and known.hello.sensor_id == hello.sensor_id
+        )
+        self._axes = _Axes(
+            hello,
+            columns,
+            np.array([hello.scale_mps2[axis] for axis in columns]),
+            np.array([hello.offset_counts[axis] for axis in columns]),
+            columns.index(Axis.RADIAL) if Axis.RADIAL in columns else -1,
+        )
+        if not same_layout:
+            if known is not None and known.hello.sensor_id != hello.sensor_id:
+                self._average.reset()
+                for estimator in self._estimators:
+                    estimator.reset()
+            if self._ring is not None:
+                self._overwritten_before += self._ring.overwritten
+            self._ring = SampleRing(round(RING_S * hello.rate_hz), len(columns))
+            self._segmenter = None
+            self._clock = SampleClock(hello.rate_hz)
+
+    def environment(self, tick_us: int, environment: Environment) -> None:
+        """Take a pressure and temperature reading with its hub time."""
+        self._environment.append((tick_us, environment))
+
+    def restart(self) -> None:
+        """The hub started again: its counters and times are new; what was learnt of the tire stays."""
+        self._axes = None
+        self._environment.clear()
+
+    def samples(
+        self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16], host: HostClock
+    ) -> list[RevolutionResult]:
+        """Take consecutive samples and return the revolutions they complete.
+
+        Args:
+            first_sample: the hub's running number of the first, low 32 bits.
+            ticks_us: unwrapped hub times of the first sample of each of the equally long blocks that make up `counts`.
+            axes: axis mask; must be the hello's.
+            counts: (n, channels) raw values.
+            host: maps hub time to host time.
+        """
+        layout, ring, clock = self._axes, self._ring, self._clock
+        if layout is None or ring is None or clock is None or axes != layout.hello.axes or layout.radial < 0:
+            self.blocks_before_hello += 1
+            return []
+        if self._segmenter is None:
+            ring.reset(first_sample)
+            self._segmenter = Segmenter(layout.hello.rate_hz, first_sample)
+        first = unwrap(ring.head, first_sample)
+        step = first - ring.head
+        if step < 0:
+            expected_us = clock.hub_us(first)
+            if first >= ring.tail and abs(ticks_us[0] - expected_us) < _LATE_TOLERANCE_US:
+                repaired = ring.patch(first, counts)
+                self._lost -= repaired
+                self._samples += repaired
+                return []
+            self._begin_at(first_sample)
+            first = first_sample
+        elif step > _MAX_BRIDGE_S * layout.hello.rate_hz:
+            self._lost += step
+            before = self._finish_segment(host)
+            self._begin_at(first)
+            return before + self.samples(first_sample, ticks_us, axes, counts, host)
+        elif step > 0:
+            self._lost += step
+            ring.bridge(step, counts[0], self._segmenter.oldest_needed)
+        block = len(counts) // len(ticks_us)
+        for place, tick_us in enumerate(ticks_us):
+            clock.stamp(first + place * block, tick_us)
+        self._samples += len(counts)
+        limit = layout.hello.saturation_counts
+        if counts.max() >= limit or counts.min() <= -limit:
+            self._saturated += int(((counts >= limit) | (counts <= -limit)).any(axis=1).sum())
+        results: list[RevolutionResult] = []
+        # Never more at once than the ring can take without pushing out what the segmenter still needs.
+        piece = ring.capacity - round(SEARCH_WINDOW_S * layout.hello.rate_hz) - 1
+        for begin in range(0, len(counts), piece):
+            ring.append(counts[begin : begin + piece], self._segmenter.oldest_needed)
+            if self._segmenter.next_index <= ring.head:
+                pairs = self._segmenter.advance(self._read_radial, ring.missing_between, ring.head)
+                results += [self._revolve(pair, host) for pair in pairs]
+        return results
+
+    def finish(self, host: HostClock) -> list[RevolutionResult]:
+        """No more samples will come: complete what can be completed."""
+        return self._finish_segment(host) if self._segmenter is not None else []
+
+    def _begin_at(self, head: int) -> None:
+        assert self._ring is not None
+        assert self._axes is not None
+        self._ring.reset(head)
+        self._segmenter = Segmenter(self._axes.hello.rate_hz, head)
+        self._clock = SampleClock(self._axes.hello.rate_hz)
+
+    def _finish_segment(self, host: HostClock) -> list[RevolutionResult]:
+        ring, segmenter = self._ring, self._segmenter
+        assert ring is not None
+        assert segmenter is not None
+        pairs = segmenter.finish(self._read_radial, ring.missing_between, ring.head)
+        return [self._revolve(pair, host) for pair in pairs]
+
+    def _read_radial(self, first: int, end: int) -> FloatArray:
+        layout, ring = self._axes, self._ring
+        assert layout is not None
+        assert ring is not None
+        column = ring.view(first, end)[:, layout.radial]
+        radial: FloatArray = (column - layout.offset[layout.radial]) * layout.scale[layout.radial]
+        return radial
+
+    def _revolve(self, pair: ContactPair, host: HostClock) -> RevolutionResult:
+        layout, ring, clock, segmenter = self._axes, self._ring, self._clock, self._segmenter
+        assert layout is not None
+        assert ring is not None
+        assert clock is not None
+        assert segmenter is not None
+        hello = layout.hello
+        in_angle = revolution_in_angle(
+            pair,
+            ring=ring,
+            columns=layout.columns,
+            scale_mps2=layout.scale,
+            offset_counts=layout.offset,
+            saturation_counts=hello.saturation_counts,
+            sign=segmenter.sign,
+            rate_hz=clock.rate_hz(pair.end.centre),
+            ac_coupled=hello.coupling == Coupling.AC,
+            index=self._revolutions,
+            start_s=clock.hub_us(pair.start.centre) * 1e-6,
+        )
+        self._revolutions += 1
+        end_us = clock.hub_us(pair.end.centre)
+        average = self._take_in(in_angle)
+        conditions = self._conditions(end_us)
+        estimates = tuple(
+            estimate for estimator in self._estimators for estimate in estimator.update(in_angle, average, conditions)
+        )
+        self._last = RevolutionResult(self.setup.position, host.host_ns(end_us), in_angle, conditions, estimates)
+        return self._last
+
+    def _take_in(self, revolution: Revolution) -> AngleAverage:
+        """Update the running average, or leave it alone when the revolution has faults."""
+        latest = self._average.latest
+        if revolution.faults:
+            self._rejected += 1
+            if latest is not None:
+                return latest
+        target = self._average if not revolution.faults else RunningAverage()
+        finite = np.isfinite(revolution.radial_mps2).all()
+        return target.update(
+            revolution.radial_mps2 if finite else np.zeros_like(revolution.radial_mps2),
+            revolution.orders_mps2,
+            revolution.omega_radps,
+            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+            edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
+            noise_mps2=revolution.noise_mps2,
+        )
+
+    def _reading(self, tick_us: float) -> Environment | None:
+        """The latest reading taken before `tick_us`."""
+        return next((reading for at, reading in reversed(self._environment) if at <= tick_us), None)
+
+    def _conditions(self, tick_us: float) -> Conditions:
+        reading = self._reading(tick_us)
+        pressure, temperature = self.setup.pressure_pa, self.setup.temperature_degc
+        if reading is not None:
+            pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
+            temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
+        return Conditions(
+            radius_m=self.setup.radius_m,
+            load_n=self.setup.load_n,
+            pressure_pa=pressure,
+            temperature_degc=temperature,
+            load_std_n=self.setup.load_std_n,
+            pressure_std_pa=self.setup.pressure_std_pa,
+        )
+
+    @property
+    def average_mps2(self) -> FloatArray | None:
+        """Running average of the radial axis, (n,), None before the first revolution."""
+        latest = self._average.latest
+        return latest.radial_mps2 if latest is not None else None
+
+    def snapshot(self) -> WheelSnapshot:
+        """Return the latest state for views."""
+        conditions = self._conditions(math.inf)
+        hello = self._axes.hello if self._axes is not None else None
+        state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
+        ring = self._ring
+        return WheelSnapshot(
+            position=self.setup.position,
+            sensor_id=f"{hello.sensor_id:08x}" if hello is not None else "",
+            rate_hz=hello.rate_hz if hello is not None else 0.0,
+            state=state,
+            last=self._last,
+            average_mps2=self.average_mps2,
+            pressure_pa=conditions.pressure_pa,
+            temperature_degc=conditions.temperature_degc,
+            load_n=conditions.load_n,
+            counters=WheelCounters(
+                samples=self._samples,
+                samples_lost=self._lost,
+                samples_saturated=self._saturated,
+                samples_overwritten=self._overwritten_before + (ring.overwritten if ring is not None else 0),
+                revolutions=self._revolutions,
+                revolutions_rejected=self._rejected,
+            ),
+        )

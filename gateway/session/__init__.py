@@ -1,0 +1,1 @@
+"""The composition root: sources, recorder, decoder, pipeline and views, put together."""

@@ -1,0 +1,224 @@
+"""The synchronous heart of a session: link items in, recording and results out. No threads, no clock."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import Frame, HubStatus, LogText, MessageType
+from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.errors import RecordingError
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
+from gateway.pipeline.core import Pipeline
+from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
+from gateway.pipeline.setup import WheelSetup
+from gateway.recording.writer import RecordingWriter
+from gateway.session.alarms import alarms
+from gateway.session.topics import log_level, message_topic, revolution_payload, waveform_payload
+
+_NOTICES: Final = 20
+_WAVEFORM_EVERY_NS: Final = 1_000_000_000
+
+Listener = Callable[[RevolutionResult], None]
+Notify = Callable[[str], None]
+
+
+@dataclass(slots=True)
+class _Link:
+    """What the session knows of one link."""
+
+    decoder: FrameDecoder = field(default_factory=FrameDecoder)
+    connected: bool = False
+    note: str = ""
+    bytes_received: int = 0
+    status: HubStatus | None = None
+    queue_dropped: Mapping[str, int] = field(default_factory=dict)
+
+
+class SessionCore:
+    """Records, decodes and estimates; one call per link item.
+
+    A recording that fails does not end the session: the user is told, and the estimates go on.
+    """
+
+    def __init__(
+        self,
+        vehicle: VehicleConfig | None,
+        *,
+        recorder: RecordingWriter | None = None,
+        estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+        on_result: Listener | None = None,
+        on_notice: Notify | None = None,
+    ) -> None:
+        """Put the parts together.
+
+        Args:
+            vehicle: configuration; None when nobody gave one, then the belt radius is assumed and told so.
+            recorder: an open recording, closed by `finish`.
+            estimators: names from the registry.
+            on_result: called for every completed revolution.
+            on_notice: called with everything the user should be told.
+        """
+        self._vehicle = vehicle
+        self.recorder = recorder
+        self.recording_fault: str | None = None
+        self._on_result = on_result
+        self._on_notice = on_notice
+        self._notices: deque[str] = deque(maxlen=_NOTICES)
+        self._links: dict[str, _Link] = {}
+        self._newest_ns = 0
+        self._waveform_due_ns: dict[str, int] = {}
+        unknown = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3)
+        self._pipeline = Pipeline(vehicle.wheel_setups() if vehicle is not None else (), unknown, estimators)
+        self._unconfigured: set[str] = set()
+        self._configured = {setup.position for setup in vehicle.wheel_setups()} if vehicle is not None else set()
+        self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
+        for notice in vehicle.notices() if vehicle is not None else ():
+            self.notify(notice)
+
+    def notify(self, text: str) -> None:
+        """Tell the user something, once, in plain words."""
+        self._notices.append(text)
+        if self._on_notice is not None:
+            self._on_notice(text)
+
+    def add_link(self, name: str) -> None:
+        """Show a link before its first item."""
+        self._links.setdefault(name, _Link())
+
+    def take(self, item: LinkItem) -> list[RevolutionResult]:
+        """Record an item, decode it and return the revolutions that it completes."""
+        self._record(lambda recorder: recorder.write(item))
+        self._newest_ns = max(self._newest_ns, item.host_ns)
+        if isinstance(item, LinkEvent):
+            self._event(item)
+            return []
+        link = self._links.setdefault(item.link, _Link())
+        if not link.connected:
+            link.connected, link.note = True, "connected"
+        link.bytes_received += len(item.data)
+        return self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
+
+    def _event(self, event: LinkEvent) -> None:
+        if event.kind is LinkEventKind.MARK:
+            self.notify(f"mark: {event.text}")
+            return
+        link = self._links.setdefault(event.link, _Link())
+        link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
+        if event.kind is not LinkEventKind.RETRYING or link.note != event.text:
+            self.notify(f"{event.link}: {event.text}" if event.text else f"{event.link}: {event.kind}")
+        link.note = event.text or str(event.kind)
+
+    def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
+        for frame in frames:
+            if frame.type != MessageType.SAMPLES:
+                self._slow(name, link, frame, host_ns)
+        return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
+
+    def _slow(self, name: str, link: _Link, frame: Frame, host_ns: int) -> None:
+        message = frame.message
+        if isinstance(message, HubStatus):
+            link.status = message
+        elif isinstance(message, LogText):
+            self.notify(f"hub {frame.hub} ({log_level(message)}): {message.text}")
+        if self.recorder is not None:
+            entry = message_topic(frame, self._pipeline.position(name, frame.hub, frame.wheel), name)
+            if entry is not None:
+                self._record(lambda recorder: recorder.write_topic(entry[0], host_ns, entry[1]))
+
+    def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
+        for result in results:
+            if result.position not in self._configured and result.position not in self._unconfigured:
+                self._unconfigured.add(result.position)
+                self.notify(
+                    f"{result.position} is not configured: belt radius {ASSUMED_RADIUS_MM:g} mm assumed, load unknown; "
+                    "give --config VEHICLE.toml"
+                )
+            if self.recorder is not None:
+                self._record_result(result, host_ns)
+            if self._on_result is not None:
+                self._on_result(result)
+        return results
+
+    def _record_result(self, result: RevolutionResult, host_ns: int) -> None:
+        base = f"/wheel/{result.position}"
+        self._record(lambda recorder: recorder.write_topic(f"{base}/revolution", host_ns, revolution_payload(result)))
+        if host_ns >= self._waveform_due_ns.get(base, 0):
+            self._waveform_due_ns[base] = host_ns + _WAVEFORM_EVERY_NS
+            average = self._pipeline.average_mps2(result.position)
+            if average is not None:
+                payload = waveform_payload(result, average)
+                self._record(lambda recorder: recorder.write_topic(f"{base}/waveform", host_ns, payload))
+
+    def _record(self, write: Callable[[RecordingWriter], None]) -> None:
+        if self.recorder is None:
+            return
+        try:
+            write(self.recorder)
+        except RecordingError as error:
+            self._stop_recording(error)
+
+    def _stop_recording(self, error: RecordingError) -> None:
+        recorder, self.recorder = self.recorder, None
+        self.recording_fault = str(error)
+        if recorder is not None:
+            self._recorded = (str(recorder.path), recorder.size_bytes)
+            with suppress(RecordingError):  # the first failure is the one the user needs
+                recorder.close()
+        self.notify(f"RECORDING STOPPED: {error} {error.remedy}".rstrip())
+
+    def tick(self, now_ns: int) -> None:
+        """Let the recording reach the disk though nothing arrives."""
+        self._record(lambda recorder: recorder.tick(now_ns))
+
+    def dropped(self, link: str, stages: Mapping[str, int]) -> None:
+        """Note what a stage before this one could not take."""
+        self._links.setdefault(link, _Link()).queue_dropped = stages
+
+    def finish(self) -> list[RevolutionResult]:
+        """End the session: complete what can be completed, close the recording."""
+        results: list[RevolutionResult] = []
+        for name, link in self._links.items():
+            results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
+        results += self._deliver(self._pipeline.finish(), self._newest_ns)
+        if self.recorder is not None:
+            self._record(lambda recorder: recorder.close())
+        if self.recorder is not None:
+            self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
+            self.recorder = None
+        return results
+
+    def snapshot(self, elapsed_s: float, *, ended: bool = False) -> SessionSnapshot:
+        """Return the latest of everything, immutable."""
+        wheels = self._pipeline.wheels()
+        links = tuple(self._link_snapshot(name, link) for name, link in self._links.items())
+        if self.recorder is not None:
+            self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
+        found = alarms(wheels, links, self._vehicle.thresholds) if self._vehicle is not None and not ended else ()
+        return SessionSnapshot(elapsed_s, wheels, links, found, tuple(self._notices), *self._recorded, ended)
+
+    def _link_snapshot(self, name: str, link: _Link) -> LinkSnapshot:
+        counters, status = link.decoder.counters, link.status
+        return LinkSnapshot(
+            link=name,
+            connected=link.connected,
+            note=link.note,
+            bytes_received=link.bytes_received,
+            frames=counters.frames,
+            crc_errors=counters.crc_errors,
+            noise_bytes=counters.noise_bytes,
+            frames_lost=counters.lost,
+            duplicates=counters.duplicates,
+            reordered=counters.reordered,
+            skipped=counters.unknown_type + counters.other_major + counters.newer_minor + counters.unknown_flags,
+            latency_s=self._pipeline.latency_s(name),
+            queue_dropped=dict(link.queue_dropped),
+            battery_percent=status.battery_percent if status is not None else None,
+            rssi_dbm=status.rssi_dbm if status is not None else None,
+            supply_w=status.supply_w if status is not None else None,
+        )

@@ -1,0 +1,218 @@
+"""A running session: one reader thread per source, one core thread, snapshots for the view."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Final
+
+from gateway.clock import Clock
+from gateway.errors import TreadlinkError
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.pipeline.results import RevolutionResult, SessionSnapshot
+from gateway.session.core import SessionCore
+
+# Chunks between the readers and the core: half a minute and more of any link.
+_QUEUE_ITEMS: Final = 8192
+# Results that a view has not fetched yet; the oldest are dropped and counted.
+_RESULT_ITEMS: Final = 8192
+_SNAPSHOT_EVERY_NS: Final = 100_000_000
+_IDLE_S: Final = 0.05
+_JOIN_S: Final = 5.0
+
+
+class LiveSession:
+    """Runs sources through a `SessionCore` in the background.
+
+    A device cannot wait, so a chunk of a link that finds the queue full is dropped and counted; a recording or the
+    simulator can, so it waits. Any thread that fails ends the session, and `check` raises its error.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        core: SessionCore,
+        clock: Clock,
+        *,
+        patient: Sequence[bool],
+    ) -> None:
+        """Prepare; `start` runs.
+
+        Args:
+            sources: opened sources.
+            core: the synchronous session.
+            clock: for snapshots' elapsed time and flushing.
+            patient: per source, True when it can wait for a full queue.
+        """
+        self._sources = list(sources)
+        self._patient = list(patient)
+        self._core = core
+        self._clock = clock
+        self._stop = threading.Event()
+        self._done = threading.Event()
+        self._items: queue.Queue[LinkItem] = queue.Queue(_QUEUE_ITEMS)
+        self._results: deque[RevolutionResult] = deque(maxlen=_RESULT_ITEMS)
+        self._results_lost = 0
+        self._notices: deque[str] = deque()
+        self._dropped: dict[str, Counter[str]] = {source.link: Counter() for source in sources}
+        self._failure: BaseException | None = None
+        self._reading = len(self._sources)
+        self._lock = threading.Lock()
+        self._start_ns = clock.now_ns()
+        for source in self._sources:
+            core.add_link(source.link)
+        self._snapshot = core.snapshot(0.0)
+        self._threads = [
+            threading.Thread(target=self._guard, args=(self._read, source, patient), name=f"read {source.link}")
+            for source, patient in zip(self._sources, self._patient, strict=True)
+        ]
+        self._threads.append(threading.Thread(target=self._guard, args=(self._run,), name="session"))
+
+    def start(self) -> None:
+        """Begin reading."""
+        for thread in self._threads:
+            thread.daemon = True
+            thread.start()
+
+    # what views use
+
+    def snapshot(self) -> SessionSnapshot:
+        """Return the latest snapshot, made ten times a second."""
+        return self._snapshot
+
+    def mark(self, text: str) -> None:
+        """Mark an event in the recording, with the time of now."""
+        with suppress(queue.Full):
+            self._items.put(LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text), timeout=1.0)
+
+    def request_stop(self) -> None:
+        """Ask the sources to end; what they delivered is still processed."""
+        self._stop.set()
+
+    def results(self) -> list[RevolutionResult]:
+        """Take the results that came since the last call."""
+        taken: list[RevolutionResult] = []
+        with suppress(IndexError):
+            while True:
+                taken.append(self._results.popleft())
+        return taken
+
+    def notices(self) -> list[str]:
+        """Take the notices that came since the last call."""
+        taken: list[str] = []
+        with suppress(IndexError):
+            while True:
+                taken.append(self._notices.popleft())
+        return taken
+
+    # callbacks of the core
+
+    def on_result(self, result: RevolutionResult) -> None:
+        """Keep a result for the view."""
+        if len(self._results) == _RESULT_ITEMS:
+            self._results_lost += 1
+        self._results.append(result)
+
+    def on_notice(self, text: str) -> None:
+        """Keep a notice for the view."""
+        self._notices.append(text)
+
+    # life
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for the end of the session; True when it has ended."""
+        return self._done.wait(timeout_s)
+
+    def close(self) -> SessionSnapshot:
+        """Stop, process what was delivered, finish the recording and return the last snapshot.
+
+        Raises:
+            TreadlinkError: a source or the session failed.
+        """
+        self._stop.set()
+        self._done.wait(_JOIN_S)
+        for source in self._sources:
+            source.close()
+        for thread in self._threads:
+            if thread.ident is not None:
+                thread.join(_JOIN_S)
+        self.check()
+        return self._snapshot
+
+    def check(self) -> None:
+        """Raise what a background thread failed of, if one did."""
+        failure = self._failure
+        if isinstance(failure, TreadlinkError):
+            raise failure
+        if failure is not None:
+            raise TreadlinkError(
+                f"the session ended by an internal error: {failure!r}",
+                "Please report it with the recording; what was recorded so far is safe.",
+            ) from failure
+
+    def _guard(self, target: Callable[..., None], *arguments: object) -> None:
+        try:
+            target(*arguments)
+        except BaseException as error:
+            if self._failure is None:
+                self._failure = error
+            self._stop.set()
+            if target == self._run:
+                self._done.set()
+
+    def _read(self, source: Source, patient: bool) -> None:
+        dropped = self._dropped[source.link]
+        try:
+            for item in source.items(self._stop):
+                self._offer(item, patient, dropped)
+        finally:
+            with self._lock:
+                self._reading -= 1
+
+    def _offer(self, item: LinkItem, patient: bool, dropped: Counter[str]) -> None:
+        if not patient and isinstance(item, Chunk):
+            try:
+                self._items.put_nowait(item)
+            except queue.Full:
+                dropped["chunks before recording"] += 1
+            return
+        while True:
+            try:
+                self._items.put(item, timeout=_IDLE_S)
+            except queue.Full:
+                if self._stop.is_set():
+                    return
+            else:
+                return
+
+    def _run(self) -> None:
+        due_ns = 0
+        while True:
+            try:
+                item = self._items.get(timeout=_IDLE_S)
+            except queue.Empty:
+                with self._lock:
+                    reading = self._reading
+                if not reading and self._items.empty():
+                    break
+            else:
+                self._core.take(item)
+            now_ns = self._clock.now_ns()
+            if now_ns >= due_ns:
+                due_ns = now_ns + _SNAPSHOT_EVERY_NS
+                self._core.tick(now_ns)
+                self._publish(now_ns, ended=False)
+        self._core.finish()
+        self._publish(self._clock.now_ns(), ended=True)
+        self._done.set()
+
+    def _publish(self, now_ns: int, *, ended: bool) -> None:
+        for link, stages in self._dropped.items():
+            if self._results_lost:
+                stages["view lines"] = self._results_lost
+            if stages:
+                self._core.dropped(link, dict(stages))
+        self._snapshot = self._core.snapshot((now_ns - self._start_ns) * 1e-9, ended=ended)

@@ -1,0 +1,100 @@
+"""Decoded results and messages as the JSON topics of a recording (fields: `gateway.recording.schemas`)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from firmware_protocol.messages import Environment, Frame, Hello, HubStatus, LogLevel, LogText
+from gateway.estimators.base import Estimate, FloatArray
+from gateway.pipeline.results import RevolutionResult
+
+# The waveform topic is for looking at, not for computing: the raw bytes beside it hold every sample.
+_WAVEFORM_POINTS: Final = 256
+
+
+def _finite(entries: dict[str, float | int | None]) -> dict[str, Any]:
+    """JSON knows no NaN; what is not known is left out."""
+    return {key: value for key, value in entries.items() if value is not None and math.isfinite(value)}
+
+
+def estimate_fields(estimate: Estimate) -> dict[str, Any]:
+    """Return an estimate as flat fields that plotting programs list side by side."""
+    name = estimate.name.replace("/", "_over_")
+    return {**_finite({name: estimate.value, f"{name}_std": estimate.std}), f"{name}_status": str(estimate.status)}
+
+
+def revolution_payload(result: RevolutionResult) -> dict[str, Any]:
+    """Return one row of results as flat numeric fields."""
+    revolution, conditions = result.revolution, result.conditions
+    payload = _finite(
+        {
+            "index": revolution.index,
+            "start_s": revolution.start_s,
+            "period_s": revolution.period_s,
+            "omega_radps": revolution.omega_radps,
+            "omega_dot_radps2": revolution.omega_dot_radps2,
+            "noise_mps2": revolution.noise_mps2,
+            "missing_fraction": revolution.missing_fraction,
+            "load_n": conditions.load_n,
+            "pressure_pa": conditions.pressure_pa,
+            "temperature_degc": conditions.temperature_degc,
+        }
+    )
+    for estimate in result.estimates:
+        payload.update(estimate_fields(estimate))
+    return payload
+
+
+def waveform_payload(result: RevolutionResult, average_mps2: FloatArray) -> dict[str, Any]:
+    """Return the last revolution against the running average, thinned for plotting."""
+    radial = result.revolution.radial_mps2
+    step = max(1, len(radial) // _WAVEFORM_POINTS)
+    theta = np.linspace(-math.pi, math.pi, len(radial), endpoint=False)
+
+    def thin(values: FloatArray, digits: int) -> list[float]:
+        return [round(value, digits) for value in np.nan_to_num(values[::step]).tolist()]
+
+    return {
+        "index": result.revolution.index,
+        "theta_rad": thin(theta, 4),
+        "radial_mps2": thin(radial, 2),
+        "average_mps2": thin(average_mps2, 2),
+    }
+
+
+def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str, Any]] | None:
+    """Return topic and payload of a slow message, None for those that are not recorded beside the bytes."""
+    message = frame.message
+    if isinstance(message, Environment):
+        return f"/wheel/{position}/environment", _finite(message._asdict())
+    if isinstance(message, HubStatus):
+        return f"/hub/{frame.hub}/status", _finite(message._asdict())
+    if isinstance(message, Hello):
+        return f"/hub/{frame.hub}/hello", {
+            "wheel": frame.wheel,
+            "protocol": f"{message.protocol_major}.{message.protocol_minor}",
+            "hub_id": f"{message.hub_id:016x}",
+            "sensor_id": f"{message.sensor_id:08x}",
+            "firmware": ".".join(map(str, message.firmware)),
+            "boot_count": message.boot_count,
+            "rate_hz": message.rate_hz,
+            "axes": message.axes,
+            "coupling": message.coupling.name.lower(),
+            "highpass_hz": message.highpass_hz,
+            "range_mps2": list(message.range_mps2),
+            "scale_mps2": list(message.scale_mps2),
+            "offset_counts": list(message.offset_counts),
+            "saturation_counts": message.saturation_counts,
+        }
+    if isinstance(message, LogText):
+        return "/log", {"level": log_level(message), "text": message.text, "hub": frame.hub, "link": link}
+    return None
+
+
+def log_level(message: LogText) -> str:
+    """Return the severity in words; a level that no version knows yet counts as info."""
+    known = {level.value: level.name.lower() for level in LogLevel}
+    return known.get(message.level, "info")
