@@ -27,14 +27,19 @@ from firmware_protocol.messages import (
 SAMPLE_DTYPE: Final = np.dtype("<i2")
 CHANNELS: Final = tuple(mask.bit_count() if 0 < mask <= wire.ALL_AXES else 0 for mask in range(256))
 """Number of channels per axis mask, 0 where the mask is invalid."""
-SAMPLE_SHAPES: Final = {
-    length << 16 | n << 8 | axes: (n, channels)
-    for axes, channels in enumerate(CHANNELS)
-    if channels
-    for n in range(1, 256)
-    if (length := wire.SAMPLES_HEADER_BYTES + SAMPLE_DTYPE.itemsize * channels * n) <= wire.MAX_PAYLOAD_BYTES
-}
-"""Shapes of the samples in every valid sample payload, by `length << 16 | n << 8 | axes`."""
+
+
+def _sample_layouts() -> tuple[tuple[int, tuple[int, int]], ...]:
+    layouts = [(-1, (0, 0))] * 0x10000
+    for axes, channels in enumerate(CHANNELS):
+        row_bytes = SAMPLE_DTYPE.itemsize * channels
+        for n in range(1, (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // row_bytes + 1 if row_bytes else 0):
+            layouts[n << 8 | axes] = (wire.SAMPLES_HEADER_BYTES + row_bytes * n, (n, channels))
+    return tuple(layouts)
+
+
+SAMPLE_LAYOUTS: Final = _sample_layouts()
+"""Payload length and shape of a sample block, by `n << 8 | axes`; length -1 where there is no such block."""
 
 _HEADER: Final = struct.Struct(wire.HEADER_FORMAT)
 _CRC: Final = struct.Struct("<I")
@@ -195,8 +200,8 @@ def _decode_samples(payload: bytes) -> SampleBlock:
     if len(payload) < wire.SAMPLES_HEADER_BYTES:
         _require_length("samples", payload, wire.SAMPLES_HEADER_BYTES)
     first_sample, axes, n = _SAMPLES.unpack_from(payload)
-    shape = SAMPLE_SHAPES.get(len(payload) << 16 | n << 8 | axes)
-    if shape is None:
+    length, shape = SAMPLE_LAYOUTS[n << 8 | axes]
+    if len(payload) != length:
         raise ValueError(f"samples payload has {len(payload)} bytes, axis mask {axes:#x} and {n} samples")
     counts: np.ndarray[tuple[int, int], np.dtype[np.int16]]
     counts = np.ndarray(shape, SAMPLE_DTYPE, payload, wire.SAMPLES_HEADER_BYTES)

@@ -10,7 +10,7 @@ from zlib import crc32
 import numpy as np
 
 from firmware_protocol import wire
-from firmware_protocol.codec import DECODERS, SAMPLE_DTYPE, SAMPLE_SHAPES, decode_payload
+from firmware_protocol.codec import DECODERS, SAMPLE_DTYPE, SAMPLE_LAYOUTS, decode_payload
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import Frame, Hello, Message, MessageType, SampleBlock
 from firmware_protocol.sequence import COUNTER_MASK
@@ -24,7 +24,10 @@ _SAMPLES: Final = int(MessageType.SAMPLES)
 _SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, _SAMPLES)), "little")
 _SAMPLES_OFFSET: Final = wire.HEADER_BYTES + wire.SAMPLES_HEADER_BYTES
 _SAMPLES_LEAST: Final = wire.OVERHEAD_BYTES + wire.SAMPLES_HEADER_BYTES
+_SYNC: Final = wire.SYNC
 _OVERHEAD: Final = wire.OVERHEAD_BYTES
+_MAX_FRAME: Final = wire.MAX_FRAME_BYTES
+_LENGTH_OFFSET: Final = wire.LENGTH_OFFSET
 _RESIDUE: Final = wire.CRC_RESIDUE
 _unpack_start: Final = _SAMPLES_START.unpack_from
 # What a named tuple's own constructor calls, at half the time.
@@ -65,19 +68,21 @@ class FrameDecoder:
         start = wanted = 0
         # Sample frames of a known source, back to back and in order, are settled here; `_step` knows everything else.
         while size - start >= _SAMPLES_LEAST:
-            word, length, key, flags, seq, tick_us, first_sample, axes_n = _unpack_start(buffer, start)
-            shape = SAMPLE_SHAPES.get(length << 16 | axes_n)
-            if word == _SAMPLES_WORD and shape is not None and not flags:
-                end = start + _OVERHEAD + length
-                if end > size:
-                    wanted = end - start
+            if size - start < _MAX_FRAME:
+                total = _OVERHEAD + buffer[start + _LENGTH_OFFSET]
+                if size - start < total <= _MAX_FRAME and buffer.startswith(_SYNC, start):
+                    wanted = total
                     break
+            word, length, key, flags, seq, tick_us, first_sample, axes_n = _unpack_start(buffer, start)
+            layout = SAMPLE_LAYOUTS[axes_n]
+            if word == _SAMPLES_WORD and length == layout[0] and not flags:
+                end = start + _OVERHEAD + length
                 if crc32(buffer[start:end]) == _RESIDUE:
                     source = sources.get(key)
                     if source is not None and seq == source.expected:
                         source.expected = seq + 1 & COUNTER_MASK
                         source.counters.frames += 1
-                        counts = _new_array(shape, SAMPLE_DTYPE, buffer, start + _SAMPLES_OFFSET)
+                        counts = _new_array(layout[1], SAMPLE_DTYPE, buffer, start + _SAMPLES_OFFSET)
                         block = _new_tuple(SampleBlock, (first_sample, axes_n & 0xFF, counts))
                         frames.append(_new_tuple(Frame, (_SAMPLES, key & 0xFF, key >> 8, seq, tick_us, block)))
                         start = end
