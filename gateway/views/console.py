@@ -34,25 +34,44 @@ class LiveSession(Protocol):
         ...
 
 
+class WheelBoard(Board):
+    """The board with the keys that switch wheels; they are the board's so that the mark's input keeps its own."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("tab,right,down", "app.switch(1)"),
+        Binding("shift+tab,left,up", "app.switch(-1)"),
+        *(Binding(str(number), f"app.select({number})") for number in range(1, 10)),
+    ]
+
+
+class MarkInput(Input):
+    """The line that takes the text of a mark; Tab stays in it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("tab,shift+tab", "ignore"),
+        Binding("escape", "app.leave"),
+    ]
+
+    def action_ignore(self) -> None:
+        """Keep the focus here."""
+
+
 class ConsoleApp(App[None]):
     """Shows one session until it ends, its time is up, or the user quits."""
 
     ENABLE_COMMAND_PALETTE = False
     CSS = """
     Screen { background: ansi_default; }
-    #mark { display: none; height: 1; border: none; padding: 0 1; background: ansi_default; }
+    MarkInput { display: none; height: 1; border: none; padding: 0 1; background: ansi_default; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("ctrl+c,ctrl+q", "quit_session", priority=True),
         Binding("q,Q", "quit_session"),
         Binding("space", "pause"),
         Binding("m", "mark"),
-        Binding("tab,right,down", "switch(1)", priority=True),
-        Binding("shift+tab,left,up", "switch(-1)", priority=True),
         Binding("z", "zoom"),
         Binding("question_mark", "help"),
-        Binding("escape", "leave", priority=True),
-        *(Binding(str(number), f"select({number})") for number in range(1, 9)),
+        Binding("escape", "leave"),
     ]
 
     def __init__(self, session: LiveSession, duration_s: float | None = None) -> None:
@@ -63,17 +82,18 @@ class ConsoleApp(App[None]):
         self._live = session.snapshot()
         self._frozen: SessionSnapshot | None = None
         self._mark_at_s = 0.0
+        self._leaving = False
         self.view = ViewState()
+        self._board = WheelBoard()
+        self._input = MarkInput(placeholder="text of the mark; Enter sets it, Escape drops it")
 
     def compose(self) -> ComposeResult:
         """Put the board on the screen and the mark's input, hidden, below it."""
-        yield Board()
-        yield Input(id="mark", placeholder="text of the mark; Enter sets it, Escape drops it")
+        yield self._board
+        yield self._input
 
     def on_mount(self) -> None:
         """Start drawing."""
-        self._board = self.query_one(Board)
-        self._input = self.query_one("#mark", Input)
         self._board.focus()
         self.set_interval(DRAW_INTERVAL_S, self._tick)
 
@@ -82,18 +102,22 @@ class ConsoleApp(App[None]):
         self.call_after_refresh(self._draw)
 
     def _tick(self) -> None:
+        if self._leaving:
+            return
         self._live = self._session.snapshot()
         time_is_up = self._duration_s is not None and self._live.elapsed_s >= self._duration_s
-        if self._live.ended or time_is_up:
+        self._leaving = self._live.ended or time_is_up
+        if self._leaving:
+            # The last thing on the screen is the last state, even when the view was paused.
             self._frozen, self.view.paused_at_s = None, None
         self._draw()
-        if self._live.ended or time_is_up:
+        if self._leaving:
             self._session.request_stop()
             self.call_after_refresh(self.exit)
 
     def _draw(self) -> None:
         size = self._board.size
-        self._board.show(compose(self._frozen or self._live, self.view, size.width, size.height))
+        self._board.show(compose(self._frozen or self._live, self.view, size.width, size.height, self._live))
 
     def action_quit_session(self) -> None:
         """Ask the session to stop and leave."""

@@ -46,12 +46,23 @@ def panel_grid(wheels: int, cells: int, height: int) -> tuple[int, int] | None:
     return None if best is None else best[1:]
 
 
-def compose(snapshot: SessionSnapshot, view: ViewState, cells: int, height: int) -> list[Row]:
-    """Return exactly `height` rows of exactly `cells` cells."""
+def compose(
+    snapshot: SessionSnapshot, view: ViewState, cells: int, height: int, live: SessionSnapshot | None = None
+) -> list[Row]:
+    """Return exactly `height` rows of exactly `cells` cells.
+
+    Args:
+        snapshot: what to show.
+        view: what the user has set.
+        cells: width of the terminal.
+        height: its number of rows.
+        live: while the view is paused, the present state: clock, recording and alarms never freeze.
+    """
+    live = live or snapshot
     alarm_rows = 2 if height < 30 else 4
     link_rows = 2 if height < 30 else 4
     notice_rows = 1 if height < 30 else 3 if height < 50 else 6
-    top = [status.header(snapshot, view.paused_at_s, cells), *status.alarms(snapshot.alarms, cells, alarm_rows)]
+    top = [status.header(live, view.paused_at_s, cells), *status.alarms(live.alarms, cells, alarm_rows)]
     bottom = [
         *status.links(snapshot.links, cells, link_rows),
         *status.overwritten_samples(snapshot.wheels, cells),

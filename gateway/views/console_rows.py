@@ -36,7 +36,7 @@ _ROLE_OF_INK: Final = {Ink.AXIS: Role.LABEL, Ink.LAST: Role.LAST, Ink.AVERAGE: R
 
 def row_width(row: Row) -> int:
     """Return the cells that a row takes."""
-    return sum(width(text) for text, _ in row)
+    return width("".join([text for text, _ in row]))
 
 
 def fit(row: Row, cells: int, fill: Role = Role.TEXT) -> Row:

@@ -24,7 +24,7 @@ _HELP: Final = (
     ("value ± error", "one standard error; no mark: valid"),
     ("~", "provisional: the reason stands below the numbers"),
     ("x  —", "invalid or unknown: the reason stands below the numbers"),
-    ("waveform", "radial acceleration; solid: last revolution, dots: running average"),
+    ("waveform", "radial axis; solid: last revolution, dots: running average"),
     ("▲", "leading and trailing contact edge; leading is negative"),
     ("overwritten", "data that arrived but was not processed in time"),
     ("lag", "delay of the newest samples against the fastest seen"),
@@ -109,7 +109,7 @@ def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:
     odd = {"noise": file_size(link.noise_bytes) if link.noise_bytes else 0}
     odd |= {"duplicate": link.duplicates, "reordered": link.reordered, "skipped": link.skipped}
     fields += [(f"{name} {value}", Role.LABEL) for name, value in odd.items() if value]
-    if link.connected and link.note:
+    if link.connected and link.note and link.note != "connected":
         fields.append((clean(link.note), Role.LABEL))
     return fill_while_fitting(start, fields, cells, "  " if wide else " ")
 
@@ -148,6 +148,6 @@ def keys(wheels: int, zoom: Zoom, paused: bool, cells: int) -> Row:
 
 def help_rows(cells: int, height: int) -> list[Row]:
     """The help page."""
-    rows: list[Row] = [(("Help: any key goes back", Role.TITLE),), ()]
+    rows: list[Row] = [(("Help: ? or Escape goes back", Role.TITLE),), ()]
     rows += [((f"{key:>17}  ", Role.VALUE), (text, Role.TEXT)) for key, text in _HELP]
     return [fit(rows[i] if i < len(rows) else (), cells) for i in range(height)]

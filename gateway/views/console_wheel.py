@@ -111,21 +111,23 @@ def _counters(wheel: WheelSnapshot) -> list[Run]:
     """What happened to the samples; what needs attention is marked as a warning."""
     c = wheel.counters
     lost = percent(c.samples_lost, c.samples + c.samples_lost)
-    return [
+    runs = [
         (f"lost {lost}", Role.WARNING if c.samples_lost else Role.LABEL),
         (f"overwritten {c.samples_overwritten}", Role.WARNING if c.samples_overwritten else Role.LABEL),
         (f"saturated {c.samples_saturated}", Role.WARNING if c.samples_saturated else Role.LABEL),
         (f"rejected {c.revolutions_rejected}", Role.LABEL),
-        (f"sensor {clean(wheel.sensor_id)}" if wheel.sensor_id else "no hello yet", Role.LABEL),
-        (f"{wheel.rate_hz:g} Hz", Role.LABEL),
     ]
+    if not wheel.sensor_id:
+        return [*runs, ("no hello yet", Role.LABEL)]
+    return [*runs, (f"sensor {clean(wheel.sensor_id)}", Role.LABEL), (f"{wheel.rate_hz:g} Hz", Role.LABEL)]
 
 
 def _legend(wheel: WheelSnapshot) -> Row:
     row = plot_row(LEGEND)
-    if wheel.last is None or wheel.average_mps2 is None:
+    last = wheel.last.revolution.radial_mps2 if wheel.last is not None else None
+    if last is None or wheel.average_mps2 is None or last.shape != wheel.average_mps2.shape:
         return row
-    difference = wheel.last.revolution.radial_mps2 - wheel.average_mps2
+    difference = last - wheel.average_mps2
     rms = math.sqrt(float(np.mean(difference * difference)))
     return (*row, (f"  difference {fixed(rms, 1)} m/s² rms", Role.LABEL))
 

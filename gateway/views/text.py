@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from functools import lru_cache
+from typing import Final
 
-ELLIPSIS = "…"
+ELLIPSIS: Final = "…"
+
+# Anything but ASCII, Latin, a few dashes, arrows, box drawing and braille has to be looked up character by character.
+_NOT_PLAIN: Final = re.compile(r"[^ -~\xa0-\xac\xae-\u02ff\u2010-\u2026\u2190-\u21ff\u2500-\u25bf\u2800-\u28ff]")
 
 
 @lru_cache(maxsize=1024)
@@ -17,7 +22,9 @@ def _cells(character: str) -> int:
 
 def width(text: str) -> int:
     """Return how many terminal cells `text` takes."""
-    return len(text) if text.isascii() else sum(map(_cells, text))
+    if text.isascii() or not _NOT_PLAIN.search(text):
+        return len(text)
+    return sum(map(_cells, text))
 
 
 def clean(text: str) -> str:

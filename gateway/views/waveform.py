@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import Enum
+from functools import lru_cache
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -70,24 +71,31 @@ def nice_scale(low: float, high: float, ticks: int) -> _Scale:
     return _Scale(grain * math.floor(low / grain + 1e-9), grain * math.ceil(high / grain - 1e-9), step)
 
 
+@lru_cache(maxsize=16)
+def _grid(n: int, half_range_rad: float, columns: int) -> tuple[FloatArray, FloatArray, int]:
+    """Return where to read a curve of n samples, in samples, the samples' numbers, and the readings a dot column."""
+    per_column = max(1, math.ceil(n * half_range_rad / (math.pi * columns)))
+    angle = np.linspace(-half_range_rad, half_range_rad, columns * per_column)
+    return (angle + math.pi) * (n / (2.0 * math.pi)), np.arange(n + 1.0), per_column
+
+
 def _columns(curve: FloatArray, half_range_rad: float, columns: int) -> tuple[FloatArray, FloatArray]:
     """Return the least and greatest value of the curve within each dot column; NaN where there is none."""
-    n = len(curve)
-    per_column = max(1, math.ceil(n * half_range_rad / (math.pi * columns)))
-    points = columns * per_column
-    angle = np.linspace(-half_range_rad, half_range_rad, points)
+    grid, samples, per_column = _grid(len(curve), half_range_rad, columns)
+    curve = np.where(np.isfinite(curve), curve, np.nan)
     # The curve is periodic: its first sample, at -pi, is its last as well.
-    grid = (angle + math.pi) * (n / (2.0 * math.pi))
-    values = np.interp(grid, np.arange(n + 1), np.append(curve, curve[0])).reshape(columns, per_column)
+    values = np.interp(grid, samples, np.append(curve, curve[0])).reshape(columns, per_column)
     return np.fmin.reduce(values, axis=1), np.fmax.reduce(values, axis=1)
 
 
 def _dots(low: FloatArray, high: FloatArray, scale: _Scale, rows: int, joined: bool) -> NDArray[np.bool_]:
     """Return which dots (rows from the top x columns) a curve covers; `joined` closes jumps between columns."""
     per_unit = (rows - 1) / (scale.high - scale.low)
-    # NaN columns become an empty range below the plot.
-    top = np.nan_to_num((scale.high - high) * per_unit, nan=2.0 * rows).round().astype(np.intp)
-    bottom = np.nan_to_num((scale.high - low) * per_unit, nan=-1.0).round().astype(np.intp)
+    unknown = np.isnan(low)
+    top, bottom = (scale.high - high) * per_unit, (scale.high - low) * per_unit
+    # Columns without a value become an empty range below the plot.
+    top[unknown], bottom[unknown] = 2.0 * rows, -1.0
+    top, bottom = np.rint(top).astype(np.intp), np.rint(bottom).astype(np.intp)
     if joined:
         gap_up, gap_down = top[:-1] - 1, bottom[:-1] + 1
         drawn = (bottom >= top)[:-1] & (bottom >= top)[1:]
@@ -118,7 +126,8 @@ def _tick_labels(scale: _Scale, rows: int) -> dict[int, str]:
     for k in range(math.ceil(scale.low / scale.step - 1e-9), math.floor(scale.high / scale.step + 1e-9) + 1):
         value = k * scale.step
         row = round((scale.high - value) / (scale.high - scale.low) * (4 * rows - 1)) // 4
-        labels[row] = f"{value + 0.0:.{decimals}f}"
+        label = f"{value + 0.0:.{decimals}f}"
+        labels[row] = label if len(label) < _GUTTER else f"{value:.0e}"
     return labels
 
 
@@ -175,8 +184,8 @@ def draw_waveform(
         for curve in (last, average)
     ]
     # Zero, what a sensor reads inside the contact, is always on the scale.
-    low = min([0.0, *(float(np.fmin.reduce(r[0])) for r in ranges if r is not None and np.isfinite(r[0]).any())])
-    high = max([0.0, *(float(np.fmax.reduce(r[1])) for r in ranges if r is not None and np.isfinite(r[1]).any())])
+    low = min([0.0, *(float(np.fmin.reduce(r[0])) for r in ranges if r is not None and not np.isnan(r[0]).all())])
+    high = max([0.0, *(float(np.fmax.reduce(r[1])) for r in ranges if r is not None and not np.isnan(r[1]).all())])
     scale = nice_scale(low, high, max(2, plot_rows // 2))
     bits = []
     for curve_range, joined in zip(ranges, (True, False), strict=True):
