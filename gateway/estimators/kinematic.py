@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Final
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
-from gateway.signal.contact import EDGE_MODEL_STD_RAD
 
 NAMES: Final = ("speed_mps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m")
 
@@ -34,9 +33,9 @@ class KinematicEstimator:
     ) -> tuple[Estimate, ...]:
         """Return speed_mps, leading_edge_rad, trailing_edge_rad and contact_length_m of this revolution.
 
-        The standard error of the speed is that of the timing of two contacts, each midway between two edges; an error
-        of the belt radius comes on top and scales speed and contact length alike. Contact length is the material
-        length R (trailing - leading). Never raises on values.
+        The standard error of the speed is that of the timing of the two contacts; an error of the belt radius comes on
+        top and scales speed and contact length alike. Contact length is the material length R (trailing - leading).
+        Never raises on values.
         """
         return tuple(self._estimates(revolution, conditions))
 
@@ -45,11 +44,8 @@ class KinematicEstimator:
         leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
         leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
         status, reason = _condition(revolution)
-        # The contact is passed twice, at either end, each time at the mean of two edges; what the edges' definition is
-        # off by is the same both times and cancels.
-        timing = math.hypot(_noise(leading_std), _noise(trailing_std)) / (2.0 * math.pi) * math.sqrt(0.5)
         speed = radius * revolution.omega_radps
-        yield _estimate(NAMES[0], speed, speed * timing, status, reason)
+        yield _estimate(NAMES[0], speed, speed * revolution.period_std_s / revolution.period_s, status, reason)
         yield _estimate(NAMES[1], leading, leading_std, status, reason)
         yield _estimate(NAMES[2], trailing, trailing_std, status, reason)
         # The two edges' definition may be off the same way: the errors add without cancelling.
@@ -72,8 +68,3 @@ def _condition(revolution: Revolution) -> tuple[Status, str]:
         reasons.append(f"{revolution.missing_fraction:.1%} of the samples lost")
     reasons = list(dict.fromkeys(reasons))
     return (Status.PROVISIONAL, ", ".join(reasons)) if reasons else (Status.VALID, "")
-
-
-def _noise(std_rad: float) -> float:
-    """Return the part of an edge's error that differs between contacts."""
-    return math.sqrt(max(0.0, std_rad**2 - EDGE_MODEL_STD_RAD**2))

@@ -2,8 +2,8 @@
 
 It is what the paper describes, not the best that the signal allows: on the geometrically exact ring its numbers are off
 by tens of percent, because a loaded belt is not a linear ring and contact pressure is not uniform. The equations, what
-was repaired and the measured errors are in docs/ring-paper-estimator.md. Its standard errors cover noise, the fit's residual, load,
-pressure and contact angle; they do not cover that model error.
+was repaired and the measured errors are in docs/ring-paper-estimator.md. Its standard errors cover noise, the fit's
+residual, load, pressure and contact angle; they do not cover that model error.
 """
 
 from __future__ import annotations

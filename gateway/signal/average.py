@@ -151,7 +151,9 @@ class RunningAverage:
         # the noise's own estimate is the better one.
         variance = 0.5 * (self._cosine.variance() + self._sine.variance())
         variance[0] *= 2.0
-        variance = np.where(self._order_counts >= 3.0, variance, self._order_noise)
+        noise = np.full(ORDER_COUNT, self._order_noise)
+        noise[0] *= 0.5
+        variance = np.where(self._order_counts >= 3.0, variance, noise)
         orders_std = np.where(seen, np.sqrt(variance * self._cosine.weight_square) * square, math.nan)
         edges, edges_std = np.full(2, math.nan), np.full(2, math.nan)
         if self._edges.count:

@@ -1,0 +1,175 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.signal.average import AngleAverage, RunningAverage
+from gateway.signal.contact import EDGE_MODEL_STD_RAD
+from gateway.signal.orders import ORDER_COUNT, order_coefficients
+from gateway.signal.resample import angle_grid
+
+SHAPE = 1000.0 * (1.0 - np.exp(-((angle_grid() / 0.25) ** 4)))
+
+
+def feed(
+    average: RunningAverage,
+    wave: np.ndarray,
+    omega: float = 50.0,
+    edges: tuple[float, float] = (-0.25, 0.25),
+    order_max: int = 60,
+    noise: float = 2.0,
+) -> AngleAverage:
+    return average.update(
+        wave,
+        order_coefficients(wave, order_max),
+        omega,
+        edges_rad=edges,
+        edges_std_rad=(0.006, 0.006),
+        noise_mps2=noise,
+    )
+
+
+def waves(count: int, noise: float = 2.0, seed: int = 3) -> list[np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return [SHAPE + rng.normal(size=1024) * noise for _ in range(count)]
+
+
+def test_plain_mean_until_the_horizon_is_full() -> None:
+    data = waves(20)
+    average = RunningAverage(horizon_revolutions=20)
+    for wave in data:
+        result = feed(average, wave)
+    np.testing.assert_allclose(result.radial_mps2, np.mean(data, axis=0), atol=1e-9)
+    np.testing.assert_allclose(result.scatter_mps2, np.std(data, axis=0, ddof=1), rtol=1e-9)
+    assert result.count == 20
+    assert result.effective_count == pytest.approx(20.0)
+    np.testing.assert_allclose(result.orders_mps2, order_coefficients(np.mean(data, axis=0)), atol=1e-9)
+
+
+def test_then_exponential_with_the_stated_effective_count() -> None:
+    horizon = 10.0
+    average = RunningAverage(horizon)
+    for wave in waves(300):
+        result = feed(average, wave)
+    assert result.effective_count == pytest.approx(2.0 * horizon - 1.0, rel=1e-3)
+    # A changed tire shows after a few horizons.
+    for wave in waves(60):
+        result = feed(average, 0.5 * wave)
+    np.testing.assert_allclose(result.radial_mps2, 0.5 * SHAPE, atol=4.0)
+
+
+@settings(max_examples=20, deadline=None)
+@given(speeds=st.lists(st.floats(5.0, 300.0), min_size=2, max_size=12))
+def test_revolutions_at_any_speed_share_one_shape(speeds: list[float]) -> None:
+    average = RunningAverage()
+    for omega in speeds:
+        result = feed(average, SHAPE * omega**2, omega)
+    np.testing.assert_allclose(result.radial_mps2, SHAPE * speeds[-1] ** 2, rtol=1e-9, atol=1e-6)
+    assert result.omega_radps == speeds[-1]
+    assert np.abs(result.scatter_mps2).max() < 1e-5 * speeds[-1] ** 2
+
+
+@pytest.mark.parametrize("count", [2, 10, 60])
+def test_standard_errors_are_the_scatter_of_the_average(count: int) -> None:
+    means, stated, level, level_stated = [], [], [], []
+    for seed in range(60):
+        average = RunningAverage(horizon_revolutions=20)
+        for wave in waves(count, seed=seed):
+            result = feed(average, wave)
+        means.append(result.orders_mps2[1:].real)
+        stated.append(np.mean(result.orders_std_mps2[1:] ** 2))
+        level.append(result.orders_mps2[0].real)
+        level_stated.append(result.orders_std_mps2[0] ** 2)
+    assert math.sqrt(np.mean(stated)) == pytest.approx(float(np.mean(np.std(means, axis=0))), rel=0.1)
+    assert math.sqrt(np.mean(level_stated)) == pytest.approx(float(np.std(level)), rel=0.4)
+
+
+def test_first_revolution_rests_on_its_noise() -> None:
+    result = feed(RunningAverage(), waves(1)[0], noise=2.0)
+    assert result.effective_count == 1.0
+    assert np.isnan(result.scatter_mps2).all()
+    np.testing.assert_allclose(result.orders_std_mps2[1:], 2.0 * math.sqrt(2.0 / 1024.0), rtol=1e-9)
+
+
+def test_orders_that_a_fast_revolution_does_not_carry_keep_their_average() -> None:
+    average = RunningAverage()
+    feed(average, SHAPE, order_max=60)
+    both = feed(average, SHAPE * 4.0, omega=100.0, order_max=30)
+    np.testing.assert_allclose(both.orders_mps2, order_coefficients(SHAPE * 4.0), atol=1e-6)
+    only_fast = feed(RunningAverage(), SHAPE, order_max=30)
+    assert np.isfinite(only_fast.orders_mps2[:31]).all()
+    assert np.isnan(only_fast.orders_mps2[31:]).all()
+    assert np.isnan(only_fast.orders_std_mps2[31:]).all()
+    assert len(only_fast.orders_mps2) == ORDER_COUNT
+
+
+def test_mean_edges_never_beat_their_definition() -> None:
+    rng = np.random.default_rng(8)
+    average = RunningAverage()
+    for wave in waves(100):
+        leading, trailing = rng.normal(0.0, 0.004, 2)
+        result = feed(average, wave, edges=(-0.25 + leading, 0.26 + trailing))
+    assert result.leading_edge_rad == pytest.approx(-0.25, abs=0.002)
+    assert result.trailing_edge_rad == pytest.approx(0.26, abs=0.002)
+    assert EDGE_MODEL_STD_RAD < result.trailing_edge_std_rad < 1.02 * EDGE_MODEL_STD_RAD
+    noisy = [feed(RunningAverage(), SHAPE).leading_edge_std_rad, result.leading_edge_std_rad]
+    assert noisy[0] == pytest.approx(0.006)
+    assert noisy[0] > noisy[1]
+
+
+def test_revolution_without_edges_leaves_the_mean_edges_alone() -> None:
+    average = RunningAverage()
+    missing = feed(average, SHAPE, edges=(math.nan, math.nan))
+    assert math.isnan(missing.leading_edge_rad)
+    assert math.isnan(missing.leading_edge_std_rad)
+    feed(average, SHAPE)
+    assert feed(average, SHAPE, edges=(math.nan, 0.3)).trailing_edge_rad == pytest.approx(0.25)
+
+
+def test_results_handed_out_do_not_change_later() -> None:
+    average = RunningAverage()
+    data = waves(4)
+    first = feed(average, data[0])
+    second = feed(average, data[1])
+    kept = second.radial_mps2.copy(), second.orders_mps2.copy(), second.scatter_mps2.copy(), first.radial_mps2.copy()
+    feed(average, data[2])
+    feed(average, data[3])
+    for before, after in zip(
+        kept, (second.radial_mps2, second.orders_mps2, second.scatter_mps2, first.radial_mps2), strict=True
+    ):
+        np.testing.assert_array_equal(before, after)
+
+
+def test_reset_and_replay_give_the_same_bits() -> None:
+    average = RunningAverage(5)
+    assert average.latest is None
+    first = [feed(average, wave) for wave in waves(12)][-1]
+    assert average.latest is first
+    average.reset()
+    assert average.latest is None
+    second = [feed(average, wave) for wave in waves(12)][-1]
+    np.testing.assert_array_equal(first.radial_mps2, second.radial_mps2)
+    np.testing.assert_array_equal(first.orders_std_mps2, second.orders_std_mps2)
+    assert first.leading_edge_rad == second.leading_edge_rad
+
+
+@pytest.mark.parametrize(
+    ("wave", "omega"),
+    [(np.full(1024, np.nan), 50.0), (np.zeros(512), 50.0), (SHAPE, 0.0), (SHAPE, math.nan), (SHAPE, -3.0)],
+)
+def test_bad_revolutions_are_refused_and_change_nothing(wave: np.ndarray, omega: float) -> None:
+    average = RunningAverage()
+    before = feed(average, SHAPE)
+    with pytest.raises(ValueError, match="average"):
+        feed(average, wave, omega)
+    assert average.latest is before
+    assert feed(average, SHAPE).count == 2
+
+
+def test_horizon_below_one_is_refused() -> None:
+    with pytest.raises(ValueError, match="horizon"):
+        RunningAverage(0.5)

@@ -1,0 +1,169 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.signal.contact import EDGE_MODEL_STD_RAD, contact_interior, edge_offset, find_contact_edges
+from gateway.signal.normalise import normalise_radial
+from gateway.signal.resample import angle_grid, fit_phase, resample_revolution
+from tests.exact_ring_data import BASE_RING, omega_at, on_grid, sampled, solution
+
+MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+
+
+def clean_wave(load_n: float = 5000.0, **others: object) -> np.ndarray:
+    return omega_at(65.0) ** 2 * on_grid(solution(load_n, **others).sensor.radial_m)
+
+
+@pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
+@pytest.mark.parametrize("pressure_pa", [1.7e5, 2.5e5])
+def test_edges_of_the_exact_ring(load_n: float, pressure_pa: float) -> None:
+    truth = solution(load_n, pressure_pa)
+    edges = find_contact_edges(clean_wave(load_n, pressure_pa=pressure_pa), 1069.0)
+    assert edges.found
+    # Ring and tread as in the paper: well inside the spread that unknown treads have.
+    assert edges.leading_rad == pytest.approx(truth.leading_edge_rad, abs=1.2 * EDGE_MODEL_STD_RAD)
+    assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=1.2 * EDGE_MODEL_STD_RAD)
+    assert edges.trailing_std_rad >= EDGE_MODEL_STD_RAD
+    assert edges.baseline_mps2 == pytest.approx(omega_at(65.0) ** 2 * 0.32, rel=0.02)
+
+
+@pytest.mark.parametrize("tread", [2e7, 2e8])
+@pytest.mark.parametrize("load_n", [3500.0, 8000.0])
+def test_unknown_tread_stays_within_the_stated_spread(tread: float, load_n: float) -> None:
+    ring = replace(BASE_RING, tread_stiffness_npm2=tread)
+    truth = solution(load_n, ring=ring)
+    edges = find_contact_edges(clean_wave(load_n, ring=ring), 1069.0)
+    error = abs(edges.trailing_rad - truth.trailing_edge_rad)
+    assert 0.5 * EDGE_MODEL_STD_RAD < error < 4.0 * EDGE_MODEL_STD_RAD
+
+
+def test_damped_tread_shifts_the_edges_the_right_way() -> None:
+    ring = replace(BASE_RING, tread_damping_nspm2=2e4)
+    truth = solution(ring=ring)
+    edges = find_contact_edges(clean_wave(ring=ring), 1069.0)
+    assert truth.contact_centre_rad < -0.002
+    assert edges.leading_rad == pytest.approx(truth.leading_edge_rad, abs=1.5 * EDGE_MODEL_STD_RAD)
+    assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=1.5 * EDGE_MODEL_STD_RAD)
+
+
+@settings(max_examples=25, deadline=None)
+@given(constant=st.floats(-5e3, 5e3), gain=st.floats(0.01, 100.0))
+def test_coupling_and_gain_do_not_move_the_edges(constant: float, gain: float) -> None:
+    wave = clean_wave()
+    reference = find_contact_edges(wave, 1069.0, 0.1)
+    edges = find_contact_edges(gain * wave + constant, 1069.0, 0.1 * gain)
+    assert edges.leading_rad == pytest.approx(reference.leading_rad, abs=1e-6)
+    assert edges.trailing_rad == pytest.approx(reference.trailing_rad, abs=1e-6)
+    assert edges.contrast == pytest.approx(reference.contrast, rel=1e-6)
+
+
+def test_running_backwards_swaps_the_edges() -> None:
+    wave = clean_wave(ring=replace(BASE_RING, tread_damping_nspm2=2e4))
+    forward = find_contact_edges(wave, 1069.0, 0.1)
+    mirrored = find_contact_edges(np.roll(wave[::-1], 1), 1069.0, 0.1)
+    assert mirrored.leading_rad == pytest.approx(-forward.trailing_rad, abs=1e-9)
+    assert mirrored.trailing_rad == pytest.approx(-forward.leading_rad, abs=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(shift=st.floats(-0.08, 0.08))
+def test_edges_follow_a_shift_of_the_contact_centre(shift: float) -> None:
+    spectrum = np.fft.rfft(clean_wave())
+    spectrum *= np.exp(-1j * np.arange(513) * shift)
+    wave = np.fft.irfft(spectrum, n=1024)
+    reference = find_contact_edges(clean_wave(), 1069.0, 0.1)
+    edges = find_contact_edges(wave, 1069.0, 0.1)
+    assert edges.leading_rad == pytest.approx(reference.leading_rad + shift, abs=2e-4)
+    assert edges.trailing_rad == pytest.approx(reference.trailing_rad + shift, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "speed_kmh", "noise_mps2"),
+    [
+        (9600.0, 65.0, 3.4),  # 5 mg/rtHz
+        (9600.0, 10.0, 3.4),
+        (2000.0, 65.0, 1.55),
+        (2000.0, 120.0, 1.55),
+        (2000.0, 250.0, 1.55),
+        (25600.0, 80.0, 16.6),  # 15 mg/rtHz
+    ],
+)
+@pytest.mark.parametrize("ac_coupled", [False, True])
+def test_edges_through_the_whole_chain(rate_hz: float, speed_kmh: float, noise_mps2: float, ac_coupled: bool) -> None:
+    truth = solution()
+    errors = []
+    for seed in range(6):
+        samples, contacts = sampled(truth, rate_hz, speed_kmh, noise_mps2=noise_mps2, seed=seed)
+        radial = samples[:, 1:] - (samples[:, 1:].mean() if ac_coupled else 0.0)
+        phase = fit_phase(contacts[1], contacts[2], contacts[0])
+        wave = normalise_radial(resample_revolution(radial, phase)[0], phase, ac_coupled=ac_coupled).radial_mps2
+        edges = find_contact_edges(wave, phase.samples)
+        assert edges.found, edges.reason
+        for found, true, std in (
+            (edges.leading_rad, truth.leading_edge_rad, edges.leading_std_rad),
+            (edges.trailing_rad, truth.trailing_edge_rad, edges.trailing_std_rad),
+        ):
+            errors.append((found - true) / std)
+    assert float(np.sqrt(np.mean(np.square(errors)))) < 1.5
+    assert float(np.abs(errors).max()) < 4.0
+
+
+@pytest.mark.parametrize(("speed_kmh", "noise_mps2"), [(65.0, 10.0), (20.0, 5.0)])
+def test_noise_part_of_the_standard_error_is_the_scatter(speed_kmh: float, noise_mps2: float) -> None:
+    rng = np.random.default_rng(11)
+    wave = (omega_at(speed_kmh) / omega_at(65.0)) ** 2 * clean_wave()
+    found = [find_contact_edges(wave + rng.normal(size=1024) * noise_mps2, 1024.0) for _ in range(300)]
+    scatter = np.std([edges.leading_rad for edges in found])
+    stated = np.mean([edges.leading_noise_std_rad for edges in found])
+    assert stated == pytest.approx(scatter, rel=0.2)
+
+
+def test_fewer_orders_make_the_edge_less_certain() -> None:
+    widths = [15.0, 20.0, 30.0, 40.0]
+    spreads = [edge_offset(width)[1] for width in widths]
+    assert spreads == sorted(spreads, reverse=True)
+
+
+@pytest.mark.parametrize("kind", ["flat", "noise", "nan", "bump", "tone"])
+def test_no_contact_is_said_not_invented(kind: str) -> None:
+    theta = angle_grid(1024)
+    wave = {
+        "flat": np.full(1024, 12.0),
+        "noise": np.random.default_rng(1).normal(size=1024),
+        "nan": np.where(theta > 1.0, np.nan, clean_wave()),
+        "bump": np.exp(-((theta / 0.2) ** 2)),
+        "tone": np.cos(theta),
+    }[kind]
+    edges = find_contact_edges(wave, 1024.0)
+    assert not edges.found
+    assert edges.reason
+    assert math.isnan(edges.leading_rad)
+    assert math.isnan(edges.trailing_std_rad)
+    assert contact_interior(wave, 1024.0) is None
+
+
+def test_measured_tire() -> None:
+    if not MEASURED.exists():
+        pytest.skip("the measured recording is not kept with the project")
+    radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3] * 9.80665
+    # Contact centres midway between the half-level crossings, read off the recording.
+    contacts = [2528.5, 4803.5, 7076.5, 9344.5, 11610.5]
+    halves = []
+    for start, end in zip(contacts, contacts[1:], strict=False):
+        phase = fit_phase(start, end)
+        wave = normalise_radial(resample_revolution(radial[:, np.newaxis], phase)[0], phase, ac_coupled=True)
+        edges = find_contact_edges(wave.radial_mps2, phase.samples)
+        assert edges.found
+        # 152.7 g from contact to baseline, as counted by hand in the study.
+        assert edges.baseline_mps2 - edges.plateau_mps2 == pytest.approx(152.7 * 9.80665, rel=0.03)
+        halves.append(0.5 * (edges.trailing_rad - edges.leading_rad))
+    # The half-level crossings are 20.9 degrees apart; the edges lie outside them.
+    assert all(math.radians(20.9) / 2.0 < half < math.radians(20.9) / 2.0 + 0.05 for half in halves)
+    assert np.std(halves) < 0.01
