@@ -19,7 +19,7 @@ POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
 
 
 class Vehicle(Section):
-    """`[vehicle]`: what the wheels belong to; `assumed` names the keys that nobody measured or stated."""
+    """`[vehicle]`: what the wheels belong to; `assumed` tells in words what nobody measured or stated."""
 
     name: str = ""
     assumed: tuple[str, ...] = Field(default=(), strict=False)
@@ -228,8 +228,8 @@ class VehicleConfig(Section):
         )
 
     def notices(self) -> tuple[str, ...]:
-        """Return one line for each key that was assumed, for the user to read."""
-        return tuple(f"{key} is assumed, not measured: results rest on it" for key in self.vehicle.assumed)
+        """Return one line for each thing that was assumed, for the user to read."""
+        return tuple(f"assumed, not measured: {text}" for text in self.vehicle.assumed)
 
     def to_toml(self) -> str:
         """Return the configuration as TOML that reads back equal, defaults written out."""
@@ -242,7 +242,7 @@ def default_vehicle(wheels: Sequence[tuple[int, int]]) -> VehicleConfig:
     The belt radius is assumed to be 0.32 m and told so by `notices()`; load and pressure stay unknown.
     """
     return VehicleConfig(
-        vehicle=Vehicle(assumed=(f"tire.radius_mm = {ASSUMED_RADIUS_MM:g}",)),
+        vehicle=Vehicle(assumed=(f"tire.radius_mm = {ASSUMED_RADIUS_MM:g} (no configuration states it)",)),
         tire=Tire(radius_mm=ASSUMED_RADIUS_MM),
         wheel=tuple(Wheel(position=f"hub{hub}.wheel{wheel}", hub=hub, wheel=wheel) for hub, wheel in wheels),
     )

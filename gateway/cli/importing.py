@@ -1,0 +1,78 @@
+"""`treadlink import`: a foreign measurement becomes a recording."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+if TYPE_CHECKING:
+    from gateway.importing.importer import ImportReport
+
+_PROGRESS_FROM_BYTES: Final = 4_000_000
+
+
+@click.command("import")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--map",
+    "map_path",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="MAP.toml",
+    help="What the columns mean; docs/importing.md shows how to write one.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="REC.mcap",
+    help="The recording, or a folder for it.  [default: name of FILE with .mcap, in the current folder]",
+)
+def import_(file: Path, map_path: Path, out: Path | None) -> None:
+    """Turn a CSV, MAT or Parquet measurement into a recording that replays like any other."""
+    from gateway.importing.import_map import load_map
+    from gateway.importing.importer import import_file
+
+    import_map = load_map(map_path)
+    with _progress(file) as progress:
+        report = import_file(file, import_map, out or Path(f"{file.stem}.mcap"), progress)
+    for line in report_lines(report):
+        click.echo(line)
+
+
+def report_lines(report: ImportReport) -> list[str]:
+    """Return what an import did, for a terminal."""
+    skipped = f", {report.skipped} before the start left out" if report.skipped else ""
+    jitter = "" if report.jitter_s is None else f", by the time column (steps within {report.jitter_s * 1e6:.2g} us)"
+    lines = [
+        f"{report.samples} samples{skipped}, {report.duration_s:.6g} s at {report.rate_hz:.8g} Hz{jitter}",
+        f"wheel {report.position}; range and quantisation in m/s^2:",
+    ]
+    lines += [
+        f"  {axis.axis.name.lower():<16}{axis.low_mps2:>10.2f} to {axis.high_mps2:>9.2f}"
+        f"   step {axis.step_mps2:.3g}, largest error {axis.error_mps2:.3g}"
+        for axis in report.axes
+    ]
+    if report.environment_frames:
+        lines.append(f"{report.environment_frames} messages of pressure or temperature")
+    lines += [f"assumed: {text}" for text in report.assumed]
+    lines += [
+        f"recording: {report.recording} ({report.size_bytes / 1e6:.3g} MB)",
+        f"next: treadlink estimate {report.recording}, or treadlink replay {report.recording}",
+    ]
+    return lines
+
+
+@contextlib.contextmanager
+def _progress(file: Path) -> Iterator[Callable[[float], None]]:
+    """Yield a function that draws a bar for big files on a terminal, and does nothing otherwise."""
+    big = file.is_file() and file.stat().st_size >= _PROGRESS_FROM_BYTES
+    if not big or not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    with click.progressbar(length=1000, label="importing", file=sys.stderr) as bar:
+        yield lambda share: bar.update(round(share * 1000) - bar.pos)

@@ -1,0 +1,178 @@
+"""A measurement as the frames that a hub would have sent, in chunks as a link would have delivered them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol import wire
+from firmware_protocol.codec import encode_frame
+from firmware_protocol.messages import Environment, Frame, Hello, Message, MessageType, SampleBlock
+from gateway.errors import ImportDataError
+from gateway.importing.import_map import PRESSURE_UNITS_PA, ImportMap
+from gateway.importing.scan import Scan
+
+CHUNK_S: Final = 0.01
+NEVER_SATURATED_COUNTS: Final = wire.MAX_SATURATION_COUNTS
+FULL_SCALE_COUNTS: Final = 32766
+"""Counts of a stated full scale, at and above which samples are saturated."""
+_ZERO_MPS2: Final = 1e-12  # an axis that never exceeds it is dead; its scale must still be a number
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantiser:
+    """Turns columns into counts.
+
+    Attributes:
+        offsets: (axes,) in the columns' units.
+        factors_mps2: (axes,) m/s^2 per unit, sign included.
+        scale_mps2: (axes,) m/s^2 per count, exactly as the hello carries it.
+        saturation_counts: as in the hello.
+    """
+
+    offsets: FloatArray
+    factors_mps2: FloatArray
+    scale_mps2: FloatArray
+    saturation_counts: int
+
+    @staticmethod
+    def of(import_map: ImportMap, found: Scan) -> Quantiser:
+        """Return the quantiser whose range each axis just fills, or that a stated full scale demands."""
+        axes = import_map.axis.present()
+        stated = any(column.full_scale is not None for column in axes.values())
+        top_counts = FULL_SCALE_COUNTS - 1 if stated else 32767
+        scales = []
+        for axis, column in axes.items():
+            peak_mps2 = max(abs(found.low_mps2[axis]), abs(found.high_mps2[axis]))
+            if column.full_scale_mps2 is not None:
+                scales.append(column.full_scale_mps2 / FULL_SCALE_COUNTS)
+            else:
+                scales.append((peak_mps2 if peak_mps2 > _ZERO_MPS2 else 1.0) / top_counts)
+        return Quantiser(
+            offsets=np.array([column.offset for column in axes.values()]),
+            factors_mps2=np.array([column.factor_mps2 for column in axes.values()]),
+            scale_mps2=np.array(scales, dtype=np.float32).astype(np.float64),
+            saturation_counts=FULL_SCALE_COUNTS if stated else NEVER_SATURATED_COUNTS,
+        )
+
+    def counts(self, columns: FloatArray) -> tuple[NDArray[np.int16], FloatArray]:
+        """Return (n, axes) counts, and the (axes,) largest quantisation error of unclipped samples in m/s^2."""
+        values_mps2 = (columns - self.offsets) * self.factors_mps2
+        rounded = np.rint(values_mps2 / self.scale_mps2)
+        clipped = np.clip(rounded, -32767, 32767)
+        errors_mps2 = np.where(clipped == rounded, np.abs(clipped * self.scale_mps2 - values_mps2), 0.0)
+        return clipped.astype(np.int16), errors_mps2.max(axis=0)
+
+
+class FrameStream:
+    """Builds frames from blocks of rows; what does not fill a frame waits for the next block."""
+
+    def __init__(self, import_map: ImportMap, found: Scan, quantiser: Quantiser) -> None:
+        """Take what the hello says, from the map and the first pass."""
+        axes = import_map.axis.present()
+        self._mask = sum(1 << axis for axis in axes)
+        self._rate_hz = found.rate_hz
+        self._hello = _hello(import_map, found, quantiser)
+        self._block_samples = (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // (2 * len(axes))
+        self._chunk_samples = max(1, round(CHUNK_S * found.rate_hz / self._block_samples)) * self._block_samples
+        self._pressure_pa = PRESSURE_UNITS_PA[import_map.environment.pressure_unit]
+        self._counts = np.empty((0, len(axes)), dtype=np.int16)
+        self._slow = np.empty((0, 2))
+        self._sample = 0
+        self._seq = 0
+        self._next_hello = 0
+        self._next_environment = 0
+        self.environment_frames = 0
+
+    @property
+    def end_s(self) -> float:
+        """Time of the end of the last sample handed out, from the first sample on."""
+        return self._sample / self._rate_hz
+
+    def chunks(
+        self, counts: NDArray[np.int16], slow: FloatArray, *, last: bool = False
+    ) -> Iterator[tuple[float, bytes]]:
+        """Yield (end of its last sample in s, bytes) of each chunk that is complete; all that is left when `last`.
+
+        Args:
+            counts: (n, axes) samples.
+            slow: (n, 2) pressure in the map's unit and temperature in degC, NaN where not measured.
+            last: no more samples will come.
+        """
+        self._counts = np.concatenate((self._counts, counts))
+        self._slow = np.concatenate((self._slow, slow))
+        done, total = 0, len(self._counts)
+        while total - done >= self._chunk_samples or (last and done < total):
+            stop = min(done + self._chunk_samples, total)
+            data = self._chunk(self._counts[done:stop], self._slow[done:stop])
+            done = stop
+            yield self.end_s, data
+        # Copies: a view would keep the whole block alive.
+        self._counts, self._slow = self._counts[done:].copy(), self._slow[done:].copy()
+
+    def _chunk(self, counts: NDArray[np.int16], slow: FloatArray) -> bytes:
+        parts = []
+        if self._sample >= self._next_hello:
+            parts.append(self._frame(MessageType.HELLO, self._hello))
+            self._next_hello = self._sample + round(wire.HELLO_PERIOD_S * self._rate_hz)
+        if self._sample >= self._next_environment and (environment := self._environment(slow)):
+            parts.append(self._frame(MessageType.ENVIRONMENT, environment))
+            self.environment_frames += 1
+            self._next_environment = self._sample + round(wire.ENVIRONMENT_PERIOD_S * self._rate_hz)
+        for first in range(0, len(counts), self._block_samples):
+            block = counts[first : first + self._block_samples]
+            samples = SampleBlock(self._sample & 0xFFFF_FFFF, self._mask, block)
+            parts.append(self._frame(MessageType.SAMPLES, samples))
+            self._sample += len(block)
+        return b"".join(parts)
+
+    def _frame(self, kind: MessageType, message: Message) -> bytes:
+        tick_us = round(self._sample * 1e6 / self._rate_hz) & 0xFFFF_FFFF
+        frame = Frame(kind, 0, 0, self._seq & 0xFFFF_FFFF, tick_us, message)
+        self._seq += 1
+        try:
+            return encode_frame(frame)
+        except ValueError as error:
+            raise ImportDataError(
+                f"at {self.end_s:.3f} s a value does not fit the protocol: {error}", "Check that column and its unit."
+            ) from error
+
+    def _environment(self, slow: FloatArray) -> Environment | None:
+        """Return the mean over a chunk of what was measured, None when nothing was."""
+        pressure, temperature = (
+            float(known.mean()) if len(known := column[np.isfinite(column)]) else None for column in slow.T
+        )
+        if pressure is None and temperature is None:
+            return None
+        return Environment(None if pressure is None else pressure * self._pressure_pa, temperature, None)
+
+
+def _hello(import_map: ImportMap, found: Scan, quantiser: Quantiser) -> Hello:
+    axes = import_map.axis.present()
+    scales, ranges = [0.0] * 3, [0.0] * 3
+    for axis, scale_mps2 in zip(axes, quantiser.scale_mps2.tolist(), strict=True):
+        scales[axis] = scale_mps2
+        ranges[axis] = scale_mps2 * min(quantiser.saturation_counts, 32767)
+    sensor = import_map.sensor
+    return Hello(
+        protocol_major=wire.VERSION_MAJOR,
+        protocol_minor=wire.VERSION_MINOR,
+        hub_id=0,
+        sensor_id=int(sensor.sensor_id or "0", 16),
+        firmware=(0, 0, 0),
+        boot_count=1,
+        rate_hz=found.rate_hz,
+        axes=sum(1 << axis for axis in axes),
+        coupling=sensor.protocol_coupling,
+        highpass_hz=sensor.highpass_hz,
+        range_mps2=(ranges[0], ranges[1], ranges[2]),
+        scale_mps2=(scales[0], scales[1], scales[2]),
+        offset_counts=(0.0, 0.0, 0.0),
+        saturation_counts=quantiser.saturation_counts,
+    )

@@ -1,0 +1,169 @@
+"""Import a measurement: scan it, turn it into frames, write them as a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import Axis
+from gateway.errors import RecordingError
+from gateway.importing.columns import Block, ColumnReader, open_columns, require_columns
+from gateway.importing.frames import FrameStream, Quantiser
+from gateway.importing.import_map import ImportMap
+from gateway.importing.scan import Scan, scan
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind
+from gateway.recording.writer import RecordingWriter
+
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisReport:
+    """One imported axis.
+
+    Attributes:
+        axis: which.
+        low_mps2: smallest value, protocol direction.
+        high_mps2: largest value.
+        step_mps2: quantisation step.
+        error_mps2: largest quantisation error that occurred.
+    """
+
+    axis: Axis
+    low_mps2: float
+    high_mps2: float
+    step_mps2: float
+    error_mps2: float
+
+
+@dataclass(frozen=True, slots=True)
+class ImportReport:
+    """What an import did.
+
+    Attributes:
+        recording: the new file.
+        size_bytes: its size.
+        position: wheel position in it.
+        samples: imported.
+        skipped: rows left out before the start.
+        rate_hz: sampling rate.
+        duration_s: samples over rate.
+        jitter_s: of the time column, None without one.
+        axes: in the protocol's order.
+        environment_frames: pressure and temperature messages.
+        assumed: what results rest on though nobody measured it.
+    """
+
+    recording: Path
+    size_bytes: int
+    position: str
+    samples: int
+    skipped: int
+    rate_hz: float
+    duration_s: float
+    jitter_s: float | None
+    axes: tuple[AxisReport, ...]
+    environment_frames: int
+    assumed: tuple[str, ...]
+
+
+def import_file(
+    path: Path, import_map: ImportMap, out: Path, progress: Callable[[float], None] = lambda _: None
+) -> ImportReport:
+    """Import `path` into the new recording `out`, reading it twice with flat memory.
+
+    Args:
+        path: measurement.
+        import_map: what its columns mean.
+        out: the recording, never overwritten; or a folder, where it gets a name from its start time.
+        progress: told the share done, 0 to 1.
+
+    Raises:
+        ImportDataError: the measurement does not match the map; nothing was written.
+        RecordingError: the recording exists or cannot be written.
+    """
+    if out.is_file():
+        # The writer would refuse too, but only after the first pass.
+        raise RecordingError(
+            f"{out} exists already", "Choose another name with --out; recordings are never overwritten."
+        )
+    reader = open_columns(path, import_map.file)
+    require_columns(reader, path, import_map.columns())
+    found = scan(path, reader, import_map, lambda share: progress(0.5 * share))
+    quantiser = Quantiser.of(import_map, found)
+    stream = FrameStream(import_map, found, quantiser)
+    start_ns, when_assumed = _start_ns(path, import_map)
+    link = f"import:{path.name}"
+    writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=import_map.vehicle().to_toml(), sources=(link,))
+    try:
+        writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}"))
+        errors_mps2 = np.zeros(len(quantiser.scale_mps2))
+        for columns, slow, share in _selected(reader, import_map, found):
+            progress(0.5 + 0.5 * share)
+            counts, block_errors_mps2 = quantiser.counts(columns)
+            errors_mps2 = np.maximum(errors_mps2, block_errors_mps2)
+            for end_s, data in stream.chunks(counts, slow):
+                writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
+        nothing = np.empty((0, len(quantiser.scale_mps2)), dtype=np.int16)
+        for end_s, data in stream.chunks(nothing, np.empty((0, 2)), last=True):
+            writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
+        end_ns = start_ns + round(stream.end_s * 1e9)
+        writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED, "end of the file"))
+        writer.close()
+    except BaseException:
+        # Half an import is worth nothing: the measurement is still there.
+        writer.close()
+        writer.path.unlink(missing_ok=True)
+        raise
+    axes = tuple(
+        AxisReport(axis, found.low_mps2[axis], found.high_mps2[axis], float(step), float(error))
+        for axis, step, error in zip(import_map.axis.present(), quantiser.scale_mps2, errors_mps2, strict=True)
+    )
+    return ImportReport(
+        recording=writer.path,
+        size_bytes=writer.path.stat().st_size,
+        position=import_map.conditions.position,
+        samples=found.samples,
+        skipped=found.skipped,
+        rate_hz=found.rate_hz,
+        duration_s=found.samples / found.rate_hz,
+        jitter_s=found.jitter_s,
+        axes=axes,
+        environment_frames=stream.environment_frames,
+        assumed=(*import_map.assumptions(), *when_assumed),
+    )
+
+
+def _selected(
+    reader: ColumnReader, import_map: ImportMap, found: Scan
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64], float]]:
+    """Yield (axis columns, pressure and temperature columns, progress) from the first row to keep on."""
+    names = import_map.columns()
+    use = [names.index(column.column) for column in import_map.axis.present().values()]
+    measured = (import_map.environment.pressure_column, import_map.environment.temperature_column)
+    for block in reader.blocks(names):
+        kept = _rows_to_keep(block, found.skipped)
+        if not len(kept):
+            continue
+        slow = np.full((len(kept), 2), np.nan)
+        for k, name in enumerate(measured):
+            if name is not None:
+                slow[:, k] = kept[:, names.index(name)]
+        yield kept[:, use], slow, block.progress
+
+
+def _rows_to_keep(block: Block, skipped: int) -> NDArray[np.float64]:
+    return block.values[max(skipped - block.first_row, 0) :]
+
+
+def _start_ns(path: Path, import_map: ImportMap) -> tuple[int, tuple[str, ...]]:
+    stated = import_map.sampling.start_utc
+    if stated is None:
+        return path.stat().st_mtime_ns, ("start time: the date of the file (the map states no start_utc)",)
+    return (stated - _EPOCH) // timedelta(microseconds=1) * 1000, ()

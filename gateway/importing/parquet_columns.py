@@ -1,0 +1,68 @@
+"""Columns of a Parquet file, read in batches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gateway.errors import ImportDataError
+from gateway.importing.columns import BLOCK_ROWS, Block
+from gateway.importing.import_map import FileLayout
+
+
+class ParquetColumns:
+    """Reads Parquet with pyarrow, which is an optional package."""
+
+    def __init__(self, path: Path, layout: FileLayout) -> None:  # noqa: ARG002 - the readers' common signature
+        """Read the schema.
+
+        Raises:
+            ImportDataError: pyarrow is missing, or the file is not Parquet.
+            OSError: the file cannot be read.
+        """
+        try:
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+        except ImportError as error:
+            raise ImportDataError(
+                f"{path}: Parquet needs the package pyarrow", "Install it: pip install 'treadlink[parquet]'"
+            ) from error
+        self._path = path
+        if path.stat().st_size == 0:
+            raise ImportDataError(f"{path} is empty", "Check the file.")
+        try:
+            self._file = pq.ParquetFile(path)
+        except pa.ArrowInvalid as error:
+            raise ImportDataError(f"{path} is not a Parquet file: {error}", "Check the file and its format.") from error
+        self._types = {field.name: field.type for field in self._file.schema_arrow}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of the schema."""
+        return tuple(self._types)
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named columns; an empty cell is NaN."""
+        import pyarrow as pa
+
+        for name in names:
+            kind = self._types[name]
+            if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+                raise ImportDataError(
+                    f"{self._path}: column '{name}' holds {kind}, not numbers", "Convert it before importing."
+                )
+        total = max(self._file.metadata.num_rows, 1)
+        row = 0
+        for batch in self._file.iter_batches(batch_size=BLOCK_ROWS, columns=list(names)):
+            # By name: a batch has its columns in the order of the file.
+            columns = [batch.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False) for name in names]
+            values = np.column_stack(columns)
+            yield Block(
+                row,
+                values,
+                lambda k, row=row: f"row {row + k + 1}",  # type: ignore[misc]
+                min((row + len(values)) / total, 1.0),
+            )
+            row += len(values)

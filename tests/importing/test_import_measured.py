@@ -1,0 +1,54 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from firmware_protocol.messages import Coupling
+from gateway.cli.importing import import_
+from gateway.config.load import parse_vehicle
+from gateway.importing.import_map import STANDARD_GRAVITY_MPS2, load_map
+from tests.importing.measurements import Decoded
+
+ROOT = Path(__file__).parents[2]
+MAP = ROOT / "examples" / "innerliner_drum_80kmh.map.toml"
+MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+
+
+def test_the_committed_map_is_valid() -> None:
+    import_map = load_map(MAP)
+    assert import_map.columns() == ("x_g", "y_g", "z_g")
+    assert any("20000 Hz" in text for text in import_map.assumed)
+    (setup,) = import_map.vehicle().wheel_setups()
+    assert (setup.load_n, setup.pressure_pa) == (None, None)
+
+
+def test_the_measured_recording_comes_through(tmp_path: Path) -> None:
+    if not MEASURED.exists():
+        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+    out = tmp_path / "drum.mcap"
+    result = CliRunner().invoke(import_, [str(MEASURED), "--map", str(MAP), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    assert "13000 samples, 0.507812 s at 25600 Hz" in result.output
+    assert "assumed: rate 25600 Hz" in result.output
+    decoded = Decoded(out)
+    assert decoded.hello.coupling is Coupling.AC
+    assert decoded.counters.crc_errors == 0
+    data = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 1:] * [-1.0, 1.0, 1.0] * STANDARD_GRAVITY_MPS2
+    error = np.abs(decoded.samples_mps2 - data).max(axis=0)
+    assert (error <= 0.5 * np.array(decoded.hello.scale_mps2) * (1 + 1e-9)).all()
+    assert decoded.vehicle_toml is not None
+    assert parse_vehicle(decoded.vehicle_toml, "recording").wheel_setups()[0].position == "drum"
+
+
+def test_the_sign_of_the_circumferential_axis_fits_a_sensor_below_the_neutral_layer() -> None:
+    """A sensor e below the neutral layer reads -(e/R) ds/dtheta along the rotation: the map must turn x so."""
+    if not MEASURED.exists():
+        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+    x, _, z = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 1:].T
+    axis = load_map(MAP).axis.circumferential
+    assert axis is not None
+    smooth = np.hanning(41) / np.hanning(41).sum()
+    slope = np.gradient(np.convolve(z, smooth, "same"))
+    along = axis.sign * np.convolve(x, smooth, "same")
+    assert np.corrcoef(along[50:-50], slope[50:-50])[0, 1] < -0.5

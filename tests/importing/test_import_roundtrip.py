@@ -1,0 +1,240 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_protocol.messages import Axis, Coupling
+from gateway.config.load import parse_vehicle
+from gateway.errors import ImportDataError, RecordingError
+from gateway.importing.columns import BLOCK_ROWS
+from gateway.importing.import_map import STANDARD_GRAVITY_MPS2, parse_map
+from gateway.importing.importer import ImportReport, import_file
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind
+from tests.importing.measurements import Decoded, FloatArray, simple_map, waveform, write_csv
+
+
+def imported(path: Path, map_text: str) -> tuple[ImportReport, Decoded]:
+    out = path.with_suffix(".mcap")
+    report = import_file(path, parse_map(map_text, "test.map.toml"), out)
+    return report, Decoded(report.recording)
+
+
+def check_round_trip(decoded: Decoded, expected_mps2: FloatArray) -> None:
+    """Equal within half a quantisation step, and not by a coarse step."""
+    assert decoded.samples_mps2.shape == expected_mps2.shape
+    steps = [decoded.hello.scale_mps2[axis] for axis in range(3) if decoded.hello.axes >> axis & 1]
+    for channel, step in enumerate(steps):
+        error = np.abs(decoded.samples_mps2[:, channel] - expected_mps2[:, channel]).max()
+        assert error <= 0.5 * step * (1 + 1e-9)
+        assert step == pytest.approx(np.abs(expected_mps2[:, channel]).max() / 32767, rel=1e-6)
+
+
+def test_csv(tmp_path: Path) -> None:
+    data = waveform(5000)
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", data.T, strict=True)))
+    report, decoded = imported(path, simple_map())
+    check_round_trip(decoded, data * STANDARD_GRAVITY_MPS2)
+    assert (report.samples, report.skipped, report.rate_hz) == (5000, 0, 10000.0)
+    assert report.duration_s == pytest.approx(0.5)
+    assert decoded.hello.rate_hz == 10000.0
+    assert decoded.hello.coupling is Coupling.DC
+    for axis in report.axes:
+        assert 0 < axis.error_mps2 <= 0.5 * axis.step_mps2 * (1 + 1e-9)
+        assert axis.high_mps2 == pytest.approx(data[:, axis.axis].max() * STANDARD_GRAVITY_MPS2)
+
+
+def test_csv_longer_than_a_block_is_one_unbroken_stream(tmp_path: Path) -> None:
+    count = BLOCK_ROWS + 1001
+    values = np.sin(np.arange(count) * 0.01)
+    path = write_csv(tmp_path / "run.csv", {"z": values})
+    text = simple_map(**{"axis.circumferential": "", "axis.lateral": ""})
+    _, decoded = imported(path, text)
+    check_round_trip(decoded, values[:, None] * STANDARD_GRAVITY_MPS2)
+    firsts = [block.message.first_sample for block in decoded.blocks]  # type: ignore[union-attr]
+    lengths = [len(block.message.counts) for block in decoded.blocks]  # type: ignore[union-attr]
+    assert firsts == [0, *np.cumsum(lengths)[:-1]]
+    assert [frame.seq for frame in decoded.frames] == list(range(len(decoded.frames)))
+    ticks_us = np.array([block.tick_us for block in decoded.blocks])
+    assert np.abs(ticks_us - np.array(firsts) * 100.0).max() <= 0.5
+    assert decoded.counters.crc_errors == 0
+    assert decoded.counters.noise_bytes == 0
+
+
+def test_chunks_arrive_as_fast_as_the_samples_were_taken(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", waveform(4000).T, strict=True)))
+    text = simple_map(sampling="rate_hz = 10000\nstart_utc = 2014-05-01T12:00:00Z")
+    report, decoded = imported(path, text)
+    start_ns = 1_398_945_600_000_000_000
+    assert not any("start time" in text for text in report.assumed)
+    first, *chunks, last = decoded.items
+    assert isinstance(first, LinkEvent)
+    assert (first.kind, first.host_ns, first.link) == (LinkEventKind.CONNECTED, start_ns, "import:run.csv")
+    assert isinstance(last, LinkEvent)
+    assert (last.kind, last.host_ns) == (LinkEventKind.ENDED, start_ns + 400_000_000)
+    arrivals_s = np.array([chunk.host_ns - start_ns for chunk in chunks]) * 1e-9
+    assert all(isinstance(chunk, Chunk) for chunk in chunks)
+    assert np.allclose(np.diff(arrivals_s)[:-1], 0.0108)  # three frames of 36 samples
+    assert arrivals_s[-1] == pytest.approx(0.4)
+
+
+def test_units_sign_and_offset(tmp_path: Path) -> None:
+    data = waveform(300)
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", data.T, strict=True)))
+    text = simple_map(
+        **{
+            "axis.circumferential": 'column = "x"\nunit = "mps2"\nsign = -1',
+            "axis.lateral": 'column = "y"\nunit = "mg"',
+            "axis.radial": 'column = "z"\nunit = "m/s^2"\noffset = 2.5',
+        }
+    )
+    _, decoded = imported(path, text)
+    check_round_trip(decoded, np.column_stack((-data[:, 0], data[:, 1] * 9.80665e-3, data[:, 2] - 2.5)))
+
+
+def test_stated_full_scale_marks_saturated_samples(tmp_path: Path) -> None:
+    values = np.array([0.0, 99.0, 100.0, 130.0, -100.0, 5.0])
+    path = write_csv(tmp_path / "run.csv", {"x": values, "z": values})
+    text = simple_map(
+        **{
+            "axis.circumferential": 'column = "x"\nunit = "g"',
+            "axis.lateral": "",
+            "axis.radial": 'column = "z"\nunit = "g"\nfull_scale = 100',
+        }
+    )
+    _, decoded = imported(path, text)
+    saturated = np.abs(decoded.counts.astype(int)) >= decoded.hello.saturation_counts
+    assert saturated[:, 1].tolist() == [False, False, True, True, True, False]
+    assert not saturated[:, 0].any()
+    assert decoded.hello.range_mps2[Axis.RADIAL] == pytest.approx(100 * STANDARD_GRAVITY_MPS2)
+
+
+def test_without_full_scale_nothing_is_saturated(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", waveform(100).T, strict=True)))
+    _, decoded = imported(path, simple_map())
+    assert np.abs(decoded.counts.astype(int)).max() == 32767
+    assert decoded.hello.saturation_counts > 32767
+
+
+def test_a_dead_axis_is_carried_as_zero(tmp_path: Path) -> None:
+    data = waveform(100)
+    path = write_csv(tmp_path / "run.csv", {"x": data[:, 0], "y": np.zeros(100), "z": data[:, 2]})
+    _, decoded = imported(path, simple_map())
+    assert not decoded.samples_mps2[:, 1].any()
+
+
+def test_conditions_travel_as_configuration(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", waveform(100).T, strict=True)))
+    text = 'assumed = ["the rate"]\n' + simple_map(
+        conditions='position = "RL"\nload_n = 4000\nload_std_n = 40\npressure_kpa = 220\ntire = "205/55R16"',
+        sensor='coupling = "AC"\nhighpass_hz = 0.5\nsensor_id = "a1"',
+    )
+    report, decoded = imported(path, text)
+    assert decoded.vehicle_toml is not None
+    (setup,) = parse_vehicle(decoded.vehicle_toml, "recording").wheel_setups()
+    assert (setup.position, setup.hub, setup.wheel) == ("RL", 0, 0)
+    assert (setup.load_n, setup.load_std_n, setup.pressure_pa) == (4000.0, 40.0, 220_000.0)
+    assert setup.radius_m == pytest.approx(0.32)
+    assert any("320 mm" in text for text in report.assumed)
+    assert "the rate" in report.assumed
+    assert parse_vehicle(decoded.vehicle_toml, "recording").notices()
+    assert (decoded.hello.coupling, decoded.hello.highpass_hz, decoded.hello.sensor_id) == (Coupling.AC, 0.5, 0xA1)
+    assert decoded.environments == []
+
+
+def test_measured_pressure_and_temperature_become_messages(tmp_path: Path) -> None:
+    data = waveform(25_000)
+    pressure_bar = np.linspace(2.1, 2.2, 25_000)
+    temperature = np.full(25_000, 31.25)
+    columns = {**dict(zip("xyz", data.T, strict=True)), "p": pressure_bar, "T": temperature}
+    path = write_csv(tmp_path / "run.csv", columns)
+    section = 'pressure_column = "p"\npressure_unit = "bar"\ntemperature_column = "T"'
+    report, decoded = imported(path, simple_map(environment=section))
+    assert report.environment_frames == len(decoded.environments) == 3  # at 0, 1 and 2 s
+    for second, message in enumerate(decoded.environments):
+        assert message.temperature_degc == pytest.approx(31.25)
+        # Mean of a chunk of 108 samples, plus at most one chunk of delay.
+        assert message.pressure_pa == pytest.approx(np.interp(second * 1e4, [0, 24_999], [2.1e5, 2.2e5]), abs=150 * 0.4)
+    check_round_trip(decoded, data * STANDARD_GRAVITY_MPS2)
+
+
+def test_time_column_gives_the_rate_and_the_start(tmp_path: Path) -> None:
+    data = waveform(3000)
+    rng = np.random.default_rng(5)
+    times_ms = 7000.0 + (np.arange(3000) + rng.uniform(-0.1, 0.1, 3000)) / 8.0
+    path = write_csv(tmp_path / "run.csv", {"t": times_ms, **dict(zip("xyz", data.T, strict=True))})
+    text = simple_map(sampling='time_column = "t"\ntime_unit = "ms"\nstart_s = 0.1')
+    report, decoded = imported(path, text)
+    assert report.rate_hz == pytest.approx(8000.0, rel=1e-4)
+    assert report.jitter_s == pytest.approx(0.2 / 8000.0, rel=0.1)
+    assert report.skipped == pytest.approx(800, abs=1)
+    check_round_trip(decoded, data[report.skipped :] * STANDARD_GRAVITY_MPS2)
+
+
+def test_start_is_left_out_by_the_stated_rate(tmp_path: Path) -> None:
+    data = waveform(3000)
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", data.T, strict=True)))
+    report, decoded = imported(path, simple_map(sampling="rate_hz = 10000\nstart_s = 0.1"))
+    assert (report.skipped, report.samples) == (1000, 2000)
+    check_round_trip(decoded, data[1000:] * STANDARD_GRAVITY_MPS2)
+
+
+@pytest.mark.parametrize("kind", ["matrix", "struct"])
+def test_mat(tmp_path: Path, kind: str) -> None:
+    scipy_io = pytest.importorskip("scipy.io")
+    data = waveform(4000)
+    path = tmp_path / "run.mat"
+    content = {"data": data} if kind == "matrix" else {"run": {"acc": data, "note": "text"}}
+    scipy_io.savemat(path, content)
+    name = "data" if kind == "matrix" else "run.acc"
+    text = simple_map(
+        **{
+            "axis.circumferential": f'column = "{name}(:,1)"\nunit = "g"',
+            "axis.lateral": "",
+            "axis.radial": f'column = "{name}(:,3)"\nunit = "g"',
+        }
+    )
+    _, decoded = imported(path, text)
+    assert decoded.hello.axes == 0b101
+    check_round_trip(decoded, data[:, [0, 2]] * STANDARD_GRAVITY_MPS2)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32", "int32"])
+def test_parquet(tmp_path: Path, dtype: str) -> None:
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    data = (waveform(BLOCK_ROWS + 500) * 100).astype(dtype)
+    path = tmp_path / "run.parquet"
+    # Not in the order of the map, and in row groups that do not match the blocks.
+    pq.write_table(pa.table({name: data[:, k] for k, name in enumerate("xyz")}).select(["z", "x", "y"]), path, 10_000)
+    _, decoded = imported(path, simple_map())
+    check_round_trip(decoded, data.astype(np.float64) * STANDARD_GRAVITY_MPS2)
+
+
+def test_a_recording_is_never_overwritten(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", waveform(100).T, strict=True)))
+    out = tmp_path / "run.mcap"
+    out.write_text("precious")
+    with pytest.raises(RecordingError, match="exists already"):
+        import_file(path, parse_map(simple_map(), "map"), out)
+    assert out.read_text() == "precious"
+
+
+def test_nothing_is_left_behind_when_an_import_fails_half_way(tmp_path: Path) -> None:
+    data = waveform(30_000)
+    temperature = np.linspace(20.0, 500.0, 30_000)  # the protocol carries 327 degC
+    columns = {**dict(zip("xyz", data.T, strict=True)), "T": temperature}
+    path = write_csv(tmp_path / "run.csv", columns)
+    import_map = parse_map(simple_map(environment='temperature_column = "T"'), "map")
+    with pytest.raises(ImportDataError, match="temperature_degc"):
+        import_file(path, import_map, tmp_path / "run.mcap")
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["run.csv"]
+
+
+def test_progress_goes_from_nothing_to_all(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", {"z": np.sin(np.arange(2.5 * BLOCK_ROWS))})
+    import_map = parse_map(simple_map(**{"axis.circumferential": "", "axis.lateral": ""}), "map")
+    shares: list[float] = []
+    import_file(path, import_map, tmp_path / "run.mcap", shares.append)
+    assert shares == sorted(shares)
+    assert len(shares) == 6
+    assert math.isclose(shares[-1], 1.0)
