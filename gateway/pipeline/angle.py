@@ -34,6 +34,7 @@ def revolution_in_angle(
     sign: int,
     rate_hz: float,
     ac_coupled: bool,
+    radius_m: float,
     index: int,
     start_s: float,
 ) -> Revolution:
@@ -49,6 +50,7 @@ def revolution_in_angle(
         sign: +1 or -1, makes the radial axis positive inward.
         rate_hz: sampling rate.
         ac_coupled: whether the sensor passes no steady value.
+        radius_m: belt radius, restores the steady value of an AC-coupled signal.
         index: running number of the revolution.
         start_s: hub time of the first contact centre.
 
@@ -70,7 +72,9 @@ def revolution_in_angle(
     axes = np.full((len(Axis), GRID_SIZE), np.nan)
     axes[list(columns)] = channels
     period = end - start
-    normal = normalise_radial(axes[Axis.RADIAL], phase, ac_coupled=ac_coupled)
+    omega_radps = 2.0 * math.pi * rate_hz / period
+    steady_mps2 = radius_m * omega_radps**2
+    normal = normalise_radial(axes[Axis.RADIAL], phase, ac_coupled=ac_coupled, steady_mps2=steady_mps2)
     radial = normal.radial_mps2
     noise_coefficient = coefficient_std(radial, period)
     edges = find_contact_edges(radial, period, noise_coefficient)
@@ -80,7 +84,7 @@ def revolution_in_angle(
         index=index,
         start_s=start_s,
         period_s=period / rate_hz,
-        omega_radps=2.0 * math.pi * rate_hz / period,
+        omega_radps=omega_radps,
         omega_dot_radps2=phase.acceleration * rate_hz**2,
         radial_mps2=radial,
         axes_mps2=axes,
@@ -104,7 +108,7 @@ def _faults(pair: ContactPair, missing: float, saturated: bool, edge_reason: str
     if pair.start.predicted or pair.end.predicted:
         faults.append("a contact was lost on the link and its place predicted")
     if missing > _MAX_MISSING:
-        faults.append(f"{missing:.1%} of the samples were lost on the link")
+        faults.append("samples were lost on the link")
     if saturated:
         faults.append("the radial axis reached the end of its range")
     if edge_reason:

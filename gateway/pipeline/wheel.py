@@ -201,6 +201,7 @@ class WheelPipeline:
             sign=segmenter.sign,
             rate_hz=clock.rate_hz(pair.end.centre),
             ac_coupled=hello.coupling == Coupling.AC,
+            radius_m=self.setup.radius_m,
             index=self._revolutions,
             start_s=clock.hub_us(pair.start.centre) * 1e-6,
         )

@@ -44,6 +44,12 @@ class SessionCore:
     """Records, decodes and estimates; one call per link item.
 
     A recording that fails does not end the session: the user is told, and the estimates go on.
+
+    Attributes:
+        recorder: the recording, None when there is none or it failed.
+        recording_fault: why the recording stopped early, None when it did not.
+        on_result: called for every completed revolution.
+        on_notice: called with everything the user should be told.
     """
 
     def __init__(
@@ -52,8 +58,6 @@ class SessionCore:
         *,
         recorder: RecordingWriter | None = None,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
-        on_result: Listener | None = None,
-        on_notice: Notify | None = None,
     ) -> None:
         """Put the parts together.
 
@@ -61,14 +65,12 @@ class SessionCore:
             vehicle: configuration; None when nobody gave one, then the belt radius is assumed and told so.
             recorder: an open recording, closed by `finish`.
             estimators: names from the registry.
-            on_result: called for every completed revolution.
-            on_notice: called with everything the user should be told.
         """
         self._vehicle = vehicle
         self.recorder = recorder
         self.recording_fault: str | None = None
-        self._on_result = on_result
-        self._on_notice = on_notice
+        self.on_result: Listener | None = None
+        self.on_notice: Notify | None = None
         self._notices: deque[str] = deque(maxlen=_NOTICES)
         self._links: dict[str, _Link] = {}
         self._newest_ns = 0
@@ -78,14 +80,13 @@ class SessionCore:
         self._unconfigured: set[str] = set()
         self._configured = {setup.position for setup in vehicle.wheel_setups()} if vehicle is not None else set()
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
-        for notice in vehicle.notices() if vehicle is not None else ():
-            self.notify(notice)
+        self._notices.extend(vehicle.notices() if vehicle is not None else ())
 
     def notify(self, text: str) -> None:
         """Tell the user something, once, in plain words."""
         self._notices.append(text)
-        if self._on_notice is not None:
-            self._on_notice(text)
+        if self.on_notice is not None:
+            self.on_notice(text)
 
     def add_link(self, name: str) -> None:
         """Show a link before its first item."""
@@ -141,8 +142,8 @@ class SessionCore:
                 )
             if self.recorder is not None:
                 self._record_result(result, host_ns)
-            if self._on_result is not None:
-                self._on_result(result)
+            if self.on_result is not None:
+                self.on_result(result)
         return results
 
     def _record_result(self, result: RevolutionResult, host_ns: int) -> None:

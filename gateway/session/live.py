@@ -14,6 +14,7 @@ from gateway.errors import TreadlinkError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.session.core import SessionCore
+from gateway.views.summary import ResultSummary
 
 # Chunks between the readers and the core: half a minute and more of any link.
 _QUEUE_ITEMS: Final = 8192
@@ -38,6 +39,7 @@ class LiveSession:
         clock: Clock,
         *,
         patient: Sequence[bool],
+        summary: ResultSummary,
     ) -> None:
         """Prepare; `start` runs.
 
@@ -46,22 +48,26 @@ class LiveSession:
             core: the synchronous session.
             clock: for snapshots' elapsed time and flushing.
             patient: per source, True when it can wait for a full queue.
+            summary: adds up every result, also those that no view fetched.
         """
         self._sources = list(sources)
         self._patient = list(patient)
         self._core = core
+        self._summary = summary
         self._clock = clock
         self._stop = threading.Event()
         self._done = threading.Event()
         self._items: queue.Queue[LinkItem] = queue.Queue(_QUEUE_ITEMS)
         self._results: deque[RevolutionResult] = deque(maxlen=_RESULT_ITEMS)
         self._results_lost = 0
-        self._notices: deque[str] = deque()
+        self._notices: deque[str] = deque(core.snapshot(0.0).notices, maxlen=_RESULT_ITEMS)
         self._dropped: dict[str, Counter[str]] = {source.link: Counter() for source in sources}
         self._failure: BaseException | None = None
         self._reading = len(self._sources)
         self._lock = threading.Lock()
         self._start_ns = clock.now_ns()
+        core.on_result = self._take_result
+        core.on_notice = self._notices.append
         for source in self._sources:
             core.add_link(source.link)
         self._snapshot = core.snapshot(0.0)
@@ -107,18 +113,6 @@ class LiveSession:
             while True:
                 taken.append(self._notices.popleft())
         return taken
-
-    # callbacks of the core
-
-    def on_result(self, result: RevolutionResult) -> None:
-        """Keep a result for the view."""
-        if len(self._results) == _RESULT_ITEMS:
-            self._results_lost += 1
-        self._results.append(result)
-
-    def on_notice(self, text: str) -> None:
-        """Keep a notice for the view."""
-        self._notices.append(text)
 
     # life
 
@@ -208,6 +202,12 @@ class LiveSession:
         self._core.finish()
         self._publish(self._clock.now_ns(), ended=True)
         self._done.set()
+
+    def _take_result(self, result: RevolutionResult) -> None:
+        self._summary.add(result)
+        if len(self._results) == _RESULT_ITEMS:
+            self._results_lost += 1
+        self._results.append(result)
 
     def _publish(self, now_ns: int, *, ended: bool) -> None:
         for link, stages in self._dropped.items():

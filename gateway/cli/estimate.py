@@ -1,0 +1,103 @@
+"""`treadlink estimate`: recordings in, one row a revolution and wheel out."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from gateway.cli.opening import choose_vehicle, config_option, estimator_option
+from gateway.config.model import VehicleConfig
+from gateway.errors import TreadlinkError
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.reader import RecordingReader
+from gateway.session.batch import estimate_items
+from gateway.views.summary import ResultSummary, summary_lines
+from gateway.views.tables import TableFormat, open_table
+
+
+def _output_option(name: TableFormat, what: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    help_text = f"Write {what} to this file."
+    return click.option(f"--{name}", f"{name}_path", type=click.Path(path_type=Path), metavar="OUT", help=help_text)
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
+@config_option
+@_output_option(TableFormat.CSV, "a table with one row a revolution and wheel")
+@_output_option(TableFormat.JSON, "one JSON object a line, a revolution and wheel each,")
+@_output_option(TableFormat.PARQUET, "a Parquet table (needs treadlink[parquet])")
+@click.option("--force", is_flag=True, help="Overwrite existing output files.")
+@estimator_option
+def estimate(
+    recordings: tuple[Path, ...],
+    config_path: Path | None,
+    csv_path: Path | None,
+    json_path: Path | None,
+    parquet_path: Path | None,
+    force: bool,
+    estimators: tuple[str, ...],
+) -> None:
+    """Estimate RECORDING... in one pass, with the same results as live.
+
+    Each recording starts afresh. The configuration is the one recorded with it, unless --config gives another. A
+    summary follows on the terminal. Times, speed, contact edges, numbers, standard errors and status go to the files.
+    """
+    outputs = {TableFormat.CSV: csv_path, TableFormat.JSON: json_path, TableFormat.PARQUET: parquet_path}
+    damaged: list[str] = []
+    with contextlib.ExitStack() as stack:
+        tables = [
+            stack.enter_context(open_table(path, kind, force=force))
+            for kind, path in outputs.items()
+            if path is not None
+        ]
+        for path in recordings:
+            reader = RecordingReader(path)
+            vehicle = choose_vehicle(config_path, [reader.vehicle_toml], str(path))
+            summary = ResultSummary()
+
+            def take(result: RevolutionResult, summary: ResultSummary = summary) -> None:
+                summary.add(result)
+                for table in tables:
+                    table.write(result)
+
+            _estimate_one(reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary)
+            if reader.damage is not None:
+                damaged.append(reader.damage)
+        for path in filter(None, outputs.values()):
+            click.echo(f"written: {path}")
+    if damaged:
+        raise TreadlinkError("; ".join(damaged), "What could be read was estimated.")
+
+
+def _estimate_one(
+    reader: RecordingReader,
+    vehicle: VehicleConfig | None,
+    take: Callable[[RevolutionResult], None],
+    estimators: tuple[str, ...],
+    summary: ResultSummary,
+) -> None:
+    path = reader.info.path
+    shown = sys.stderr.isatty()
+    bar = click.progressbar(length=reader.info.size_bytes, label=path.name, file=sys.stderr, hidden=not shown)
+    with bar as progress:
+        done = 0
+
+        def on_bytes(_: int) -> None:
+            nonlocal done
+            progress.update(reader.position - done)
+            done = reader.position
+
+        counters = estimate_items(reader, vehicle, take, estimators=estimators, on_bytes=on_bytes)
+    click.echo(f"{path}" + ("" if vehicle is not None else "  (no configuration: belt radius 320 mm assumed)"))
+    for line in summary_lines(summary.wheels()):
+        click.echo(f"  {line}".rstrip())
+    for link, counted in counters.items():
+        click.echo(
+            f"  {link}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
+            f"{counted.duplicates} duplicate, {counted.reordered} late"
+        )

@@ -1,0 +1,155 @@
+"""What live, record and replay share: opening sources, choosing the vehicle, running and closing the session."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import click
+
+from gateway.clock import Clock, SystemClock
+from gateway.config.load import load_vehicle, parse_vehicle
+from gateway.config.model import VehicleConfig
+from gateway.errors import RecordingError
+from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS
+from gateway.io.source import Source, open_source, parse_source_uri
+from gateway.pipeline.results import SessionSnapshot
+from gateway.recording.writer import RecordingWriter
+from gateway.session.core import SessionCore
+from gateway.session.live import LiveSession
+from gateway.views.plain import PlainView
+from gateway.views.summary import ResultSummary, summary_lines
+
+# Sources that can wait when the session is behind; a device cannot.
+_PATIENT: Final = {"replay", "sim"}
+_POLL_S: Final = 0.05
+
+config_option = click.option(
+    "--config",
+    "config_path",
+    type=click.Path(path_type=Path),
+    help="Vehicle configuration (TOML); default: the one that the recording or the scenario brings along.",
+)
+estimator_option = click.option(
+    "--estimator",
+    "estimators",
+    multiple=True,
+    type=click.Choice(list(ESTIMATORS)),
+    help=f"Estimator to run, may be given several times [default: {', '.join(DEFAULT_ESTIMATORS)}].",
+)
+duration_option = click.option("--duration", "duration_s", type=click.FloatRange(min=0.1), help="Stop after so many s.")
+
+
+@dataclass(slots=True)
+class RunningSession:
+    """A session with its summary, ready for a view."""
+
+    live: LiveSession
+    summary: ResultSummary
+    recorder: RecordingWriter | None
+    core: SessionCore
+
+
+def choose_vehicle(config_path: Path | None, brought: Sequence[str | None], origin: str) -> VehicleConfig | None:
+    """Return the vehicle of --config, else the one that a source brought along, else None."""
+    if config_path is not None:
+        return load_vehicle(config_path)
+    texts = [text for text in brought if text]
+    return parse_vehicle(texts[0], origin) if texts else None
+
+
+def start_session(
+    uris: Sequence[str],
+    *,
+    config_path: Path | None,
+    record: Path | None,
+    estimators: Sequence[str],
+    clock: Clock | None = None,
+) -> RunningSession:
+    """Open everything and start reading.
+
+    Raises:
+        TreadlinkError: a source, the configuration or the recording cannot be opened.
+    """
+    clock = clock or SystemClock()
+    sources: list[Source] = []
+    try:
+        sources += [open_source(uri, clock) for uri in uris]
+        vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
+        recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
+    except BaseException:
+        for source in sources:
+            source.close()
+        raise
+    summary = ResultSummary()
+    core = SessionCore(vehicle, recorder=recorder, estimators=estimators or DEFAULT_ESTIMATORS)
+    patient = [parse_source_uri(uri).scheme in _PATIENT for uri in uris]
+    live = LiveSession(sources, core, clock, patient=patient, summary=summary)
+    live.start()
+    return RunningSession(live, summary, recorder, core)
+
+
+def _open_recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, uris: Sequence[str]) -> RecordingWriter:
+    if path.suffix != ".mcap":
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot record to '{path}': {error.strerror}", "Give a folder, or a new file ending in .mcap."
+            ) from error
+    toml = vehicle.to_toml() if vehicle is not None else None
+    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=uris)
+
+
+def run_plain(session: RunningSession, duration_s: float | None, write: Callable[[str], None]) -> None:
+    """Print one line a revolution until the session ends, time is up, or Ctrl-C."""
+    view = PlainView(write)
+    live = session.live
+
+    def show() -> None:
+        for notice in live.notices():
+            view.notice(notice)
+        for result in live.results():
+            view.result(result)
+
+    try:
+        ended = False
+        while not ended:
+            ended = live.wait(_POLL_S)
+            show()
+            if duration_s is not None and live.snapshot().elapsed_s >= duration_s:
+                live.request_stop()
+                duration_s = None
+    except KeyboardInterrupt:
+        live.request_stop()
+        live.wait(_POLL_S * 40)
+        show()
+
+
+def end_session(session: RunningSession, write: Callable[[str], None]) -> SessionSnapshot:
+    """Close the session and print its summary.
+
+    Raises:
+        TreadlinkError: a source or the session failed.
+    """
+    snapshot = session.live.close()
+    write("")
+    for line in summary_lines(session.summary.wheels(), snapshot.links):
+        write(line)
+    if snapshot.recording:
+        write("")
+        write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB)")
+        if session.core.recording_fault is None:
+            write(f"  look into it: treadlink inspect {snapshot.recording}")
+            write(f"  play it again: treadlink replay {snapshot.recording}")
+        else:
+            write(f"  INCOMPLETE: {session.core.recording_fault}")
+    return snapshot
+
+
+def is_terminal() -> bool:
+    """Whether a console can be drawn."""
+    return sys.stdin.isatty() and sys.stdout.isatty()

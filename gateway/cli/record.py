@@ -1,0 +1,82 @@
+"""`treadlink record`: a source to a file, without a console."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Final
+
+import click
+
+from gateway.cli.opening import (
+    RunningSession,
+    config_option,
+    duration_option,
+    end_session,
+    estimator_option,
+    start_session,
+)
+from gateway.errors import RecordingError
+
+_REPORT_S: Final = 1.0
+
+
+@click.command()
+@click.argument("sources", nargs=-1, required=True, metavar="SOURCE...")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("recordings"),
+    show_default=True,
+    help="A new .mcap file, or a folder in which the time makes the name.",
+)
+@config_option
+@duration_option
+@estimator_option
+def record(
+    sources: tuple[str, ...],
+    out: Path,
+    config_path: Path | None,
+    duration_s: float | None,
+    estimators: tuple[str, ...],
+) -> None:
+    """Record SOURCE... until Ctrl-C, the end of the source, or --duration.
+
+    Link bytes go to disk before they are decoded; results go beside them as topics that plotting programs open.
+    Sources are those of `treadlink live`. An existing file is never overwritten.
+    """
+    session = start_session(sources, config_path=config_path, record=out, estimators=estimators)
+    _watch(session, duration_s)
+    end_session(session, click.echo)
+    if session.core.recording_fault is not None:
+        raise RecordingError(session.core.recording_fault, "What was written before is readable.")
+
+
+def _watch(session: RunningSession, duration_s: float | None) -> None:
+    live = session.live
+    shown_s = 0.0
+    on_terminal = sys.stderr.isatty()
+    try:
+        ended = False
+        while not ended:
+            ended = live.wait(0.1)
+            live.results()
+            for notice in live.notices():
+                click.echo(f"* {notice}", err=True)
+            snapshot = live.snapshot()
+            if on_terminal and snapshot.elapsed_s >= shown_s:
+                shown_s = snapshot.elapsed_s + _REPORT_S
+                frames = sum(link.frames for link in snapshot.links)
+                lost = sum(link.frames_lost for link in snapshot.links)
+                size_mb = snapshot.recorded_bytes / 1e6
+                text = f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost"
+                click.echo(f"\r{text}\033[K", nl=False, err=True)
+            if duration_s is not None and snapshot.elapsed_s >= duration_s:
+                live.request_stop()
+                duration_s = None
+    except KeyboardInterrupt:
+        live.request_stop()
+        live.wait(2.0)
+    finally:
+        if on_terminal:
+            click.echo("", err=True)
