@@ -99,7 +99,7 @@ def revolution_in_angle(
         saturated=saturated,
         ac_coupled=ac_coupled,
         faults=_faults(pair, missing, saturated, edges.reason),
-        period_std_s=math.hypot(pair.start.centre_std, pair.end.centre_std) / rate_hz,
+        period_std_s=pair.period_std / rate_hz,
     )
 
 

@@ -46,6 +46,7 @@ _CHECK_EVERY: Final = 32
 _CHECK_PERIODS: Final = 3.6
 # Depth times period squared follows pressure and load slowly.
 _DEPTH_WEIGHT: Final = 0.3
+_JITTER_WEIGHT: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +56,15 @@ class ContactPair:
     Attributes:
         start: the contact that begins it.
         end: the contact that ends it.
+        period_std: standard error of the period in samples; a contact's two edges jitter separately on a real road, and
+            how much their distance varies tells how much the centre does.
         previous_period: samples of the revolution before, None when it was not seen.
         decided_at: samples before this number were there when it was decided, and no others may be used for it.
     """
 
     start: Contact
     end: Contact
+    period_std: float
     previous_period: float | None
     decided_at: int
 
@@ -135,14 +139,18 @@ class Segmenter:
             return []
         self.sign = sign
         self.state = WheelState.ROLLING
+        intervals = [following.centre - start.centre for start, following in pairwise(contacts)]
+        ratios = [intervals[0] / intervals[1], *(before / after for before, after in pairwise(intervals))]
+        neighbours = zip(pairwise(contacts), ratios, strict=True)
+        self._jitter2 = float(np.mean([_edge_jitter2(*pair, ratio) for pair, ratio in neighbours]))
         pairs: list[ContactPair] = []
         previous: float | None = None
         for start, following in pairwise(contacts):
             if start.centre > self._paired_until - 0.5 * start.duration:
-                pairs.append(ContactPair(start, following, previous, end))
+                pairs.append(ContactPair(start, following, self._period_std(start, following), previous, end))
             previous = following.centre - start.centre
         self._contact = contacts[-1]
-        self._periods = (contacts[-2].centre - contacts[-3].centre, contacts[-1].centre - contacts[-2].centre)
+        self._periods = (intervals[-2], intervals[-1])
         self._depth_period2 = self._contact.depth_mps2 * self._periods[-1] ** 2
         self._duty = self._contact.duration / self._periods[-1]
         self._predicted = 0
@@ -239,18 +247,38 @@ class Segmenter:
         ):
             self._lose(first)
 
+    def _period_std(self, start: Contact, end: Contact) -> float:
+        return float(np.hypot(start.centre_std, end.centre_std).clip(min=self._jitter2**0.5))
+
     def _accept(self, contact: Contact) -> list[ContactPair]:
         last = self._contact
         assert last is not None
         period = contact.centre - last.centre
-        pair = ContactPair(last, contact, self._periods[-1] if self._periods else None, self.next_index)
         if not contact.predicted:
             self._predicted = 0
             weight = _DEPTH_WEIGHT
+            if not last.predicted:
+                jitter2 = _edge_jitter2(last, contact, self._periods[-1] / period)
+                self._jitter2 += _JITTER_WEIGHT * (jitter2 - self._jitter2)
             self._depth_period2 += weight * (contact.depth_mps2 * period**2 - self._depth_period2)
             self._duty += weight * (contact.duration / period - self._duty)
-        self._periods = (self._periods[-1], period) if self._periods else (period,)
+        pair = ContactPair(last, contact, self._period_std(last, contact), self._periods[-1], self.next_index)
+        self._periods = (self._periods[-1], period)
         self._contact = contact
         self._paired_until = contact.centre
         self._plan_next()
         return [pair]
+
+
+def _edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
+    """Square of the error of the period, in samples, that the change of the contact's length betrays.
+
+    The period between leading edges and that between trailing edges differ by the change of the duration; their mean,
+    which is the period between centres, errs by half of it. What the duration owes to the speed is no jitter.
+
+    Args:
+        start: contact at the start of the period.
+        end: contact at its end.
+        speed_ratio: speed at the end over speed at the start.
+    """
+    return (0.5 * (end.duration * speed_ratio - start.duration)) ** 2

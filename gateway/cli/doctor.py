@@ -1,0 +1,77 @@
+"""`treadlink doctor`: is everything there that a session needs, and if not, what to do."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+import click
+
+from gateway.cli import checks
+from gateway.cli.checks import Check, Level
+from gateway.clock import SystemClock
+
+_COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red"}
+
+
+@click.command()
+@click.argument("sources", nargs=-1, metavar="[SOURCE]...")
+@click.option(
+    "--config", "config_path", type=click.Path(path_type=Path), metavar="FILE", help="Check this vehicle configuration."
+)
+@click.option(
+    "--recordings",
+    type=click.Path(path_type=Path),
+    default=Path("recordings"),
+    show_default=True,
+    metavar="DIR",
+    help="Where recordings shall go.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the checks as JSON.")
+def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path, as_json: bool) -> None:
+    """Check Python, packages, ports, permissions, disk, terminal, the configuration and each SOURCE.
+
+    Exit code 1 when there is a fault; warnings alone leave it at 0.
+    """
+    done = list(_run(sources, config_path, recordings))
+    if as_json:
+        click.echo(json.dumps([asdict(check) for check in done], indent=2, ensure_ascii=False))
+    else:
+        _print(done)
+    if any(check.level is Level.FAULT for check in done):
+        raise SystemExit(1)
+
+
+def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> Iterator[Check]:
+    yield from checks.check_python()
+    yield from checks.check_packages()
+    yield from checks.check_ports()
+    yield from checks.check_disk(recordings)
+    yield from checks.check_terminal(
+        sys.stdout.isatty(), shutil.get_terminal_size(), sys.stdout.encoding or "", os.environ
+    )
+    if config_path is not None:
+        yield from checks.check_config(config_path)
+    clock = SystemClock()
+    for uri in sources:
+        yield from checks.check_source(uri, clock)
+
+
+def _print(done: Sequence[Check]) -> None:
+    for index, check in enumerate(done):
+        click.echo(f"{click.style(f'{check.level:<8}', fg=_COLOURS[check.level])} {check.name}: {check.text}")
+        # The faults of one file share a remedy: told once, after the last of them.
+        shared = index + 1 < len(done) and done[index + 1].remedy == check.remedy
+        if check.remedy and not shared:
+            click.echo(f"{'':8} -> {check.remedy}")
+    count = {level: sum(check.level is level for check in done) for level in Level}
+    faults, warnings = count[Level.FAULT], count[Level.WARNING]
+    click.echo(
+        f"{faults} {'fault' if faults == 1 else 'faults'}, {warnings} {'warning' if warnings == 1 else 'warnings'}"
+    )
