@@ -13,7 +13,8 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from gateway import __version__
 from gateway.errors import RecordingError
-from gateway.recording.layout import CHANNEL_METADATA, PROFILE, ChannelInfo
+from gateway.recording.layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
+from gateway.recording.schemas import stored_schema
 
 _BUFFER_BYTES: Final = 1 << 20
 
@@ -99,6 +100,7 @@ class McapOutput:
             compression=CompressionType.ZSTD if compressed else CompressionType.NONE,
         )
         self._schema_ids: dict[str, int] = {}
+        self._channels: dict[ChannelInfo, int] = {}
         self._sequences: dict[int, int] = {}
         self.failed = False
         self.closed = False
@@ -113,19 +115,23 @@ class McapOutput:
         """Write a metadata record."""
         self._guard(lambda: self._writer.add_metadata(name, dict(entries)))
 
-    def register(self, channel: ChannelInfo, schema_name: str, schema_encoding: str, schema: bytes) -> int:
-        """Declare a channel and return its number.
+    def register(self, channel: ChannelInfo) -> int:
+        """Declare a channel with its schema, unless it is, and return its number.
 
         The declaration is written twice, in the chunk as MCAP wants it and as metadata, so that one damaged place
         does not leave messages of an unknown channel.
         """
-        if schema_name not in self._schema_ids:
-            self._schema_ids[schema_name] = self._writer.register_schema(schema_name, schema_encoding, schema)
+        known = self._channels.get(channel)
+        if known is not None:
+            return known
+        schema = stored_schema(channel)
+        if schema.name not in self._schema_ids:
+            self._schema_ids[schema.name] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
         entries = {"link": channel.link} if channel.link else {}
-        number = self._writer.register_channel(channel.topic, channel.encoding, self._schema_ids[schema_name], entries)
+        number = self._writer.register_channel(channel.topic, channel.encoding, self._schema_ids[schema.name], entries)
+        self._channels[channel] = number
         self._sequences[number] = 0
-        declaration = {"id": str(number), "topic": channel.topic, "encoding": channel.encoding, "link": channel.link}
-        self.add_metadata(CHANNEL_METADATA, declaration)
+        self.add_metadata(CHANNEL_METADATA, declaration(number, channel))
         return number
 
     def add_message(self, channel: int, log_time_ns: int, data: bytes, sequence: int | None = None) -> None:

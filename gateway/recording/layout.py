@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import zlib
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
@@ -54,6 +55,29 @@ class RecordedMessage(NamedTuple):
     sequence: int
     log_time_ns: int
     data: bytes
+
+
+def seal(entries: Mapping[str, str]) -> dict[str, str]:
+    """Return metadata with a checksum, since MCAP gives records outside chunks none."""
+    plain = {key: value for key, value in entries.items() if key != "crc32"}
+    return {**plain, "crc32": f"{zlib.crc32(json.dumps(plain, sort_keys=True).encode()):08x}"}
+
+
+def is_sealed(entries: Mapping[str, str]) -> bool:
+    """Tell whether metadata are as `seal` left them."""
+    return "crc32" in entries and seal(entries)["crc32"] == entries["crc32"]
+
+
+def declaration(number: int, channel: ChannelInfo) -> dict[str, str]:
+    """Return the metadata that declare a channel a second time, outside the chunks."""
+    return seal({"id": str(number), "topic": channel.topic, "encoding": channel.encoding, "link": channel.link})
+
+
+def declared_channel(entries: Mapping[str, str]) -> tuple[int, ChannelInfo] | None:
+    """Return the channel that `declaration` declared, None when the entries are damaged."""
+    if not is_sealed(entries):
+        return None
+    return int(entries["id"]), ChannelInfo(entries["topic"], entries["encoding"], entries["link"])
 
 
 def raw_topic(link: str) -> str:

@@ -20,6 +20,8 @@ from gateway.recording.layout import (
     SESSION_METADATA,
     ChannelInfo,
     RecordedMessage,
+    declared_channel,
+    is_sealed,
     message_to_item,
 )
 from gateway.recording.records import (
@@ -67,6 +69,8 @@ class RecordingReader:
         info: what the recording says of itself.
         damage: after a pass, what could not be read and the remedy; None when all was.
         position: bytes read so far in the pass under way, for progress bars.
+        session: the session's metadata as stored, empty when damaged.
+        notes: other metadata met in the pass, as (name, entries): what a repair said of itself.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -78,10 +82,12 @@ class RecordingReader:
         self.damage: str | None = None
         self.position = 0
         self._path = Path(path)
+        self.notes: list[tuple[str, dict[str, str]]] = []
         self._channels: dict[int, ChannelInfo] = {}
         with self._open() as file:
             size = os.fstat(file.fileno()).st_size
-            self.info = _describe(self._path, size, _is_finished(file, size), self._session_metadata(file, size))
+            self.session = self._session_metadata(file, size)
+            self.info = _describe(self._path, size, _is_finished(file, size), self.session)
 
     @property
     def vehicle_toml(self) -> str | None:
@@ -99,6 +105,7 @@ class RecordingReader:
         """Yield every message in file order, decoded topics too; `damage` as with `items`."""
         self.damage = None
         self._channels.clear()
+        self.notes.clear()
         with self._open() as file:
             size = os.fstat(file.fileno()).st_size
             self.position = file.seek(len(MAGIC))
@@ -136,15 +143,19 @@ class RecordingReader:
                 record: Channel = parse_small(opcode, body)
                 self._channels[record.id] = channel_info(record)
             elif opcode == Opcode.METADATA:
-                self._learn_channel(parse_small(opcode, body))
+                self._learn(parse_small(opcode, body))
         except ValueError as error:
             self._note(f"{error} near byte {self.position}")
 
-    def _learn_channel(self, metadata: Metadata) -> None:
-        entries = metadata.metadata
-        if metadata.name == CHANNEL_METADATA and entries.get("id", "").isdecimal():
-            info = ChannelInfo(entries.get("topic", ""), entries.get("encoding", ""), entries.get("link", ""))
-            self._channels.setdefault(int(entries["id"]), info)
+    def _learn(self, metadata: Metadata) -> None:
+        if metadata.name == CHANNEL_METADATA:
+            declared = declared_channel(metadata.metadata)
+            if declared is not None:
+                self._channels.setdefault(*declared)
+        elif metadata.name != SESSION_METADATA:
+            self.notes.append((metadata.name, metadata.metadata))
+        elif not is_sealed(metadata.metadata):
+            self._note("the description with the vehicle configuration is damaged")
 
     def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
         """Yield (opcode, stated length, body); the last body may be shorter than stated."""
@@ -183,7 +194,7 @@ class RecordingReader:
                 except ValueError:
                     break
                 if record.name == SESSION_METADATA:
-                    entries = record.metadata
+                    entries = record.metadata if is_sealed(record.metadata) else {}
                     break
         self.damage = None
         self.position = 0

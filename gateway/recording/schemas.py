@@ -12,7 +12,14 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from gateway.recording.layout import MARKS_TOPIC
+from gateway.recording.layout import (
+    MARKS_TOPIC,
+    RAW_ENCODING,
+    RAW_SCHEMA_ENCODING,
+    RAW_SCHEMA_NAME,
+    RAW_SCHEMA_TEXT,
+    ChannelInfo,
+)
 
 
 class TopicSchema(NamedTuple):
@@ -179,3 +186,22 @@ def schema_of(topic: str) -> TopicSchema:
             return candidate
     known = ", ".join(entry.topic.pattern for entry in TOPICS)
     raise ValueError(f"no schema for topic '{topic}'; topics look like {known}")
+
+
+class StoredSchema(NamedTuple):
+    """A schema record: name, encoding, text."""
+
+    name: str
+    encoding: str
+    data: bytes
+
+
+def stored_schema(channel: ChannelInfo) -> StoredSchema:
+    """Return the schema record that a channel points to; topics of other versions get one that allows anything."""
+    if channel.encoding == RAW_ENCODING:
+        return StoredSchema(RAW_SCHEMA_NAME, RAW_SCHEMA_ENCODING, RAW_SCHEMA_TEXT.encode())
+    try:
+        schema = schema_of(channel.topic)
+    except ValueError:
+        return StoredSchema("treadlink.Any", "jsonschema", b'{"type":"object"}')
+    return StoredSchema(schema.name, "jsonschema", schema.to_bytes())

@@ -11,22 +11,20 @@ from typing import Any, Final
 
 from gateway import __version__
 from gateway.errors import RecordingError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.io.source import Chunk, LinkEventKind, LinkItem
 from gateway.recording.container import McapOutput
 from gateway.recording.layout import (
     FORMAT_VERSION,
     JSON_ENCODING,
     MARKS_TOPIC,
     RAW_ENCODING,
-    RAW_SCHEMA_ENCODING,
-    RAW_SCHEMA_NAME,
-    RAW_SCHEMA_TEXT,
     SESSION_METADATA,
     ChannelInfo,
     encode_json,
     event_payload,
     event_topic,
     raw_topic,
+    seal,
 )
 from gateway.recording.schemas import TopicSchema, schema_of
 
@@ -68,6 +66,7 @@ class RecordingWriter:
         }
         if vehicle_toml is not None:
             self._session["vehicle_toml"] = vehicle_toml
+        self._session = seal(self._session)
         self._output.add_metadata(SESSION_METADATA, self._session)
         self._output.flush()
 
@@ -94,8 +93,9 @@ class RecordingWriter:
                     channel = self._register_raw(item.link)
                 self._output.add_message(channel, item.host_ns, item.data)
             else:
-                topic = MARKS_TOPIC if item.kind is LinkEventKind.MARK else event_topic(item.link)
-                self._add_json(topic, item.host_ns, event_payload(item), item)
+                is_mark = item.kind is LinkEventKind.MARK
+                topic, link = (MARKS_TOPIC, "") if is_mark else (event_topic(item.link), item.link)
+                self._add_json(topic, item.host_ns, event_payload(item), link)
             self._flush_when_due(item.host_ns)
 
     def write_topic(self, topic: str, host_ns: int, payload: Mapping[str, Any]) -> None:
@@ -106,7 +106,7 @@ class RecordingWriter:
             ValueError: an unknown topic, or a required field is missing.
         """
         with self._lock:
-            self._add_json(topic, host_ns, payload, None)
+            self._add_json(topic, host_ns, payload)
             self._flush_when_due(host_ns)
 
     def tick(self, now_ns: int) -> None:
@@ -133,18 +133,15 @@ class RecordingWriter:
             self._output.close()
 
     def _register_raw(self, link: str) -> int:
-        info = ChannelInfo(raw_topic(link), RAW_ENCODING, link)
-        number = self._output.register(info, RAW_SCHEMA_NAME, RAW_SCHEMA_ENCODING, RAW_SCHEMA_TEXT.encode())
+        number = self._output.register(ChannelInfo(raw_topic(link), RAW_ENCODING, link))
         self._raw_channels[link] = number
         return number
 
-    def _add_json(self, topic: str, host_ns: int, payload: Mapping[str, Any], event: LinkEvent | None) -> None:
+    def _add_json(self, topic: str, host_ns: int, payload: Mapping[str, Any], link: str = "") -> None:
         known = self._topic_channels.get(topic)
         if known is None:
             schema = schema_of(topic)
-            link = event.link if event is not None and topic != MARKS_TOPIC else ""
-            info = ChannelInfo(topic, JSON_ENCODING, link)
-            known = (self._output.register(info, schema.name, "jsonschema", schema.to_bytes()), schema)
+            known = (self._output.register(ChannelInfo(topic, JSON_ENCODING, link)), schema)
             self._topic_channels[topic] = known
         number, schema = known
         missing = [field for field in schema.required if field not in payload]
