@@ -95,13 +95,14 @@ class ConsoleApp(App[None]):
     def on_mount(self) -> None:
         """Start drawing."""
         self._board.focus()
-        self.set_interval(DRAW_INTERVAL_S, self._tick)
+        self.set_interval(DRAW_INTERVAL_S, self.tick)
 
     def on_resize(self, event: Resize) -> None:  # noqa: ARG002 - textual's signature
         """Draw for the new size once the board has it."""
         self.call_after_refresh(self._draw)
 
-    def _tick(self) -> None:
+    def tick(self) -> None:
+        """Take a snapshot and draw it; leave when the session has ended or its time is up."""
         if self._leaving:
             return
         self._live = self._session.snapshot()

@@ -16,6 +16,9 @@ STATUS_MARKS: Final[dict[Status, str]] = {Status.VALID: "", Status.PROVISIONAL: 
 
 _SIGNIFICANT_DIGITS: Final = 6  # more than any of these quantities deserves; keeps columns narrow
 _DIGITS_WITHOUT_ERROR: Final = 4
+# Beyond these nothing here is a measurement, and powers of ten would overflow.
+_TINY: Final = 1e-30
+_HUGE: Final = 1e30
 
 
 class Unit(NamedTuple):
@@ -89,12 +92,14 @@ def round_to_error(value: float, std: float = math.nan) -> Rounded:
     """Round a value to two significant digits of its standard error.
 
     Without a usable error (NaN, infinite, not positive) four significant digits are given. Values below 0.01 and from
-    1e6 on get a power of ten in steps of three. At most six significant digits are shown; an error smaller than the
-    last of them is rounded up to it, never down to zero.
+    1e6 on get a power of ten in steps of three; what is not finite is UNKNOWN. At most six significant digits are
+    shown; an error smaller than the last of them is rounded up to it, never down to zero.
     """
-    if not math.isfinite(value):
+    if not abs(value) < _HUGE:
         return UNKNOWN
-    known = math.isfinite(std) and std > 0.0
+    known = _TINY < std < _HUGE
+    if abs(value) < _TINY:
+        value = 0.0
     size = max(abs(value), std) if known else abs(value)
     exponent = 0
     if size and not 1e-2 <= size < 1e6:

@@ -40,6 +40,7 @@ _DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x
 _BRAILLE: Final = 0x2800
 _BLANK: Final = ord(" ")
 _DEFAULT_TOP_MPS2: Final = 1.0
+_LEAST_SPAN_MPS2: Final = 1e-3  # finer than any sensor resolves: drawn as a flat line
 _AVERAGE_EVERY: Final = 2  # dot columns; sparse dots tell the average from the solid line without colour
 LEGEND: Final[PlotRow] = (
     ("⠤⠤⠤", Ink.LAST),
@@ -62,7 +63,7 @@ def nice_scale(low: float, high: float, ticks: int) -> _Scale:
     The limits lie on quarters of the step: steady from revolution to revolution without giving a whole step away.
     """
     span = high - low
-    if not span > 0.0:
+    if span < _LEAST_SPAN_MPS2:
         return _Scale(low, low + _DEFAULT_TOP_MPS2, _DEFAULT_TOP_MPS2)
     rough = span / max(ticks, 1)
     decade = 10.0 ** math.floor(math.log10(rough))

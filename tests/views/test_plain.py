@@ -1,0 +1,108 @@
+import math
+
+import pytest
+
+from gateway.estimators.base import Estimate, Status
+from gateway.views.plain import HEADER_EVERY, LINE_WIDTH, PlainView
+
+
+@pytest.fixture
+def plain():
+    lines: list[str] = []
+    view = PlainView(lines.append)
+    return view, lines
+
+
+def is_header(line):
+    return line.startswith("wheel")
+
+
+def test_a_line_holds_what_was_measured(made, plain):
+    view, lines = plain
+    view.result(made.result("RL", index=7))
+    header, line = lines
+    assert line.split() == [
+        *("RL", "7", "100.700", "65.000", "-13.740±0.097", "13.51±0.10"),
+        *("Bs", "(3.083±0.012)e-3", "Cw", "0.1953±0.0012", "Rs", "2.974±0.031", "Ts", "2.529±0.099"),
+        *("210.0", "ok"),
+    ]
+    for title, value in (("rev", "7"), ("km/h", "65.000"), ("leading deg", "0.097"), ("kPa", "210.0")):
+        assert header.index(title) + len(title) == line.index(value, line.index("RL") + 2) + len(value)
+
+
+def test_header_returns_every_forty_lines(made, plain):
+    view, lines = plain
+    for index in range(100):
+        view.result(made.result(index=index))
+    assert [i for i, line in enumerate(lines) if is_header(line)] == [0, HEADER_EVERY + 1, 2 * (HEADER_EVERY + 1)]
+
+
+def test_lines_fit_and_columns_stay_aligned(made, plain):
+    view, lines = plain
+    long_reason = "a reason that is far too long for what the line has left, " * 3
+    results = [
+        made.result("FL"),
+        made.result("hub12.wheel3", status=Status.PROVISIONAL, reason=long_reason),
+        made.result("a very long name of a wheel that nobody should ever give", load_n=None),
+        made.result("左前輪", status=Status.INVALID, reason=long_reason),
+        made.result("FR", faults=(long_reason,)),
+    ]
+    for result in results:
+        view.result(result)
+    del lines[:]
+    for result in results:  # by now every column has grown to its width
+        view.result(result)
+    assert all(len(line) <= LINE_WIDTH for line in lines)
+    assert len({line.index("210.0") for line in lines if line.isascii() or "左" not in line}) == 1
+
+
+def test_no_escape_code_no_nan(made, plain):
+    view, lines = plain
+    estimates = (Estimate("Cw", math.nan, math.nan, Status.VALID), Estimate("speed_mps", math.inf, 0.0, Status.VALID))
+    view.result(made.result("\x1b[2Jevil", estimates=estimates))
+    view.result(made.result(status=Status.INVALID, reason="bad\x07bell\nnext"))
+    view.notice("hub says \x1b]0;title\x07\nand a second line")
+    text = "".join(lines)
+    assert text.isprintable()
+    assert "nan" not in text
+    assert "inf" not in text
+    assert lines[-2:] == ["# hub says  ]0;title ", "# and a second line"]
+
+
+def test_a_reason_that_does_not_fit_is_told_in_full_once(made, plain):
+    view, lines = plain
+    for count in range(3):
+        reason = f"average of {count} revolutions, settles at 8 and some more words"
+        view.result(made.result(index=count, status=Status.PROVISIONAL, reason=reason))
+    full = [line for line in lines if line.startswith("# ")]
+    assert full == ["# FL rev 0: average of 0 revolutions, settles at 8 and some more words"]
+    assert all(" ~  average of" in line for line in lines if line.startswith("FL"))
+
+
+def test_what_holds_of_valid_numbers_is_said_once(made, plain):
+    view, lines = plain
+    for position in ("FL", "FR", "FL"):
+        view.result(made.result(position, reason="linear ring: model error is not in the standard error"))
+    assert [line for line in lines if line.startswith("#")] == [
+        "# linear ring: model error is not in the standard error"
+    ]
+    assert all(line.endswith(" ok") for line in lines if line.startswith("F"))
+
+
+def test_ratios_are_named_as_such(made, plain):
+    view, lines = plain
+    view.result(made.result(load_n=None))
+    assert "Bs/Cw 0.01579±0.00016" in lines[1]
+    assert "ok ratios only" in lines[1]
+    assert made.needs_load in lines[2]
+
+
+def test_marks_stand_at_the_numbers_when_they_differ(made, plain):
+    view, lines = plain
+    estimates = (
+        Estimate("Cw", 0.1953, 0.0012, Status.VALID),
+        Estimate("Ts", 2.5, 2.6, Status.PROVISIONAL, "error exceeds value"),
+    )
+    view.result(made.result(estimates=estimates))
+    assert "Cw 0.1953±0.0012 " in lines[1]
+    assert "Ts 2.5±2.6~" in lines[1]
