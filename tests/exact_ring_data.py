@@ -1,4 +1,4 @@
-"""Sensor signals of the geometrically exact ring: data that shares no equation with the signal chain and the estimators."""
+"""Sensor signals of the geometrically exact ring: data that shares no equation with the estimators."""
 
 from __future__ import annotations
 

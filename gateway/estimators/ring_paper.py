@@ -128,7 +128,7 @@ def _estimate(name: str, value: float, std: float, free: bool, doubt: str) -> Es
         return _invalid(name, "not determined: the fit puts it at zero")
     if doubt:
         return Estimate(name, float(value), float(std), Status.PROVISIONAL, doubt)
-    if std >= value:
+    if not std < value:
         return Estimate(name, float(value), float(std), Status.PROVISIONAL, "not determined: error exceeds value")
     return Estimate(name, float(value), float(std), Status.VALID, _MODEL_NOTE)
 
@@ -137,7 +137,7 @@ def _doubt(revolution: Revolution, average: AngleAverage) -> str:
     """Return why the estimates are provisional, or an empty string."""
     if revolution.faults:
         return "this revolution was not used: " + ", ".join(revolution.faults)
-    if average.effective_count < SETTLED_REVOLUTIONS:
+    if average.effective_count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
         return f"average of {average.effective_count:.0f} revolutions, settles at {SETTLED_REVOLUTIONS:.0f}"
     return ""
 

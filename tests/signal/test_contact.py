@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -156,7 +157,7 @@ def test_measured_tire() -> None:
     # Contact centres midway between the half-level crossings, read off the recording.
     contacts = [2528.5, 4803.5, 7076.5, 9344.5, 11610.5]
     halves = []
-    for start, end in zip(contacts, contacts[1:], strict=False):
+    for start, end in itertools.pairwise(contacts):
         phase = fit_phase(start, end)
         wave = normalise_radial(resample_revolution(radial[:, np.newaxis], phase)[0], phase, ac_coupled=True)
         edges = find_contact_edges(wave.radial_mps2, phase.samples)

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.estimators.base import Estimate, Revolution, Status
+from gateway.estimators.kinematic import KinematicEstimator
+from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
+from tests.exact_ring_data import RADIUS_M, solution
+
+WAVE = exact_wave(solution())
+
+
+def estimates_of(revolution: Revolution) -> dict[str, Estimate]:
+    average = settled(make_revolution(WAVE))
+    return {e.name: e for e in KinematicEstimator().update(revolution, average, CONDITIONS)}
+
+
+def test_speed_edges_and_length() -> None:
+    revolution = make_revolution(WAVE, period_std_s=2e-5)
+    estimates = estimates_of(revolution)
+    assert list(estimates) == ["speed_mps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m"]
+    assert {e.status for e in estimates.values()} == {Status.VALID}
+    speed = estimates["speed_mps"]
+    assert speed.value == pytest.approx(65.0 / 3.6)
+    assert speed.std == pytest.approx(speed.value * 2e-5 / revolution.period_s)
+    truth = solution()
+    length = estimates["contact_length_m"]
+    assert abs(length.value - RADIUS_M * (truth.trailing_edge_rad - truth.leading_edge_rad)) < 1.5 * length.std
+    assert length.std == pytest.approx(RADIUS_M * 2.0 * estimates["leading_edge_rad"].std, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"saturated": True}, "saturated"),
+        ({"missing_fraction": 0.03}, "lost"),
+        ({"faults": ("speed changed too fast",)}, "too fast"),
+    ],
+)
+def test_doubtful_revolutions_are_provisional_and_say_why(change: dict[str, object], word: str) -> None:
+    estimates = estimates_of(make_revolution(WAVE, **change))
+    assert {e.status for e in estimates.values()} == {Status.PROVISIONAL}
+    assert all(word in e.reason for e in estimates.values())
+
+
+def test_no_edges_leave_the_speed() -> None:
+    nan = math.nan
+    revolution = replace(
+        make_revolution(WAVE),
+        leading_edge_rad=nan,
+        trailing_edge_rad=nan,
+        leading_edge_std_rad=nan,
+        trailing_edge_std_rad=nan,
+    )
+    estimates = estimates_of(revolution)
+    assert estimates["speed_mps"].status is Status.VALID
+    for name in ("leading_edge_rad", "trailing_edge_rad", "contact_length_m"):
+        assert estimates[name].status is Status.INVALID
+        assert estimates[name].reason
+        assert math.isnan(estimates[name].value)
+
+
+def test_unknown_timing_error_is_nan_not_zero() -> None:
+    assert math.isnan(estimates_of(make_revolution(WAVE, period_std_s=math.nan))["speed_mps"].std)
+
+
+def test_nan_waveform_does_not_raise() -> None:
+    estimates = estimates_of(replace(make_revolution(WAVE), radial_mps2=np.full(1024, np.nan), omega_radps=math.nan))
+    assert estimates["speed_mps"].status is Status.INVALID

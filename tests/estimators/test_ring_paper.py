@@ -1,0 +1,267 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Status
+from gateway.estimators.ring_fit import fit_ring_numbers
+from gateway.estimators.ring_paper import NUMBERS, RATIOS, SETTLED_REVOLUTIONS, RingPaperEstimator
+from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.ring_series import signal_orders, signal_waveform, stiffness_terms
+from gateway.signal.average import RunningAverage
+from gateway.signal.resample import angle_grid
+from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
+from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, cosine_orders, solution
+
+ORDERS = np.arange(1.0, 61.0)
+HALF = 0.2
+FORCE = 5000.0 / (math.pi * PRESSURE_PA * RADIUS_M * HALF)
+CONTEXT = {"load_n": 5000.0, "pressure_pa": PRESSURE_PA, "radius_m": RADIUS_M, "half_angle_rad": HALF}
+
+
+def series_wave(numbers: tuple[float, ...] = TABLE_3_NUMBERS) -> np.ndarray:
+    return signal_waveform(angle_grid(), OMEGA, RADIUS_M, signal_orders(ORDERS, numbers, **CONTEXT))
+
+
+def estimate_once(
+    wave: np.ndarray, conditions: Conditions = CONDITIONS, *, count: int = 10, **revolution: object
+) -> dict[str, Estimate]:
+    data = make_revolution(wave, **revolution)
+    return {e.name: e for e in RingPaperEstimator().update(data, settled(data, count), conditions)}
+
+
+def values(estimates: dict[str, Estimate]) -> np.ndarray:
+    return np.array([estimates[name].value for name in NUMBERS])
+
+
+factor = st.floats(0.4, 2.5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(factors=st.tuples(factor, factor, factor, factor))
+def test_the_papers_own_data_give_the_numbers_back(factors: tuple[float, float, float, float]) -> None:
+    numbers = tuple(f * t for f, t in zip(factors, TABLE_3_NUMBERS, strict=True))
+    estimates = estimate_once(series_wave(numbers), edges=(-HALF, HALF))
+    np.testing.assert_allclose(values(estimates), numbers, rtol=1e-4)
+    for name, other in (("Bs/Cw", 0), ("Rs/Cw", 2), ("Ts/Cw", 3)):
+        assert estimates[name].value == pytest.approx(numbers[other] / numbers[1], rel=1e-4)
+    assert all(e.status is Status.VALID for e in estimates.values())
+
+
+def test_a_contact_centre_off_zero_changes_nothing() -> None:
+    shifted = np.fft.irfft(np.fft.rfft(series_wave()) * np.exp(-1j * np.arange(513) * 0.013), n=1024)
+    estimates = estimate_once(shifted, edges=(0.013 - HALF, 0.013 + HALF))
+    np.testing.assert_allclose(values(estimates), TABLE_3_NUMBERS, rtol=1e-3)
+
+
+def test_model_error_on_the_exact_ring_is_what_the_documentation_says() -> None:
+    """True half angle and load, no noise: the estimator's own error, tens of percent."""
+    ring = solution(5000.0)
+    fit = fit_ring_numbers(
+        ORDERS,
+        cosine_orders(ring.sensor.radial_m),
+        np.full(60, np.nan),
+        force_m=5000.0 / (math.pi * PRESSURE_PA * RADIUS_M * ring.half_angle_rad),
+        half_angle_rad=ring.half_angle_rad,
+    )
+    assert fit is not None
+    np.testing.assert_allclose(fit.numbers / TABLE_3_NUMBERS, [0.78, 0.64, 1.07, 2.24], atol=0.01)
+    assert fit.residual == pytest.approx(0.059, abs=0.002)
+
+
+@pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_fit_is_no_worse_than_scipys_from_many_starts(load_n: float, noise: float) -> None:
+    ring = solution(load_n)
+    data = cosine_orders(ring.sensor.radial_m)
+    data = data + np.random.default_rng(4).normal(size=60) * noise * np.abs(data).max()
+    force = load_n / (math.pi * PRESSURE_PA * RADIUS_M * ring.half_angle_rad)
+    fit = fit_ring_numbers(ORDERS, data, np.full(60, np.nan), force_m=force, half_angle_rad=ring.half_angle_rad)
+    terms = stiffness_terms(ORDERS) * TABLE_3_NUMBERS
+    top = -force * ORDERS**3 * np.sin(ORDERS * ring.half_angle_rad)
+    starts = np.random.default_rng(9).uniform(0.05, 4.0, (12, 4))
+    best = min(
+        (
+            least_squares(lambda p: top / (terms @ p) - data, start, bounds=(1e-9, np.inf), xtol=1e-12, ftol=1e-12)
+            for start in starts
+        ),
+        key=lambda result: result.cost,
+    )
+    assert fit is not None
+    assert fit.residual**2 * float(data @ data) <= 2.0 * best.cost * (1.0 + 1e-5)
+    weak = best.x < 1e-3
+    np.testing.assert_allclose((fit.numbers / TABLE_3_NUMBERS)[~weak], best.x[~weak], rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("conditions", "words"),
+    [
+        (replace(CONDITIONS, load_n=None), ["load", "load_n", "weight_kg"]),
+        (replace(CONDITIONS, pressure_pa=None), ["pressure", "pressure_kpa", "sensor"]),
+        (replace(CONDITIONS, load_n=None, pressure_pa=None), ["load_n", "pressure_kpa"]),
+        (replace(CONDITIONS, load_n=math.nan), ["load_n"]),
+        (replace(CONDITIONS, pressure_pa=0.0), ["pressure_kpa"]),
+    ],
+)
+def test_without_load_or_pressure_only_the_ratios_stand(conditions: Conditions, words: list[str]) -> None:
+    complete = estimate_once(series_wave(), edges=(-HALF, HALF))
+    estimates = estimate_once(series_wave(), conditions, edges=(-HALF, HALF))
+    for name in NUMBERS:
+        assert estimates[name].status is Status.INVALID
+        assert math.isnan(estimates[name].value)
+        assert all(word in estimates[name].reason for word in words)
+    for name in RATIOS:
+        assert estimates[name].status is Status.VALID
+        assert estimates[name].value == pytest.approx(complete[name].value, rel=1e-4)
+        assert estimates[name].std == pytest.approx(complete[name].std, rel=1e-2, abs=1e-9)
+
+
+def test_load_and_pressure_errors_are_carried_over() -> None:
+    wave = exact_wave(solution())
+    bare = estimate_once(wave)
+    loaded = estimate_once(wave, replace(CONDITIONS, load_std_n=150.0, pressure_std_pa=4000.0))
+    share = math.hypot(150.0 / 5000.0, 4000.0 / PRESSURE_PA)
+    for name in NUMBERS:
+        assert loaded[name].std == pytest.approx(math.hypot(bare[name].std, share * bare[name].value))
+    for name in RATIOS:
+        assert loaded[name].std == pytest.approx(bare[name].std)
+    heavier = estimate_once(wave, replace(CONDITIONS, load_n=5150.0))
+    np.testing.assert_allclose(values(heavier), 1.03 * values(bare), rtol=1e-3)
+
+
+def test_edge_errors_are_carried_over_by_their_derivative() -> None:
+    ring = solution()
+    data, half = cosine_orders(ring.sensor.radial_m), ring.half_angle_rad
+
+    def fit_at(angle: float):
+        force = 5000.0 / (math.pi * PRESSURE_PA * RADIUS_M * angle)
+        return fit_ring_numbers(ORDERS, data, np.full(60, np.nan), force_m=force, half_angle_rad=angle)
+
+    numeric = (fit_at(half + 1e-4).numbers - fit_at(half - 1e-4).numbers) / 2e-4
+    np.testing.assert_allclose(fit_at(half).angle_derivative, numeric, rtol=0.01)
+    revolution = make_revolution(exact_wave(ring), edges=(ring.leading_edge_rad, ring.trailing_edge_rad))
+    average = settled(revolution)
+
+    def stds(edge_std: float) -> np.ndarray:
+        vague = replace(average, leading_edge_std_rad=edge_std, trailing_edge_std_rad=edge_std)
+        return np.array([e.std for e in RingPaperEstimator().update(revolution, vague, CONDITIONS)[:4]])
+
+    # Both edges off by 5 mrad the same way move the half angle by 5 mrad.
+    np.testing.assert_allclose(np.sqrt(stds(5e-3) ** 2 - stds(0.0) ** 2), np.abs(5e-3 * numeric), rtol=0.05)
+
+
+@pytest.mark.parametrize("noise", [0.5, 5.0])
+def test_standard_errors_cover_noise(noise: float) -> None:
+    """On data of the model itself the stated error is the scatter."""
+    found, stated = [], []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        average = RunningAverage()
+        for _ in range(9):
+            revolution = make_revolution(series_wave() + rng.normal(size=1024) * noise, edges=(-HALF, HALF))
+            result = take(average, revolution)
+        # The edges' definition is exact here: leave its share out.
+        result = replace(result, leading_edge_std_rad=0.0, trailing_edge_std_rad=0.0)
+        estimates = RingPaperEstimator().update(revolution, result, CONDITIONS)
+        found.append([e.value for e in estimates])
+        stated.append([e.std for e in estimates])
+    ratio = np.sqrt(np.mean(np.square(stated), axis=0)) / np.std(found, axis=0)
+    assert (ratio > 0.8).all(), ratio
+    assert (ratio < 1.6).all(), ratio
+
+
+def test_provisional_until_settled_and_on_faults() -> None:
+    wave = series_wave()
+    early = estimate_once(wave, edges=(-HALF, HALF), count=int(SETTLED_REVOLUTIONS) - 1)
+    assert {e.status for e in early.values()} == {Status.PROVISIONAL}
+    assert all("settles" in e.reason for e in early.values())
+    late = estimate_once(wave, edges=(-HALF, HALF), count=int(SETTLED_REVOLUTIONS))
+    assert {e.status for e in late.values()} == {Status.VALID}
+    faulty = estimate_once(wave, edges=(-HALF, HALF), faults=("samples lost",))
+    assert {e.status for e in faulty.values()} == {Status.PROVISIONAL}
+    assert all("samples lost" in e.reason for e in faulty.values())
+
+
+def test_a_number_stuck_at_zero_is_not_determined() -> None:
+    numbers = (TABLE_3_NUMBERS[0], TABLE_3_NUMBERS[1], TABLE_3_NUMBERS[2], 0.0)
+    coefficients = signal_orders(ORDERS, numbers, **CONTEXT)
+    coefficients[0] *= 1.6  # asks for a negative Ts
+    wave = signal_waveform(angle_grid(), OMEGA, RADIUS_M, coefficients)
+    estimates = estimate_once(wave, edges=(-HALF, HALF))
+    for name in ("Ts", "Ts/Cw"):
+        assert estimates[name].status is Status.INVALID
+        assert "not determined" in estimates[name].reason
+        assert math.isnan(estimates[name].value)
+    for name in ("Bs", "Cw", "Rs", "Bs/Cw"):
+        assert estimates[name].status is Status.VALID
+
+
+def with_orders(average: AngleAverage, kept: int) -> AngleAverage:
+    orders = average.orders_mps2.copy()
+    orders[kept + 1 :] = complex(math.nan, math.nan)
+    return replace(average, orders_mps2=orders)
+
+
+def test_fewer_orders_still_give_the_numbers_and_too_few_are_refused() -> None:
+    revolution = make_revolution(series_wave(), edges=(-HALF, HALF))
+    average = settled(revolution)
+    thirty = RingPaperEstimator().update(revolution, with_orders(average, 30), CONDITIONS)
+    np.testing.assert_allclose([e.value for e in thirty[:4]], TABLE_3_NUMBERS, rtol=1e-3)
+    few = RingPaperEstimator().update(revolution, with_orders(average, 12), CONDITIONS)
+    assert all(e.status is Status.INVALID and "12 orders" in e.reason for e in few)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"leading_edge_rad": math.nan},
+        {"leading_edge_rad": 0.3, "trailing_edge_rad": 0.2},
+        {"omega_radps": 0.0},
+        {"omega_radps": math.nan},
+        {"orders_mps2": np.zeros(61, dtype=complex)},
+        {"orders_mps2": np.full(61, complex(math.inf, 0.0))},
+    ],
+)
+def test_bad_averages_are_refused_with_a_reason_and_forgotten(change: dict[str, object]) -> None:
+    revolution = make_revolution(series_wave(), edges=(-HALF, HALF))
+    average = settled(revolution)
+    estimator = RingPaperEstimator()
+    good = estimator.update(revolution, average, CONDITIONS)
+    bad = estimator.update(revolution, replace(average, **change), CONDITIONS)
+    assert [e.name for e in bad] == [*NUMBERS, *RATIOS]
+    assert all(e.status is Status.INVALID and e.reason for e in bad)
+    again = estimator.update(revolution, average, CONDITIONS)
+    np.testing.assert_allclose([e.value for e in again], [e.value for e in good], rtol=1e-4)
+
+
+def test_warm_start_follows_a_change_of_tire_and_load() -> None:
+    estimator = RingPaperEstimator()
+    for load_n, pressure_pa in ((2000.0, 2.5e5), (8000.0, 1.7e5), (5000.0, PRESSURE_PA), (2000.0, 1.7e5)) * 3:
+        revolution = make_revolution(exact_wave(solution(load_n, pressure_pa)))
+        average = settled(revolution)
+        conditions = replace(CONDITIONS, load_n=load_n, pressure_pa=pressure_pa)
+        warm = estimator.update(revolution, average, conditions)
+        cold = RingPaperEstimator().update(revolution, average, conditions)
+        assert [e.status for e in warm] == [e.status for e in cold]
+        np.testing.assert_allclose([e.value for e in warm], [e.value for e in cold], rtol=2e-3)
+
+
+def test_reset_and_replay_give_the_same_bits() -> None:
+    rng = np.random.default_rng(2)
+    waves = [exact_wave(solution()) + rng.normal(size=1024) for _ in range(12)]
+
+    def run(estimator: RingPaperEstimator) -> list[tuple[Estimate, ...]]:
+        average = RunningAverage()
+        revolutions = [make_revolution(wave) for wave in waves]
+        return [estimator.update(r, take(average, r), CONDITIONS) for r in revolutions]
+
+    estimator = RingPaperEstimator()
+    first = run(estimator)
+    estimator.reset()
+    assert run(estimator) == first
