@@ -100,7 +100,12 @@ def parse_document(
         parsed = model.model_validate(data)
     except ValidationError as error:
         # A fault without location comes from the model's own call of the checks across keys: `more` lists it better.
-        faults += [_fault(model, data, dict(item)) for item in error.errors() if item["loc"]]
+        # "too short" counts the good items of a list only: told when the list is really empty.
+        faults += [
+            _fault(model, data, dict(item))
+            for item in error.errors()
+            if item["loc"] and not (item["type"] == "too_short" and item["input"])
+        ]
     faults += more(data)
     if parsed is None or faults:
         lines = list(dict.fromkeys(f"{origin}: {fault}" for fault in faults))

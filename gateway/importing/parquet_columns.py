@@ -33,7 +33,8 @@ class ParquetColumns:
         if path.stat().st_size == 0:
             raise ImportDataError(f"{path} is empty", "Check the file.")
         try:
-            self._file = pq.ParquetFile(path)
+            # Buffering ahead would hold every row group of the file in memory.
+            self._file = pq.ParquetFile(path, pre_buffer=False)
         except pa.ArrowInvalid as error:
             raise ImportDataError(f"{path} is not a Parquet file: {error}", "Check the file and its format.") from error
         self._types = {field.name: field.type for field in self._file.schema_arrow}

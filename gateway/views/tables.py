@@ -18,6 +18,7 @@ from gateway.pipeline.results import RevolutionResult
 from gateway.views.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
 
 HEAD: Final[dict[str, type]] = {
+    "recording": str,
     "position": str,
     "revolution": int,
     "device_start_s": float,
@@ -58,8 +59,8 @@ class TableFormat(StrEnum):
 class TableWriter(Protocol):
     """Takes results one by one and keeps none of them; also a context manager that closes."""
 
-    def write(self, result: RevolutionResult) -> None:
-        """Add one row.
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        """Add one row; `recording` tells rows of several recordings in one table apart.
 
         Raises:
             OutputError: the file cannot be written any more.
@@ -108,10 +109,11 @@ def open_table(
     return _Columns(path, sink, estimates)
 
 
-def row_of(result: RevolutionResult) -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
+def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
     """Return (the fixed cells, cells of each estimate by name and part); None where nothing is known."""
     revolution, conditions = result.revolution, result.conditions
     fixed: dict[str, Cell] = {
+        "recording": recording,
         "position": result.position,
         "revolution": revolution.index,
         "device_start_s": revolution.start_s,
@@ -181,8 +183,8 @@ class _JsonLines(_Closing):
         self._path = path
         self._file = file
 
-    def write(self, result: RevolutionResult) -> None:
-        fixed, named = row_of(result)
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        fixed, named = row_of(result, recording)
         row = dict(_in_order(fixed, named, named))
         with _writing(self._path):
             self._file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
@@ -212,8 +214,8 @@ class _Columns(_Closing):
         self._held: list[tuple[dict[str, Cell], dict[str, dict[str, Cell]]]] | None = []
         self._closed = False
 
-    def write(self, result: RevolutionResult) -> None:
-        fixed, named = row_of(result)
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        fixed, named = row_of(result, recording)
         with _writing(self._path):
             if self._held is None:
                 self._put(fixed, named)

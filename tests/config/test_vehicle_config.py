@@ -168,6 +168,11 @@ def test_missing_radius_names_each_wheel() -> None:
     assert "required" in lines[0]
 
 
+def test_a_fault_in_the_only_wheel_is_one_fault() -> None:
+    (line,) = faults_of('[tire]\nradius_mm = 320\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\nload_n = 4\n')
+    assert line.startswith("car.toml: wheel[FL].load_n: 4 found")
+
+
 def test_no_wheel_at_all() -> None:
     assert any("wheel: nothing found" in line for line in faults_of("[tire]\nradius_mm = 320\n"))
 

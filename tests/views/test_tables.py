@@ -62,7 +62,9 @@ def read_back(path: Path, table_format: TableFormat) -> list[dict[str, Any]]:
 def _typed(key: str, text: str) -> object:
     if key in ("saturated", "ac_coupled"):
         return bool(int(text))
-    if key in ("position", "faults", "host_utc", "other_estimates") or key.endswith(("_status", "_reason")):
+    if key in ("recording", "position", "faults", "host_utc", "other_estimates") or key.endswith(
+        ("_status", "_reason")
+    ):
         return text
     return None if text == "" else int(text) if key in ("revolution", "host_ns") else float(text)
 
@@ -75,8 +77,9 @@ def test_every_value_comes_back_exactly(tmp_path: Path, table_format: TableForma
     path = tmp_path / "out"
     with open_table(path, table_format) as table:
         table.write(result(0, load_n=5000.0, load_std_n=50.0, pressure_pa=2.1e5))
-        table.write(result(1, "FR"))
+        table.write(result(1, "FR"), "second.mcap")
     first, second = read_back(path, table_format)
+    assert (first["recording"], second["recording"]) == ("", "second.mcap")
     assert (first["position"], first["revolution"], first["host_ns"]) == ("FL", 0, START_NS)
     assert (first["device_start_s"], first["device_end_s"]) == (1.5, 1.6)
     assert (first["speed_mps"], first["speed_mps_std"], first["speed_mps_status"]) == (18.0554321987, 0.002, "valid")
