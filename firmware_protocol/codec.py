@@ -300,6 +300,12 @@ DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
 }
 """Payload decoder per type byte; each raises ValueError when the payload breaks its layout."""
 
+FIXED_LENGTHS: Final[dict[int, int]] = {
+    MessageType.ENVIRONMENT: _ENVIRONMENT.size,
+    MessageType.TIME_SYNC: _TIME_SYNC.size,
+}
+"""Types of which every payload of this length is valid, whatever it holds."""
+
 
 def _reject(name: str, value: object, allowed: str) -> NoReturn:
     raise ValueError(f"{name} is {value}; allowed: {allowed}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 from firmware_protocol.counters import LinkCounters, SourceCounters
@@ -81,18 +82,19 @@ class LinkTracker:
             tracker = self.sources[key] = SourceTracker(counters)
         return tracker
 
-    def restarts_with(self, hub: int, boot_count: int) -> bool:
-        """Return whether a hello with this boot count tells of a restart of its hub."""
-        return self._boot_counts.get(hub, boot_count) != boot_count
+    def restarts_within(self, hellos: Iterable[tuple[int, int]]) -> bool:
+        """Return whether hellos to come, as (hub, boot count) in order, tell of a restart of a hub."""
+        boot_counts = dict(self._boot_counts)
+        return any(boot_counts.setdefault(hub, boot_count) != boot_count for hub, boot_count in hellos)
 
     def hello(self, key: int, boot_count: int) -> None:
         """Note a hello's boot count, before its counter is looked at; a new one restarts all sources of the hub."""
         hub = key & 0xFF
-        if self.restarts_with(hub, boot_count):
+        if self._boot_counts.setdefault(hub, boot_count) != boot_count:
+            self._boot_counts[hub] = boot_count
             for of_hub in range(hub, 0x10000, 0x100):
                 tracker = self.sources.get(of_hub)
                 if tracker is not None:
                     tracker.hub_restarted()
         elif key in self.sources:
             self.sources[key].restarted_alone = False
-        self._boot_counts[hub] = boot_count

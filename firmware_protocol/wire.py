@@ -18,6 +18,8 @@ MAX_FRAME_BYTES: Final = OVERHEAD_BYTES + MAX_PAYLOAD_BYTES
 VERSION_OFFSET: Final = 2
 TYPE_OFFSET: Final = 3
 LENGTH_OFFSET: Final = 4
+HUB_OFFSET: Final = 5
+WHEEL_OFFSET: Final = 6
 FLAGS_OFFSET: Final = 7
 LENGTH_KNOWN_BYTES: Final = LENGTH_OFFSET + 1
 """Bytes of a candidate that must be there before its length is known."""

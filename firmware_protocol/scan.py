@@ -1,0 +1,209 @@
+"""Finds the frames of a whole block at once: the same parse as the streaming decoder's, with numpy across frames.
+
+Most candidates (sync bytes and a possible length) of a stream follow each other without a gap. Runs of frames of one
+length are checked by a single CRC over several of them: an intact frame leaves the CRC in a state that depends on its
+length alone, so the CRC of r such frames back to back is a constant. Only where candidates overlap does it matter which
+of them the parser would visit, and only there is the stream walked candidate by candidate.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from functools import cache
+from typing import Final, NamedTuple
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol import wire
+from firmware_protocol.codec import encode_raw
+
+MAX_GROUP: Final = 64
+"""Most frames checked by one CRC."""
+LOOKAHEAD_BYTES: Final = wire.MAX_FRAME_BYTES
+"""Bytes after the end of the block that must be addressable; what they hold does not matter."""
+
+_BAD: Final = 0
+_GOOD: Final = 1
+_UNKNOWN: Final = 2
+_INCOMPLETE: Final = 3
+_NOT_VISITED: Final = 4
+_CHUNK: Final = 1 << 14
+
+Bytes = NDArray[np.uint8]
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+class Scan(NamedTuple):
+    """What a block holds.
+
+    Attributes:
+        start: (k,) offsets of the intact frames.
+        total: (k,) their lengths in bytes.
+        crc_errors: candidates with a bad CRC.
+        truncated: candidates cut off by the end of the stream.
+        consumed: offset up to which the block is settled; the rest may be the start of a frame.
+    """
+
+    start: Indices
+    total: Indices
+    crc_errors: int
+    truncated: int
+    consumed: int
+
+
+def scan(buffer: Bytes, size: int, *, final: bool, group: int) -> Scan:
+    """Parse `buffer[:size]`.
+
+    Args:
+        buffer: at least `size + LOOKAHEAD_BYTES` bytes.
+        size: bytes of the block.
+        final: whether the stream ends here.
+        group: frames to check by one CRC, 1 to MAX_GROUP; only the speed depends on it.
+    """
+    start, end = _candidates(buffer, size)
+    state = np.full(len(start), _UNKNOWN, np.uint8)
+    state[end > size] = _INCOMPLETE
+    overlaps = np.zeros(len(start), np.bool_)
+    overlaps[:-1] = start[1:] < end[:-1]
+    wanted = state == _UNKNOWN
+    if overlaps.any():
+        wanted &= _in_the_open(start, end, overlaps)
+    check = np.flatnonzero(wanted)
+    state[check] = _check(buffer, start[check], end[check], group)
+    decide = np.flatnonzero((overlaps & (state == _GOOD)) | (state > _GOOD))
+    truncated, pending = _walk(buffer, start, end, state, decide, final=final) if len(decide) else (0, None)
+
+    good = np.flatnonzero(state == _GOOD)
+    start, end = start[good], end[good]
+    if final:
+        consumed = size
+    elif pending is not None:
+        consumed = pending
+    else:
+        after = int(end[-1]) if len(end) else 0
+        consumed = size - (after < size and int(buffer[size - 1]) == wire.SYNC[0])
+    return Scan(start, end - start, int(np.count_nonzero(state == _BAD)), truncated, consumed)
+
+
+def _candidates(buffer: Bytes, size: int) -> tuple[Indices, Indices]:
+    """Return start and end of every candidate, in order; those whose length is not there yet end after `size`."""
+    sync = np.uint16(int.from_bytes(wire.SYNC, "little"))
+    pairs = max(size - 1, 0)
+    even = np.flatnonzero(buffer[: pairs + 1 & ~1].view("<u2") == sync)
+    odd = np.flatnonzero(buffer[1 : 1 + (pairs & ~1)].view("<u2") == sync)
+    even *= 2
+    odd *= 2
+    odd += 1
+    # A stable sort merges the two sorted halves.
+    start = np.sort(np.concatenate((even, odd)), kind="stable")
+    end = start + buffer[start + wire.LENGTH_OFFSET]
+    end += wire.OVERHEAD_BYTES
+    known = int(np.searchsorted(start, size - wire.LENGTH_OFFSET))
+    end[known:] = size + 1
+    possible = end - start <= wire.MAX_FRAME_BYTES
+    possible[known:] = True
+    return (start, end) if possible.all() else (start[possible], end[possible])
+
+
+def _in_the_open(start: Indices, end: Indices, overlaps: Flags) -> Flags:
+    """Return the candidates worth checking at once: those not inside one that ends exactly where another begins.
+
+    This is a guess at where the parser will go, to save checking what lies inside payloads; the walk puts it right.
+    """
+    trusted = np.zeros(len(start), np.bool_)
+    trusted[:-1] = end[:-1] == start[1:]
+    doubtful = np.flatnonzero(overlaps)
+    follower = np.minimum(np.searchsorted(start, end[doubtful]), len(start) - 1)
+    trusted[doubtful] = start[follower] == end[doubtful]
+    reach = np.maximum.accumulate(np.where(trusted, end, 0))
+    in_the_open = np.ones(len(start), np.bool_)
+    in_the_open[1:] = start[1:] >= reach[:-1]
+    return in_the_open
+
+
+def _check(buffer: Bytes, start: Indices, end: Indices, group: int) -> Flags:
+    """Return which candidates have a good CRC, checking runs of frames of one length `group` at a time."""
+    count = len(start)
+    if not count:
+        return np.zeros(0, np.bool_)
+    total = end - start
+    new_run = np.flatnonzero((end[:-1] != start[1:]) | (total[:-1] != total[1:])) + 1
+    run = np.concatenate(([0], new_run, [count]))
+    pieces = -(-np.diff(run) // group)
+    before = np.cumsum(pieces) - pieces
+    first = np.repeat(run[:-1] - group * before, pieces) + group * np.arange(pieces.sum())
+    after = np.minimum(first + group, np.repeat(run[1:], pieces))
+    frames = after - first
+    right = _crcs(buffer, start[first], end[after - 1]) == _back_to_back()[total[first], frames]
+    good = np.ones(count, np.bool_)
+    wrong = np.flatnonzero(~right)
+    if len(wrong):
+        of_several = wrong[frames[wrong] > 1]
+        each = np.repeat(first[of_several] - np.cumsum(frames[of_several]) + frames[of_several], frames[of_several])
+        each += np.arange(len(each))
+        good[first[wrong]] = False
+        good[each] = _crcs(buffer, start[each], end[each]) == wire.CRC_RESIDUE
+    return good
+
+
+def _crcs(buffer: Bytes, start: Indices, end: Indices) -> NDArray[np.uint32]:
+    view = buffer.data
+    out = np.empty(len(start), np.uint32)
+    for at in range(0, len(start), _CHUNK):
+        chunk = slice(at, at + _CHUNK)
+        out[chunk] = [crc32(view[a:b]) for a, b in zip(start[chunk].tolist(), end[chunk].tolist(), strict=True)]
+    return out
+
+
+@cache
+def _back_to_back() -> NDArray[np.uint32]:
+    """Return the CRC of r intact frames of t bytes back to back, whatever they hold, at [t, r]."""
+    crcs = np.zeros((wire.MAX_FRAME_BYTES + 1, MAX_GROUP + 1), np.uint32)
+    for length in range(wire.MAX_PAYLOAD_BYTES + 1):
+        frame = encode_raw(0, bytes(length), 0, 0, 0, 0)
+        crc = 0
+        for count in range(1, MAX_GROUP + 1):
+            crc = crcs[len(frame), count] = crc32(frame, crc)
+    return crcs
+
+
+def _walk(
+    buffer: Bytes, start: Indices, end: Indices, state: NDArray[np.uint8], decide: Indices, *, final: bool
+) -> tuple[int, int | None]:
+    """Visit, as the streaming parser would, the candidates at which the way on is not plain; settle `state` by that.
+
+    Args:
+        buffer: the block.
+        start: offsets of all candidates.
+        end: their ends.
+        state: of each; afterwards candidates that the parser jumps over or never reaches are _NOT_VISITED.
+        decide: indices of the candidates that are good and overlap the next, are not checked, or are incomplete.
+        final: whether incomplete candidates will stay so.
+
+    Returns:
+        Number of truncated frames, and the offset of the candidate that waits for more bytes, if any.
+    """
+    view = buffer.data
+    followers = np.searchsorted(start, end[decide]).tolist()
+    indices, starts, ends = decide.tolist(), start[decide].tolist(), end[decide].tolist()
+    states = state[decide].tolist()
+    truncated = at = 0
+    while at < len(indices):
+        here = states[at]
+        if here == _INCOMPLETE:
+            if not final:
+                state[indices[at] :] = _NOT_VISITED
+                return truncated, starts[at]
+            truncated += 1
+        elif here == _GOOD or crc32(view[starts[at] : ends[at]]) == wire.CRC_RESIDUE:
+            state[indices[at]] = _GOOD
+            state[indices[at] + 1 : followers[at]] = _NOT_VISITED
+            at = bisect_left(indices, followers[at], at + 1)
+            continue
+        else:
+            state[indices[at]] = _BAD
+        at += 1
+    return truncated, None
