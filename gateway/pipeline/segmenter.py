@@ -190,7 +190,7 @@ class Segmenter:
         end = self.next_index
         outer = box_offsets(self._width)[2]
         first = max(int(last.centre + 0.5 * self._period) - outer, int(last.centre))
-        radial = read(first, end) * self.sign
+        radial = read(min(first, end), end) * self.sign
         score, offset = dip_score(np.concatenate(([0.0], np.cumsum(radial))), self._width)
         if len(score):
             at = np.arange(first + offset, first + offset + len(score))

@@ -8,6 +8,7 @@ and duration w = L / v, so that depth * w^2 = L^2 / R whatever the speed. That p
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -34,7 +35,7 @@ _OUTDONE: Final = 3.0
 # Neighbouring contacts last equally long but for the change of speed and the steps of the search's durations.
 _WIDTH_RATIO: Final = INTERVAL_RATIO * _SCALE_STEP * 1.05
 # Shares of the deepest dip that a dip needs to take part, tried in this order.
-_DEPTH_TIERS: Final = (0.5, 0.25, 0.1, 0.0)
+_DEPTH_TIERS: Final = (0.5, 0.35, 0.2, 0.1, 0.05, 0.0)
 # Dips of the nominal sign win unless the other sign's are clearly deeper.
 _SIGN_PREFERENCE: Final = 1.15
 
@@ -174,14 +175,15 @@ def _outdone(train: list[tuple[int, float, float]], dips: list[tuple[int, float,
 
     It happens while fewer than three contacts are in view, but already three overshoots.
     """
-    deepest = max(depth for _, depth, _ in train)
     size = float(np.median([depth * width**2 for _, depth, width in train]))
-    return any(
-        (depth >= deepest and depth * width**2 >= _OUTDONE * size)
-        or (depth >= 2.0 * deepest and depth * width**2 >= size / _OUTDONE)
-        for at, depth, width in dips
-        if train[0][0] <= at <= train[-1][0]
-    )
+    for before, after in pairwise(train):
+        deepest = max(before[1], after[1])
+        for at, depth, width in dips:
+            if before[0] <= at <= after[0]:
+                wide = depth * width**2 / size
+                if (depth >= deepest and wide >= _OUTDONE) or (depth >= 1.5 * deepest and wide >= 1.0 / _OUTDONE):
+                    return True
+    return False
 
 
 def find_contacts(radial_mps2: FloatArray, rate_hz: float) -> tuple[list[tuple[float, float, float]], int]:

@@ -1,0 +1,117 @@
+"""Signals of a rolling wheel for pipeline tests, made from the geometrically exact ring, not from any estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+
+RADIUS_M = 0.32
+PRESSURE_PA = 210e3
+LOAD_N = 5000.0
+SCALE_MPS2 = 0.05
+
+
+@cache
+def ring_solution() -> RingSolution:
+    ring = RingParameters.from_numbers(3.0833e-3, 0.1953, 2.9740, 2.5289, radius_m=RADIUS_M, pressure_pa=PRESSURE_PA)
+    return solve_rolling_ring(ring, LOAD_N, PRESSURE_PA, 56.42, nodes=1200)
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """A radial signal and its truth."""
+
+    rate_hz: float
+    speed_mps: NDArray[np.float64]
+    theta_rad: NDArray[np.float64]
+    radial_mps2: NDArray[np.float64]
+    contacts: NDArray[np.float64]
+
+    def errors(self, centres: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distance of each centre from the nearest true contact, in samples."""
+        return np.array([np.abs(self.contacts - centre).min() for centre in centres])
+
+
+@pytest.fixture(scope="session")
+def roll() -> Callable[..., Rolling]:
+    def make(
+        speed_kmh: Callable[[NDArray[np.float64]], NDArray[np.float64]] | float,
+        duration_s: float,
+        rate_hz: float = 9600.0,
+        *,
+        noise_mps2: float = 3.4,
+        sign: int = 1,
+        ac: bool = False,
+        start_rad: float = 2.0,
+        seed: int = 1,
+    ) -> Rolling:
+        solution = ring_solution()
+        t = np.arange(round(duration_s * rate_hz)) / rate_hz
+        kmh = speed_kmh(t) if callable(speed_kmh) else np.full_like(t, speed_kmh)
+        speed = kmh / 3.6
+        theta = start_rad + np.concatenate(([0.0], np.cumsum(speed[:-1]))) / rate_hz / RADIUS_M
+        wrapped = (theta + np.pi) % (2.0 * np.pi) - np.pi
+        grid = solution.theta_rad
+
+        def at_angle(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.interp(wrapped, grid, values, period=2.0 * np.pi)
+
+        omega = speed / RADIUS_M
+        radial = omega**2 * at_angle(solution.sensor.radial_m) + 9.80665 * at_angle(solution.sensor.gravity_radial)
+        if ac:
+            radial = radial - radial.mean()
+        radial = sign * (radial + noise_mps2 * np.random.default_rng(seed).standard_normal(len(t)))
+        turns = np.arange(np.ceil(theta[0] / (2 * np.pi)), np.floor(theta[-1] / (2 * np.pi)) + 1)
+        moving = np.concatenate(([True], np.diff(theta) > 0))
+        contacts = np.interp(turns * 2 * np.pi, theta[moving], np.flatnonzero(moving).astype(float))
+        return Rolling(rate_hz, speed, theta, radial, contacts)
+
+    return make
+
+
+def hello(rate_hz: float = 9600.0, **changes: object) -> Hello:
+    base = Hello(
+        1, 0, 0xAB, 0x1234, (1, 2, 3), 1, rate_hz, 0b100, Coupling.DC, 0.0,
+        (0.0, 0.0, 19620.0), (0.0, 0.0, SCALE_MPS2), (0.0, 0.0, 0.0), 32767,
+    )  # fmt: skip
+    return base._replace(**changes)
+
+
+@pytest.fixture(scope="session")
+def to_frames() -> Callable[..., list[Frame]]:
+    """Turn a radial signal into the frames a hub would send for one wheel."""
+
+    def make(
+        radial_mps2: NDArray[np.float64],
+        rate_hz: float = 9600.0,
+        *,
+        wheel: int = 0,
+        block: int = 36,
+        first_sample: int = 0,
+        pressure_pa: float | None = PRESSURE_PA,
+        start_us: int = 0,
+        **changes: object,
+    ) -> list[Frame]:
+        counts = np.clip(np.rint(radial_mps2 / SCALE_MPS2), -32768, 32767).astype(np.int16)[:, None]
+        frames: list[Frame] = []
+
+        def add(kind: MessageType, tick_us: int, message: object) -> None:
+            frames.append(Frame(kind, 0, wheel, len(frames), tick_us & 0xFFFFFFFF, message))  # type: ignore[arg-type]
+
+        add(MessageType.HELLO, start_us, hello(rate_hz, **changes))
+        add(MessageType.ENVIRONMENT, start_us, Environment(pressure_pa, 35.0, 3.0))
+        for at in range(0, len(counts) - block + 1, block):
+            tick_us = start_us + round(at / rate_hz * 1e6)
+            number = (first_sample + at) & 0xFFFFFFFF
+            add(MessageType.SAMPLES, tick_us, SampleBlock(number, 0b100, counts[at : at + block]))
+        return frames
+
+    return make
