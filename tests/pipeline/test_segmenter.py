@@ -41,7 +41,9 @@ def test_every_revolution_is_found_at_constant_speed(roll: Callable, kmh, durati
     pairs, segmenter = segment(signal)
     period = rate_hz * 2 * np.pi * 0.32 / (kmh / 3.6)
     # contacts cut off by the first or last samples need not be found
-    whole = signal.contacts[(signal.contacts > 0.12 * period) & (signal.contacts < len(signal.radial_mps2) - 0.2 * period)]
+    whole = signal.contacts[
+        (signal.contacts > 0.12 * period) & (signal.contacts < len(signal.radial_mps2) - 0.2 * period)
+    ]
     assert len(pairs) >= len(whole) - 1
     assert segmenter.sign == sign
     assert segmenter.state is WheelState.ROLLING

@@ -1,0 +1,240 @@
+"""Frames in, results out: live and batch give the same, faults are counted and told."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import random
+
+import numpy as np
+import pytest
+
+from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.codec import encode_frame
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import Coupling, Environment, MessageType
+from gateway.estimators.base import Status
+from gateway.pipeline.core import Pipeline
+from gateway.pipeline.results import WheelState
+from gateway.pipeline.setup import WheelSetup
+
+SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, load_std_n=50.0)
+UNKNOWN = WheelSetup("", 0, 0, 0.32)
+
+
+def stream(frames, step_ns=3_750_000, start_ns=10**18):
+    """Bytes of frames with an arrival time each."""
+    return [(encode_frame(frame), start_ns + i * step_ns) for i, frame in enumerate(frames)]
+
+
+def run_live(packets, setups=(SETUP,), pieces=None):
+    pipeline, decoder = Pipeline(setups, UNKNOWN), FrameDecoder()
+    results = []
+    for data, host_ns in packets:
+        for part in pieces(data) if pieces else (data,):
+            results += pipeline.frames("link", decoder.feed(part), host_ns)
+    results += pipeline.frames("link", decoder.finish(), packets[-1][1])
+    return results + pipeline.finish(), pipeline
+
+
+def run_batch(packets, setups=(SETUP,), block=50_000):
+    pipeline, decoder = Pipeline(setups, UNKNOWN), BatchDecoder()
+    ends = np.cumsum([len(data) for data, _ in packets])
+    arrivals = np.array([host_ns for _, host_ns in packets])
+    whole = b"".join(data for data, _ in packets)
+    results = []
+
+    def take(batch):
+        if len(batch.type):
+            host = arrivals[np.minimum(np.searchsorted(ends, batch.end_offset), len(arrivals) - 1)]
+            results.extend(pipeline.batch("link", batch, host))
+
+    for at in range(0, len(whole), block):
+        take(decoder.feed(whole[at : at + block]))
+    take(decoder.finish())
+    return results + pipeline.finish(), pipeline
+
+
+def plain(result):
+    """Everything of a result as comparable values."""
+
+    def of(value):
+        if isinstance(value, np.ndarray):
+            return value.tobytes()
+        if isinstance(value, float) and math.isnan(value):
+            return "nan"
+        if dataclasses.is_dataclass(value):
+            return tuple(of(getattr(value, field.name)) for field in dataclasses.fields(value))
+        return tuple(of(item) for item in value) if isinstance(value, tuple) else value
+
+    return of(result)
+
+
+def by_wheel(results):
+    wheels = {}
+    for result in results:
+        wheels.setdefault(result.position, []).append(plain(result))
+    return wheels
+
+
+@pytest.fixture(scope="module")
+def four_wheels(roll, to_frames):
+    """Interleaved frames of four wheels at different speeds."""
+    wheels = [
+        to_frames(roll(lambda t, k=kmh: k + 8 * np.sin(t), 6.0, seed=i).radial_mps2, wheel=i)
+        for i, kmh in enumerate((40.0, 65.0, 90.0, 120.0))
+    ]
+    return [frame for group in zip(*wheels, strict=True) for frame in group]
+
+
+SETUPS = tuple(WheelSetup(f"W{i}", 0, i, 0.32, load_n=5000.0) for i in range(4))
+
+
+def test_batch_gives_what_live_gives(four_wheels):
+    packets = stream(four_wheels, 900_000)
+    live, _ = run_live(packets, SETUPS)
+    assert len(live) > 200
+    for block in (1_000, 77_777, 10**7):
+        batch, _ = run_batch(packets, SETUPS, block)
+        assert by_wheel(batch) == by_wheel(live)
+
+
+def test_batch_gives_what_live_gives_on_a_bad_link(four_wheels):
+    rng = random.Random(5)
+    frames = list(four_wheels)
+    for i in rng.sample(range(10, len(frames) - 10), 30):
+        frames[i], frames[i + 3] = frames[i + 3], frames[i]  # late
+    frames = [frame for frame in frames if rng.random() > 0.01]  # lost
+    frames = [again for frame in frames for again in ((frame, frame) if rng.random() < 0.01 else (frame,))]
+    packets = []
+    for data, host_ns in stream(frames, 900_000):
+        damaged = bytearray(data)
+        if rng.random() < 0.01:
+            damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
+        packets.append((bytes(damaged), host_ns))
+    live, pipeline = run_live(packets, SETUPS)
+    assert len(live) > 150
+    assert any(result.revolution.missing_fraction > 0 for result in live)
+    assert by_wheel(run_batch(packets, SETUPS, 33_333)[0]) == by_wheel(live)
+    for wheel in pipeline.wheels():
+        assert wheel.counters.samples_lost > 0
+
+
+def test_any_cut_of_the_bytes_gives_the_same(roll, to_frames):
+    packets = stream(to_frames(roll(65.0, 3.0).radial_mps2))
+    whole, _ = run_live(packets)
+    assert len(whole) >= 24
+    for size in (1, 19, 240):
+        cut, _ = run_live(packets, pieces=lambda d, n=size: [d[i : i + n] for i in range(0, len(d), n)])
+        assert by_wheel(cut) == by_wheel(whole)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("ac", [False, True])
+def test_speed_and_contact_are_right_whatever_sign_and_coupling(roll, to_frames, sign, ac):
+    signal = roll(65.0, 4.0, sign=sign, ac=ac)
+    frames = to_frames(signal.radial_mps2, coupling=Coupling.AC if ac else Coupling.DC, highpass_hz=0.05 if ac else 0.0)
+    results, pipeline = run_live(stream(frames))
+    assert len(results) >= 33
+    last = {estimate.name: estimate for estimate in results[-1].estimates}
+    assert last["speed_mps"].status is not Status.INVALID
+    assert abs(last["speed_mps"].value * 3.6 - 65.0) < 0.05
+    # the exact ring's own edges, +-0.2398 rad
+    assert abs(last["trailing_edge_rad"].value - 0.2398) < 0.012
+    assert abs(last["leading_edge_rad"].value + 0.2398) < 0.012
+    assert results[-1].revolution.radial_mps2.mean() == pytest.approx(0.32 * (65 / 3.6 / 0.32) ** 2, rel=0.01)
+    assert pipeline.wheels()[0].state is WheelState.ROLLING
+
+
+def test_one_lost_frame_costs_no_revolution(roll, to_frames):
+    frames = to_frames(roll(65.0, 3.0).radial_mps2)
+    clean, _ = run_live(stream(frames))
+    for lost in range(200, 232):
+        results, pipeline = run_live(stream(frames[:lost] + frames[lost + 1 :]))
+        assert len(results) == len(clean)
+        assert pipeline.wheels()[0].counters.samples_lost == 36
+        hit = [result for result in results if result.revolution.missing_fraction > 0]
+        assert 1 <= len(hit) <= 2
+        assert all("samples were lost on the link" in result.revolution.faults for result in hit)
+        speeds = np.array([result.revolution.omega_radps for result in results])
+        assert abs(speeds / speeds.mean() - 1).max() < 0.02
+
+
+def test_late_frame_is_put_where_it_belongs(roll, to_frames):
+    frames = to_frames(roll(65.0, 3.0).radial_mps2)
+    clean, _ = run_live(stream(frames))
+    swapped = [*frames[:220], frames[221], frames[220], *frames[222:]]
+    results, pipeline = run_live(stream(swapped))
+    assert pipeline.wheels()[0].counters.samples_lost == 0
+    assert [r.revolution.period_s for r in results] == [r.revolution.period_s for r in clean]
+
+
+def test_counters_and_ticks_may_wrap_anywhere(roll, to_frames):
+    signal = roll(65.0, 4.0).radial_mps2
+    base, _ = run_live(stream(to_frames(signal)))
+    wrapped, pipeline = run_live(stream(to_frames(signal, first_sample=2**32 - 9000, start_us=2**32 - 1_000_000)))
+    assert [r.revolution.period_s for r in wrapped] == pytest.approx([r.revolution.period_s for r in base], rel=1e-6)
+    assert pipeline.wheels()[0].counters.samples_lost == 0
+    starts = [result.revolution.start_s for result in wrapped]
+    assert starts == sorted(starts)
+
+
+def test_a_hub_that_restarts_loses_only_what_it_did_not_send(roll, to_frames):
+    signal = roll(65.0, 6.0).radial_mps2
+    first = to_frames(signal[:28800])
+    second = to_frames(signal[28800:], boot_count=2)
+    results, pipeline = run_live(stream(first + second))
+    clean, _ = run_live(stream(to_frames(signal)))
+    assert len(results) >= len(clean) - 3
+    assert pipeline.wheels()[0].counters.samples_lost == 0
+    assert by_wheel(run_batch(stream(first + second))[0]) == by_wheel(results)
+
+
+def test_a_long_gap_is_not_bridged(roll, to_frames):
+    frames = to_frames(roll(65.0, 8.0).radial_mps2)
+    results, pipeline = run_live(stream(frames[:800] + frames[1300:]))
+    assert pipeline.wheels()[0].counters.samples_lost == 500 * 36
+    periods = np.array([result.revolution.period_s for result in results])
+    assert abs(periods / np.median(periods) - 1).max() < 0.01
+
+
+def test_saturated_revolutions_say_so_and_stay_out_of_the_average(roll, to_frames):
+    signal = roll(65.0, 3.0).radial_mps2
+    results, pipeline = run_live(stream(to_frames(signal, saturation_counts=round(1300 / 0.05))))
+    assert results
+    assert all(result.revolution.saturated for result in results)
+    assert pipeline.wheels()[0].counters.samples_saturated > 50
+    assert pipeline.wheels()[0].average_mps2 is None
+
+
+def test_without_load_only_ratios_are_given(roll, to_frames):
+    setup = dataclasses.replace(SETUP, load_n=None)
+    results, _ = run_live(stream(to_frames(roll(65.0, 4.0).radial_mps2)), (setup,))
+    estimates = {estimate.name: estimate for estimate in results[-1].estimates}
+    for name in ("Bs", "Cw", "Rs", "Ts"):
+        assert estimates[name].status is Status.INVALID
+        assert "load" in estimates[name].reason
+    assert estimates["Rs/Cw"].value > 0
+
+
+def test_pressure_takes_effect_at_its_own_time(roll, to_frames):
+    frames = to_frames(roll(65.0, 3.0).radial_mps2)
+    at = 400
+    later = frames[at]._replace(type=int(MessageType.ENVIRONMENT), message=Environment(190e3, 41.0, None), seq=10**6)
+    results, _ = run_live(stream([*frames[:at], later, *frames[at:]]))
+    pressures = [result.conditions.pressure_pa for result in results]
+    assert set(pressures) == {210e3, 190e3}
+    assert pressures == sorted(pressures, reverse=True)
+    assert results[-1].conditions.temperature_degc == pytest.approx(41.0, abs=0.1)
+
+
+def test_wheels_nobody_configured_are_named_and_estimated(roll, to_frames):
+    results, pipeline = run_live(stream(to_frames(roll(65.0, 3.0).radial_mps2, wheel=7)), ())
+    assert {result.position for result in results} == {"hub0.wheel7"}
+    assert [wheel.position for wheel in pipeline.wheels()] == ["hub0.wheel7"]
+
+
+def test_samples_before_a_hello_wait_for_it(roll, to_frames):
+    frames = to_frames(roll(65.0, 3.0).radial_mps2)
+    results, _ = run_live(stream([*frames[2:100], frames[0], *frames[100:]]))
+    assert len(results) >= 22

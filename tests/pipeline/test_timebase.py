@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import numpy as np
+
+from gateway.pipeline.timebase import HostClock, SampleClock
+
+
+def test_true_sampling_rate_is_measured_against_the_hubs_clock():
+    clock = SampleClock(9600.0)
+    true_hz = 9600.0 * 1.013
+    rng = np.random.default_rng(1)
+    for block in range(5000):
+        index = 36 * block
+        clock.stamp(index, round(index / true_hz * 1e6 + rng.normal(0, 20)))
+    assert clock.rate_hz(9600) == 9600.0
+    assert abs(clock.rate_hz(179_000) / true_hz - 1) < 2e-6
+    assert abs(clock.hub_us(179_000) - 179_000 / true_hz * 1e6) < 20
+
+
+def test_an_absurd_rate_is_not_believed():
+    clock = SampleClock(9600.0)
+    for index in range(0, 96000, 36):
+        clock.stamp(index, round(index / 4800 * 1e6))
+    assert clock.rate_hz(96000) == 9600.0
+
+
+def test_an_answer_does_not_change_when_later_stamps_are_known():
+    one, other = SampleClock(9600.0), SampleClock(9600.0)
+    stamps = [(index, round(index / 9612.0 * 1e6)) for index in range(0, 300_000, 36)]
+    answers = []
+    for index, tick in stamps:
+        one.stamp(index, tick)
+        answers.append(one.hub_us(index))
+    for index, tick in stamps:
+        other.stamp(index, tick)
+    late = [other.hub_us(index) for index, _ in stamps[-3000:]]
+    np.testing.assert_allclose(late, answers[-3000:], atol=1e-3)
+
+
+def arrivals(seconds: int, drift: float, seed: int = 2) -> list[tuple[int, int]]:
+    rng = np.random.default_rng(seed)
+    ticks = np.arange(0, seconds * 1_000_000, 10_000)
+    host = 1_700_000_000_000_000_000 + (ticks * 1000.0 * (1 + drift)).astype(np.int64)
+    # a link adds delay only: 2 ms at best, bursts of 30 ms
+    return list(
+        zip(ticks.tolist(), (host + (2e6 + rng.exponential(8e6, len(ticks)))).astype(np.int64).tolist(), strict=True)
+    )
+
+
+def test_host_time_follows_the_earliest_arrivals_and_the_drift():
+    clock = HostClock()
+    for tick, host_ns in arrivals(120, 80e-6):
+        clock.stamp(tick, host_ns)
+    asked = 110_000_000
+    true_ns = 1_700_000_000_000_000_000 + round(asked * 1000 * (1 + 80e-6)) + 2_000_000
+    assert abs(clock.host_ns(asked) - true_ns) < 0.6e6
+
+
+def test_host_time_is_the_same_when_frames_of_other_wheels_came_first():
+    stamps = arrivals(30, 0.0)
+    step_by_step, at_once = HostClock(), HostClock()
+    answers = []
+    for tick, host_ns in stamps:
+        step_by_step.stamp(tick, host_ns)
+        answers.append(step_by_step.host_ns(tick - 3000))
+    for tick, host_ns in stamps:
+        at_once.stamp(tick, host_ns)
+    assert [at_once.host_ns(tick - 3000) for tick, _ in stamps] == answers
+
+
+def test_latency_is_the_delay_against_the_fastest():
+    clock = HostClock()
+    stamps = arrivals(60, 0.0)
+    for tick, host_ns in stamps:
+        clock.stamp(tick, host_ns)
+    tick = stamps[-1][0]
+    clock.measure_latency(tick, clock.host_ns(tick) + 50_000_000)
+    assert abs(clock.latency_s - 0.05) < 1e-3
