@@ -1,4 +1,5 @@
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -238,3 +239,23 @@ def test_progress_goes_from_nothing_to_all(tmp_path: Path) -> None:
     assert shares == sorted(shares)
     assert len(shares) == 6
     assert math.isclose(shares[-1], 1.0)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_memory_is_flat_in_the_length(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
+    monkeypatch.setattr(f"gateway.importing.{suffix[1:]}_columns.BLOCK_ROWS", 2000)
+    import_map = parse_map(simple_map(**{"axis.circumferential": "", "axis.lateral": ""}), "map")
+    peaks_bytes = []
+    for count in (8_000, 64_000):
+        path = tmp_path / f"run{count}{suffix}"
+        if suffix == ".csv":
+            write_csv(path, {"z": np.sin(np.arange(count))})
+        else:
+            pq = pytest.importorskip("pyarrow.parquet")
+            pq.write_table(pytest.importorskip("pyarrow").table({"z": np.sin(np.arange(count))}), path, 4000)
+        tracemalloc.start()
+        import_file(path, import_map, path.with_suffix(".mcap"))
+        peaks_bytes.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    # Only the recording's index grows, by some bytes a chunk.
+    assert peaks_bytes[1] - peaks_bytes[0] < 400_000
