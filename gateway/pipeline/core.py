@@ -5,9 +5,10 @@ Synchronous and deterministic: no clock, no I/O, and the same results however th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,11 +108,9 @@ class Pipeline:
         for stop in (*slow, len(batch.type)):
             if stop > begin:
                 ticks_us = self._stamp(link, batch, slice(begin, stop), host_ns)
-                for group in groups:
-                    lo, hi = np.searchsorted(group.frame_index, (begin, stop)).tolist()
-                    if lo < hi:
-                        own_ticks_us = ticks_us[group.frame_index[lo:hi] - begin]
-                        results += self._group(link, group, slice(lo, hi), own_ticks_us)
+                for group, part in _in_stream_order(groups, begin, stop):
+                    own_ticks_us = ticks_us[group.frame_index[part] - begin]
+                    results += self._group(link, group, part, own_ticks_us)
             if stop < len(batch.type):
                 frame = Frame(
                     int(batch.type[stop]),
@@ -215,3 +214,21 @@ class Pipeline:
         """Return how much later than the fastest frames the newest of `link` came, None before time is known."""
         known = [hub.host.latency_s for (of, _), hub in self._hubs.items() if of == link]
         return max((value for value in known if value is not None), default=None)
+
+
+def _in_stream_order(groups: Sequence[SampleGroup], begin: int, stop: int) -> Iterator[tuple[SampleGroup, slice]]:
+    """Yield the groups' frames from `begin` to `stop` so that each wheel's come in the order of the stream."""
+    parts: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
+    for group in groups:
+        lo, hi = np.searchsorted(group.frame_index, (begin, stop)).tolist()
+        if lo < hi:
+            parts.setdefault((group.hub, group.wheel), []).append((group, lo, hi))
+    for of_wheel in parts.values():
+        if len(of_wheel) == 1:
+            group, lo, hi = of_wheel[0]
+            yield group, slice(lo, hi)
+            continue
+        # A wheel that changed its block size or its axes: take its blocks one by one.
+        frames = [(int(group.frame_index[at]), group, at) for group, lo, hi in of_wheel for at in range(lo, hi)]
+        for _, group, at in sorted(frames, key=itemgetter(0)):
+            yield group, slice(at, at + 1)

@@ -120,6 +120,22 @@ def test_batch_gives_what_live_gives_on_a_bad_link(four_wheels):
         assert wheel.counters.samples_lost > 0
 
 
+def test_batch_gives_what_live_gives_when_the_block_size_changes(roll, to_frames):
+    signal = roll(65.0, 4.0).radial_mps2
+    rng = random.Random(8)
+    frames = to_frames(signal)[:2]
+    at = 0
+    while at + 110 <= len(signal):
+        n = rng.choice((1, 20, 36, 110))
+        (block,) = to_frames(signal[at : at + n], block=n, first_sample=at)[2:]
+        frames.append(block._replace(seq=len(frames), tick_us=round(at / 9600 * 1e6)))
+        at += n
+    packets = stream(frames)
+    live, _ = run_live(packets)
+    assert len(live) >= 33
+    assert by_wheel(run_batch(packets)[0]) == by_wheel(live)
+
+
 def test_any_cut_of_the_bytes_gives_the_same(roll, to_frames):
     packets = stream(to_frames(roll(65.0, 3.0).radial_mps2))
     whole, _ = run_live(packets)
