@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from gateway.pipeline.results import SessionSnapshot
 from gateway.views import console_status as status
@@ -10,6 +11,9 @@ from gateway.views.console_overview import overview
 from gateway.views.console_rows import Role, Row, fit
 from gateway.views.console_wheel import PANEL_MIN_HEIGHT, PANEL_MIN_WIDTH, Plots, details, panel
 from gateway.views.waveform import Zoom
+
+
+_VALUE_ROWS: Final = 7  # of a panel, above its waveform
 
 
 @dataclass(slots=True)
@@ -39,8 +43,8 @@ def panel_grid(wheels: int, cells: int, height: int) -> tuple[int, int] | None:
         panel_width, panel_height = cells // columns, height // rows
         if panel_width < PANEL_MIN_WIDTH or panel_height < PANEL_MIN_HEIGHT:
             continue
-        # A cell is about twice as high as wide; a panel should be about twice as wide as high.
-        score = min(panel_width / 4.0, panel_height)
+        # The waveform gets what the values leave; it should be about twice as wide as high, and cells are half as wide.
+        score = min(panel_width / 4.0, panel_height - _VALUE_ROWS)
         if best is None or score > best[0]:
             best = (score, columns, rows)
     return None if best is None else best[1:]

@@ -1,0 +1,273 @@
+import dataclasses
+import os
+import re
+import sys
+import textwrap
+
+import pytest
+
+from gateway.views.console import ConsoleApp
+
+SIZES = [(80, 24), (120, 40), (200, 60)]
+
+
+class FakeSession:
+    """A session whose state the test sets."""
+
+    def __init__(self, snapshot):
+        self.state = snapshot
+        self.marks = []
+        self.stopped = False
+
+    def snapshot(self):
+        return self.state
+
+    def mark(self, text):
+        self.marks.append(text)
+
+    def request_stop(self):
+        self.stopped = True
+
+    def change(self, **changes):
+        self.state = dataclasses.replace(self.state, **changes)
+
+
+@pytest.fixture
+def session(made):
+    return FakeSession(made.snapshot())
+
+
+def screen(app):
+    """The text rows that textual would send to the terminal."""
+    return [strip.text for strip in app.screen._compositor.render_strips()]
+
+
+async def drawn(app, pilot):
+    app.tick()
+    await pilot.pause()
+    return screen(app)
+
+
+def has(rows, text):
+    return any(text in row for row in rows)
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_screen_shows_the_session(session, size):
+    app = ConsoleApp(session)
+    async with app.run_test(size=size) as pilot:
+        rows = await drawn(app, pilot)
+        assert (len(rows), {len(row) for row in rows}) == (size[1], {size[0]})
+        for text in ("0:01:23", "REC", "65.000 ± 0.022 km/h", "(3.083 ± 0.012)e-3", "-13.740 ± 0.097 deg", "m/s²"):
+            assert has(rows, text), text
+        assert app._board.rows
+        session.change(elapsed_s=84.2, alarms=())
+        assert has(await drawn(app, pilot), "0:01:24")
+
+
+async def test_only_changed_lines_are_repainted(session, monkeypatch):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await drawn(app, pilot)
+        regions = []
+        monkeypatch.setattr(app._board, "refresh", lambda *changed, **_: regions.extend(changed))
+        app.tick()
+        assert regions == []
+        session.change(elapsed_s=84.2)
+        app.tick()
+        assert [(region.y, region.height) for region in regions] == [(0, 1)]
+
+
+async def test_pause_freezes_the_view(session, made):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await drawn(app, pilot)
+        await pilot.press("space")
+        session.change(wheels=(made.wheel("FL", result={"speed_kmh": 99.0}),), elapsed_s=90.0)
+        rows = await drawn(app, pilot)
+        assert has(rows, "PAUSED at 0:01:23")
+        assert has(rows, "65.000")
+        assert not has(rows, "99.000")
+        await pilot.press("space")
+        rows = await drawn(app, pilot)
+        assert has(rows, "99.000")
+        assert not has(rows, "PAUSED")
+
+
+async def test_keys_switch_the_wheel(session):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await drawn(app, pilot)
+        for keys, selected in (
+            (["tab"], 1),
+            (["right"], 2),
+            (["down", "down"], 0),
+            (["shift+tab"], 3),
+            (["left", "up"], 1),
+            (["4"], 3),
+            (["1"], 0),
+            (["8"], 0),
+        ):
+            await pilot.press(*keys)
+            assert app.view.selected == selected, keys
+        await pilot.press("3")
+        assert has(screen(app), ">3 RL")
+        session.change(wheels=())
+        app.tick()
+        await pilot.press("tab", "1")
+        assert has(screen(app), "waiting for the first hello")
+
+
+async def test_zoom_and_help(session):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        assert has(await drawn(app, pilot), "180°")
+        await pilot.press("z")
+        assert has(screen(app), "-45°")
+        await pilot.press("z", "?")
+        rows = screen(app)
+        assert has(rows, "mark an event in the recording")
+        assert has(rows, "provisional")
+        await pilot.press("escape")
+        assert has(screen(app), "180°")
+        await pilot.press("?", "?")
+        assert has(screen(app), "180°")
+
+
+async def test_mark_carries_its_text_and_the_time_of_its_key(session):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await drawn(app, pilot)
+        await pilot.press("m")
+        assert has(screen(app), "text of the mark")
+        session.change(elapsed_s=95.0)
+        # Keys that mean something elsewhere are text here; Tab must not lead away from the line.
+        await pilot.press(*"pot q1", "tab", "left", "left", "z", "enter")
+        assert session.marks == ["pot zq1 (key pressed at 83.2 s)"]
+        assert app.view.selected == 0
+        assert not session.stopped
+        await pilot.press("m", "enter")
+        assert session.marks[1] == "mark (key pressed at 95.0 s)"
+        await pilot.press("m", "x", "escape", "2")
+        assert len(session.marks) == 2
+        assert app.view.selected == 1
+        assert not has(screen(app), "text of the mark")
+
+
+@pytest.mark.parametrize("key", ["q", "Q", "ctrl+c", "ctrl+q"])
+async def test_quit_stops_the_session_and_ends(session, key):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await drawn(app, pilot)
+        await pilot.press(key)
+        assert app.return_code == 0
+    assert session.stopped
+
+
+async def test_ctrl_c_quits_from_the_mark_too(session):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("m", "a", "ctrl+c")
+        assert app.return_code == 0
+    assert session.stopped
+    assert session.marks == []
+
+
+async def test_ended_session_ends_the_app_after_its_last_state(session):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await drawn(app, pilot)
+        await pilot.press("space")
+        session.change(ended=True, elapsed_s=99.0)
+        app.tick()
+        assert app.return_code is None
+        first = "".join(text for text, _ in app._board.rows[0])
+        assert "ENDED" in first
+        assert "0:01:39" in first
+        assert "PAUSED" not in first
+        await pilot.pause()
+        assert app.return_code == 0
+
+
+async def test_duration_stops_the_session(session):
+    app = ConsoleApp(session, duration_s=90.0)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await drawn(app, pilot)
+        assert not session.stopped
+        session.change(elapsed_s=90.0)
+        app.tick()
+        await pilot.pause()
+        assert app.return_code == 0
+    assert session.stopped
+
+
+async def test_timer_draws_without_help(session):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        session.change(elapsed_s=7.0)
+        for _ in range(100):
+            await pilot.pause(0.02)
+            if has(screen(app), "0:00:07"):
+                break
+        assert has(screen(app), "0:00:07")
+
+
+async def test_resize_draws_for_the_new_size(session):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(80, 24)) as pilot:
+        await drawn(app, pilot)
+        await pilot.resize_terminal(120, 40)
+        rows = await drawn(app, pilot)
+        assert {len(row) for row in rows} == {120}
+        assert has(rows, "╔═ 1 FL")
+        await pilot.resize_terminal(30, 6)
+        rows = await drawn(app, pilot)
+        assert (len(rows), {len(row) for row in rows}) == (6, {30})
+
+
+SCRIPT = textwrap.dedent(
+    """
+    from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot
+    from gateway.views.console import run_console
+
+    class Session:
+        calls = 0
+        def snapshot(self):
+            self.calls += 1
+            return SessionSnapshot(float(self.calls), (WheelSnapshot("FL"),), (), (Alarm("FL", "load", "too much"),),
+                                   ("n",), "", 0, self.calls > 4)
+        def mark(self, text): pass
+        def request_stop(self): pass
+
+    run_console(Session(), None)
+    print("left by itself")
+    """
+)
+
+
+@pytest.mark.parametrize("environment", [{"NO_COLOR": "1", "TERM": "screen"}, {"TERM": "xterm-256color"}])
+def test_on_a_real_terminal(environment):
+    pty = pytest.importorskip("pty", reason="no pseudo-terminals on this system")
+    pid, terminal = pty.fork()
+    if pid == 0:  # the child is the console
+        os.environ.pop("NO_COLOR", None)
+        os.environ.update(environment)
+        os.execv(sys.executable, [sys.executable, "-c", SCRIPT])
+    output = b""
+    while True:
+        try:
+            piece = os.read(terminal, 65536)
+        except OSError:  # Linux reports the end of a pseudo-terminal as an error
+            break
+        if not piece:
+            break
+        output += piece
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+    text = output.decode()
+    assert "left by itself" in text
+    assert "ALARM  FL: too much" in text
+    assert "ENDED" in text
+    codes = {code for sequence in re.findall(r"\x1b\[([0-9;]*)m", text) for code in sequence.split(";")}
+    colours = codes & {"38", "48", *map(str, (*range(30, 38), *range(40, 48), *range(90, 98), *range(100, 108)))}
+    assert bool(colours) == ("NO_COLOR" not in environment)

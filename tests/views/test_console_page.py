@@ -1,0 +1,242 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gateway.estimators.base import Estimate, Status
+from gateway.pipeline.results import WheelCounters, WheelSnapshot, WheelState
+from gateway.views.console_page import ViewState, compose, panel_grid
+from gateway.views.console_rows import Role, row_width
+from gateway.views.waveform import Zoom
+
+SIZES = [(80, 24), (120, 40), (200, 60)]
+
+
+def page(snapshot, size=(80, 24), view=None, live=None):
+    rows = compose(snapshot, view or ViewState(), *size, live)
+    assert len(rows) == size[1]
+    assert {row_width(row) for row in rows} == {size[0]}
+    return ["".join(text for text, _ in row) for row in rows]
+
+
+def row_with(rows, text):
+    found = [row for row in rows if text in row]
+    assert found, "\n".join(rows)
+    return found[0]
+
+
+@pytest.mark.parametrize("size", [*SIZES, (60, 20), (40, 10), (20, 5), (8, 2), (1, 1), (300, 100)])
+@pytest.mark.parametrize("wheels", range(9))
+def test_every_size_and_number_of_wheels_fills_the_screen(made, size, wheels):
+    page(made.snapshot([f"W{i}" for i in range(wheels)], alarms=(made.alarm(),) * 7), size)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_values_units_and_errors(made, size):
+    wear = Estimate("wear_mm", 1.234, 0.31, Status.VALID)
+    text = "\n".join(page(made.snapshot([made.wheel("FL", wear_mm=wear), "FR", "RL", "RR"]), size))
+    for expected in (
+        *("FL", "FR", "RL", "RR", "rolling", "65.000 ± 0.022 km/h", "210.0", "31.5", "5000 N"),
+        *("-13.740 ± 0.097 deg", "13.51 ± 0.10 deg", "rev 12", "wear", "1.23 ± 0.31 mm", "152.2 ± 1.1 mm"),
+        *("(3.083 ± 0.012)e-3", "0.1953 ± 0.0012", "2.974 ± 0.031", "2.529 ± 0.099"),
+        *("0:01:23", "4/4 rolling", "REC", "drive.mcap", "12.3 MB", "m/s²", "-90°", "▲", "lost 1.00 %"),
+        *("sim:demo", "crc 12", "-61", "87", "0.43", "12", "quit", "help", "pause"),
+    ):
+        assert expected in text, expected
+
+
+def test_every_wheel_has_its_line_and_numbers_at_80x24(made):
+    names = ["FL", "FR", "RL", "RR", "A1L", "A1R", "A2L", "A2R"]
+    wheels = [made.wheel(name, result={"speed_kmh": 60.0 + i}) for i, name in enumerate(names)]
+    alarms = tuple(made.alarm(name, "pressure", "150.0 kPa is below 180.0 kPa") for name in names[:3])
+    links = (made.link("serial:/dev/ttyUSB0"), made.link("serial:/dev/ttyUSB1"))
+    rows = page(made.snapshot(wheels, alarms=alarms, links=links))
+    for i, name in enumerate(names):
+        line = row_with(rows, f"{i + 1}{'!' if i < 3 else ' '}{name}")
+        assert line.split()[-10:] == [
+            *("rolling", f"{60 + i}.000", "-13.740", "13.51", "210.0", "31.5", "3.083e-3", "0.1953", "2.974", "2.529")
+        ]
+    assert row_with(rows, "ALARM  FL: 150.0 kPa is below 180.0 kPa")
+    assert row_with(rows, "ALARM  2 more: FR pressure, RL pressure")
+    assert row_with(rows, "ttyUSB1 up loss 1.00% crc 12 overwr 7 lag 12ms bat 87% 0.43W -61dBm")
+    assert row_with(rows, "-13.740 ± 0.097 deg")
+
+
+@pytest.mark.parametrize(
+    ("wheels", "size", "grid"),
+    [
+        (4, (120, 34), (2, 2)),
+        (4, (240, 30), (4, 1)),
+        (4, (60, 60), (1, 4)),
+        (1, (80, 18), (1, 1)),
+        (4, (80, 18), None),
+        (8, (120, 34), None),
+        (8, (240, 50), (4, 2)),
+    ],
+)
+def test_panels_are_used_where_they_fit(wheels, size, grid):
+    assert panel_grid(wheels, *size) == grid
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("state", list(WheelState))
+def test_wheel_without_a_revolution_says_what_it_waits_for(made, size, state):
+    rows = page(made.snapshot([WheelSnapshot("FL", state=state), "FR"]), size)
+    text = "\n".join(rows)
+    assert state.value in text
+    assert {"no data": "nothing", "searching": "two passes", "standstill": "still", "rolling": "under way"}[
+        state.value
+    ] in text
+    assert "load not stated" in text
+    assert "nan" not in text.lower()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_standstill_keeps_values_but_says_how_old_they_are(made, size):
+    rows = page(made.snapshot([made.wheel("FL", state=WheelState.STANDSTILL)]), size)
+    text = " ".join("\n".join(rows).split())
+    assert "standstill: values of revolution 12" in text
+    assert "0.1953 ± 0.0012" in text
+    assert "65.000" not in text
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_ratios_are_shown_with_the_reason(made, size):
+    rows = page(made.snapshot([made.wheel("FL", load_n=None), "FR"]), size)
+    text = "\n".join(rows)
+    assert "Bs/Cw 0.01579 ± 0.00016" in text
+    assert "ratios only: needs load" in text
+    assert "load not stated" in text
+
+
+def test_ratios_stand_under_their_numerators_in_the_overview(made):
+    rows = page(made.snapshot(["FL", made.wheel("FR", load_n=None), "RL"]))
+    header, line = row_with(rows, "km/h"), row_with(rows, "2 FR")
+    for label, value in (("Bs", "0.01579"), ("Cw", "/Cw"), ("Rs", "15.23"), ("Ts", "12.95")):
+        assert line[: header.index(label) + len(label)].endswith(value)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(("status", "mark"), [(Status.PROVISIONAL, "~"), (Status.INVALID, "x")])
+def test_status_is_a_mark_with_a_reason(made, size, status, mark):
+    wheel = made.wheel("FL", result={"status": status, "reason": "average of 3 revolutions"})
+    rows = page(made.snapshot([wheel]), size)
+    assert row_with(rows, f"{mark} average of 3 revolutions")
+    assert f"{'0.1953 ± 0.0012' if status is Status.PROVISIONAL else '—'} {mark}" in "\n".join(rows)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_alarms_stand_on_top_and_at_their_wheel(made, size):
+    rows = page(made.snapshot(alarms=(made.alarm("RR", "temperature", "95 °C is above 90 °C"),)), size)
+    assert rows[1].startswith(" ALARM  RR: 95 °C is above 90 °C")
+    assert row_with(rows[2:], "4!RR" if size == (80, 24) else "4 RR rolling  ALARM")
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_link_that_is_down_comes_first_with_its_reason(made, size):
+    links = [made.link(f"sim:link{i}") for i in range(7)]
+    links[5] = dataclasses.replace(links[5], connected=False, note="lost, next try in 4 s")
+    rows = page(made.snapshot(links=tuple(links)), size)
+    line = row_with(rows, "link5")
+    assert "DOWN" in line
+    assert "lost, next try in 4 s" in line
+    assert row_with(rows, "more links")
+
+
+def test_link_without_hub_status_leaves_its_fields_out(made):
+    link = made.link(battery_percent=None, rssi_dbm=None, supply_w=None, latency_s=None, frames=0, frames_lost=0)
+    rows = page(made.snapshot(links=(link,)), (120, 40))
+    line = row_with(rows, "sim:demo connected")
+    assert "loss 0 %" in line
+    assert not any(word in line for word in ("bat", "dBm", " W", "lag"))
+
+
+def test_overwritten_samples_are_announced(made):
+    wheel = made.wheel("FL", counters=WheelCounters(samples=10, samples_overwritten=120))
+    assert row_with(page(made.snapshot([wheel, "FR"])), "samples overwritten before use: FL 120")
+    assert not any("overwritten before" in row for row in page(made.snapshot()))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_long_names_and_paths_are_cut_in_the_middle(made, size):
+    names = [f"a very long name of wheel number {i} on the trailer" for i in range(4)]
+    text = "\n".join(page(made.snapshot(names, recording="/data/" + "deep/" * 40 + "drive.mcap"), size))
+    assert "drive.mcap" in text
+    assert "12.3 MB" in text
+    for i in range(4):
+        assert f"{i + 1} a " in text
+
+
+def test_hub_text_cannot_command_the_terminal(made):
+    evil = "boo\x1b[2J\x07\x9b1m"
+    snapshot = made.snapshot(
+        [made.wheel(evil, sensor_id=evil)],
+        notices=(evil,),
+        alarms=(made.alarm(evil, evil, evil),),
+        links=(made.link(evil, note=evil),),
+        recording=evil,
+    )
+    for size in SIZES:
+        assert "".join(page(snapshot, size)).isprintable()
+
+
+def test_paused_view_freezes_wheels_but_not_clock_and_alarms(made):
+    frozen = made.snapshot([made.wheel("FL", result={"speed_kmh": 50.0})])
+    live = made.snapshot(["FL"], elapsed_s=100.0, alarms=(made.alarm(),))
+    rows = page(frozen, view=ViewState(paused_at_s=83.2), live=live)
+    assert "PAUSED at 0:01:23" in rows[0]
+    assert "0:01:40" in rows[0]
+    assert "ALARM" in rows[1]
+    assert row_with(rows, "50.000")
+    assert "resume" in rows[-1]
+
+
+def test_header_says_what_is_recorded_and_that_the_session_ended(made):
+    assert "not recording" in page(made.snapshot(recording=""))[0]
+    assert "ENDED" in page(made.snapshot(ended=True))[0]
+
+
+def test_notices_show_the_latest(made):
+    notices = tuple(f"notice {i}" for i in range(20))
+    small, large = page(made.snapshot(notices=notices)), page(made.snapshot(notices=notices), (200, 60))
+    assert row_with(small, "notice 19")
+    assert not any("notice 18" in row for row in small)
+    assert sum("notice" in row for row in large) == 6
+
+
+def test_zoom_and_selection(made):
+    view = ViewState(selected=1, zoom=Zoom.CONTACT)
+    rows = page(made.snapshot(), view=view)
+    assert row_with(rows, ">2 FR")
+    assert row_with(rows, "══ 2 FR")
+    assert row_with(rows, "-45°")
+    assert not any("180°" in row for row in rows)
+    # A wheel that is gone does not break the view.
+    assert row_with(page(made.snapshot(["FL"]), view=ViewState(selected=5)), "1 FL")
+
+
+def test_waveform_is_drawn_again_only_for_a_new_revolution(made):
+    view, snapshot = ViewState(), made.snapshot(["FL", "FR"])
+    wheel = snapshot.wheels[0]
+    first = view.plots.rows(wheel, 50, 10, Zoom.WHOLE)
+    assert view.plots.rows(wheel, 50, 10, Zoom.WHOLE) is first
+    assert view.plots.rows(wheel, 50, 10, Zoom.CONTACT) is not first
+    again = made.wheel("FL", result={"speed_kmh": 30.0})
+    assert view.plots.rows(again, 50, 10, Zoom.WHOLE) != first
+
+
+def test_difference_from_the_average_is_a_number(made):
+    wheel = made.wheel("FL")
+    shifted = dataclasses.replace(wheel, average_mps2=wheel.last.revolution.radial_mps2 + 12.5)
+    assert row_with(page(made.snapshot([shifted]), (120, 40)), "difference 12.5 m/s² rms")
+    other_grid = dataclasses.replace(wheel, average_mps2=np.ones(7))
+    assert not any("difference" in row for row in page(made.snapshot([other_grid]), (120, 40)))
+
+
+def test_no_role_is_the_only_carrier_of_meaning(made):
+    """Alarms, links that are down and doubtful numbers are told by words or marks, whatever the colours."""
+    snapshot = made.snapshot(alarms=(made.alarm(),), links=(made.link(connected=False),))
+    for row in compose(snapshot, ViewState(), 120, 40):
+        for text, role in row:
+            if role is Role.ALARM and text.strip():
+                assert text.strip().startswith(("ALARM", "DOWN", "PAUSED", "ENDED", "!"))
