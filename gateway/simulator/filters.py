@@ -1,0 +1,71 @@
+"""Causal second-order filters that run block by block; a band solve does the recursion, so scipy.signal stays out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dtbtrs
+
+FloatArray = NDArray[np.float64]
+
+
+class Biquad:
+    """y[n] = b0 x[n] + b1 x[n-1] + b2 x[n-2] - a1 y[n-1] - a2 y[n-2], several channels at once, with memory.
+
+    The first block starts from the steady state of its first sample.
+    """
+
+    def __init__(self, forward: tuple[float, float, float], feedback: tuple[float, float]) -> None:
+        """Take (b0, b1, b2) and (a1, a2)."""
+        self._b = forward
+        self._a = feedback
+        self._past: tuple[FloatArray, FloatArray] | None = None
+
+    def __call__(self, block: FloatArray) -> FloatArray:
+        """Filter the next block (n, channels); n may be anything from 0."""
+        if not len(block):
+            return block
+        (b0, b1, b2), (a1, a2) = self._b, self._a
+        if self._past is None:
+            gain = (b0 + b1 + b2) / (1.0 + a1 + a2)
+            self._past = np.repeat(block[:1], 2, axis=0), gain * np.repeat(block[:1], 2, axis=0)
+        past_in, past_out = self._past
+        source = np.concatenate([past_in, block])
+        driven = b0 * source[2:] + b1 * source[1:-1] + b2 * source[:-2]
+        driven[0] -= a1 * past_out[1] + a2 * past_out[0]
+        driven[1:2] -= a2 * past_out[1]
+        band = np.empty((3, len(block)))
+        band[0], band[1], band[2] = 1.0, a1, a2
+        out, info = dtbtrs(band, driven, uplo="L")
+        if info != 0:
+            raise FloatingPointError("a filter's recursion cannot be solved")
+        self._past = source[-2:], np.concatenate([past_out, out])[-2:]
+        filtered: FloatArray = out
+        return filtered
+
+
+def lowpass(corner_hz: float, rate_hz: float) -> Biquad:
+    """Return a two-pole Butterworth low-pass, -3 dB at `corner_hz` (bilinear transform, prewarped)."""
+    k = math.tan(math.pi * corner_hz / rate_hz)
+    scale = 1.0 + math.sqrt(2.0) * k + k * k
+    b0 = k * k / scale
+    return Biquad((b0, 2.0 * b0, b0), (2.0 * (k * k - 1.0) / scale, (1.0 - math.sqrt(2.0) * k + k * k) / scale))
+
+
+def highpass(corner_hz: float, rate_hz: float) -> Biquad:
+    """Return a one-pole high-pass, -3 dB at `corner_hz`: the coupling capacitor of an AC-coupled sensor."""
+    k = math.tan(math.pi * corner_hz / rate_hz)
+    b0 = 1.0 / (1.0 + k)
+    return Biquad((b0, -b0, 0.0), ((k - 1.0) / (1.0 + k), 0.0))
+
+
+def lowpass_noise_gain(corner_hz: float, rate_hz: float) -> float:
+    """Return the standard deviation of unit white noise behind `lowpass`."""
+    # Sum of the squared impulse response; the poles lie within corner_hz, so this many samples hold all of it.
+    impulse = np.zeros((max(64, round(8.0 * rate_hz / corner_hz)), 1))
+    probe = lowpass(corner_hz, rate_hz)
+    probe(np.zeros((1, 1)))
+    impulse[0] = 1.0
+    return float(np.sqrt((probe(impulse) ** 2).sum()))

@@ -1,0 +1,88 @@
+"""Find and read scenarios, built in or the user's, and tell the vehicle that belongs to them."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+from gateway.config.faults import nearest, parse_document, read_text
+from gateway.config.toml_writer import toml_text
+from gateway.errors import SourceError
+from gateway.simulator.plan import wheel_plans
+from gateway.simulator.scenario_model import Scenario, scenario_faults
+
+_SUFFIX = ".toml"
+
+
+def builtin_scenarios() -> dict[str, str]:
+    """Return the built-in scenarios: name -> what it shows, its first comment."""
+    found = {}
+    for entry in sorted(resources.files("gateway.simulator").joinpath("scenarios").iterdir(), key=lambda e: e.name):
+        if entry.name.endswith(_SUFFIX):
+            first = entry.read_text(encoding="utf-8").partition("\n")[0]
+            found[entry.name.removesuffix(_SUFFIX)] = first.lstrip("# ")
+    return found
+
+
+def load_scenario(name: str) -> Scenario:
+    """Return a built-in scenario by name, or one from a file.
+
+    Raises:
+        SourceError: there is no such scenario.
+        ConfigError: it has faults; the message lists all of them.
+    """
+    builtin = resources.files("gateway.simulator").joinpath("scenarios", name + _SUFFIX)
+    if "/" not in name and not name.endswith(_SUFFIX) and builtin.is_file():
+        return parse_scenario(builtin.read_text(encoding="utf-8"), f"scenario {name}")
+    path = Path(name)
+    if not path.is_file():
+        known = builtin_scenarios()
+        guess = nearest(name, known)
+        hint = f"did you mean {guess}? " if guess else ""
+        raise SourceError(
+            f"there is no scenario '{name}', neither built in nor a file",
+            f"{hint}Built in: {', '.join(known)}. See `treadlink simulate --list`.",
+        )
+    return parse_scenario(read_text(path, "the scenario"), str(path))
+
+
+def parse_scenario(text: str, origin: str) -> Scenario:
+    """Return the scenario in a TOML text; `origin` names it in messages.
+
+    Raises:
+        ConfigError: naming every fault as `origin: key: value found, what is allowed`.
+    """
+    return parse_document(Scenario, text, origin, scenario_faults)
+
+
+def vehicle_toml(scenario: Scenario) -> str:
+    """Return the vehicle configuration that a user of this vehicle would write: what is known, not what is simulated.
+
+    Loads and pressures are those of the beginning. The new tire's numbers are stated, its wear is not.
+    """
+    wheels = []
+    for wheel, plan in zip(scenario.wheels(), wheel_plans(scenario), strict=True):
+        tire = wheel.tire
+        wheels.append(
+            {
+                "position": wheel.position,
+                "hub": wheel.hub,
+                "wheel": wheel.wheel,
+                "sensor_id": f"{plan.sensor_id:08x}",
+                "load_n": wheel.load_n.at(0.0),
+                "tire": {
+                    **({"size": tire.size} if tire.size else {}),
+                    "radius_mm": tire.radius_mm,
+                    "pressure_kpa": wheel.pressure_kpa.at(0.0),
+                    "temperature_degc": wheel.temperature_degc.at(0.0),
+                    "ring_thickness_mm": tire.ring_thickness_mm,
+                    "reference": {"Bs": tire.Bs, "Cw": tire.Cw, "Rs": tire.Rs, "Ts": tire.Ts},
+                },
+                "mounting": {
+                    "offset_mm": wheel.sensor.offset_mm,
+                    "roll_deg": wheel.sensor.roll_deg,
+                    "pitch_deg": wheel.sensor.pitch_deg,
+                },
+            }
+        )
+    return toml_text({"vehicle": {"name": scenario.scenario.name}, "wheel": wheels})

@@ -1,0 +1,114 @@
+"""A whole scenario as chunks of link bytes on a simulated clock."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.errors import ConfigError
+from gateway.io.source import Chunk
+from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.simulator.faults import Fault, apply_faults, parse_faults
+from gateway.simulator.hub import HubSimulator, TimedFrame
+from gateway.simulator.plan import WheelPlan, wheel_plans
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.truth import WheelTruth
+from gateway.simulator.wheel import WheelSimulator
+
+BLOCK_S = 0.25
+"""Simulated at a time; part of what the seed determines."""
+
+
+@dataclass(slots=True)
+class Simulation:
+    """A scenario being simulated; `chunks` runs it once.
+
+    Attributes:
+        scenario: what is simulated.
+        duration_s: length, None for no end.
+        faults: on the link, with their counts.
+        truth: what the estimators should find, by position.
+    """
+
+    scenario: Scenario
+    duration_s: float | None
+    faults: tuple[Fault, ...]
+    truth: dict[str, WheelTruth]
+    _hubs: tuple[HubSimulator, ...]
+    _link_rng: np.random.Generator
+
+    def chunks(self, link: str, start_ns: int) -> Iterator[Chunk]:
+        """Yield the link's bytes, faults included; chunks carry simulated arrival times counted from `start_ns`."""
+        return apply_faults(self.faults, self._clean_chunks(link, start_ns))
+
+    def _clean_chunks(self, link: str, start_ns: int) -> Iterator[Chunk]:
+        interval_s, jitter_s = self.scenario.link.chunk_ms * 1e-3, self.scenario.link.jitter_ms * 1e-3
+        parts: list[bytes] = []
+        slot, last_ns = 0, start_ns
+        for frame in self._frames():
+            at = int(frame.time_s / interval_s)
+            if at != slot:
+                if parts:
+                    last_ns = max(last_ns, self._arrival_ns(start_ns, (slot + 1) * interval_s, jitter_s))
+                    yield Chunk(link, last_ns, b"".join(parts))
+                slot, parts = at, []
+            parts.append(frame.data)
+        if parts:
+            last_ns = max(last_ns, self._arrival_ns(start_ns, (slot + 1) * interval_s, jitter_s))
+            yield Chunk(link, last_ns, b"".join(parts))
+
+    def _arrival_ns(self, start_ns: int, time_s: float, jitter_s: float) -> int:
+        return start_ns + round((time_s + self._link_rng.exponential(jitter_s)) * 1e9)
+
+    def _frames(self) -> Iterator[TimedFrame]:
+        block = 0
+        while self.duration_s is None or block * BLOCK_S < self.duration_s:
+            block += 1
+            until_s = block * BLOCK_S if self.duration_s is None else min(block * BLOCK_S, self.duration_s)
+            yield from heapq.merge(*(hub.advance(until_s) for hub in self._hubs), key=lambda frame: frame.time_s)
+
+
+def simulate(
+    scenario: Scenario, *, seed: int | None = None, duration_s: float | None = None, faults: tuple[Fault, ...] = ()
+) -> Simulation:
+    """Return a scenario ready to run; the tires are solved now.
+
+    Args:
+        scenario: what to simulate.
+        seed: instead of the scenario's.
+        duration_s: instead of the scenario's.
+        faults: on the link; the scenario's own come first.
+
+    Raises:
+        ConfigError: a tire has no equilibrium under its load.
+    """
+    seed = scenario.scenario.seed if seed is None else seed
+    plans = wheel_plans(scenario)
+    link_rng, *wheel_rngs = np.random.default_rng(seed).spawn(1 + len(plans))
+    wheels = [_wheel(plan, rng) for plan, rng in zip(plans, wheel_rngs, strict=True)]
+    title = f"treadlink simulator: {scenario.scenario.name or 'scenario'}, seed {seed}"
+    hubs = tuple(
+        HubSimulator(hub, [wheel for wheel in wheels if wheel.plan.hub.hub == hub.hub], title)
+        for hub in scenario.hubs()
+    )
+    return Simulation(
+        scenario=scenario,
+        duration_s=scenario.scenario.duration_s if duration_s is None else duration_s,
+        faults=(*parse_faults(scenario.scenario.faults, seed), *faults),
+        truth={wheel.plan.position: WheelTruth(wheel.plan, wheel.phase_rad) for wheel in wheels},
+        _hubs=hubs,
+        _link_rng=link_rng,
+    )
+
+
+def _wheel(plan: WheelPlan, rng: np.random.Generator) -> WheelSimulator:
+    try:
+        return WheelSimulator(plan, rng)
+    except (RingNotConvergedError, ValueError) as error:
+        raise ConfigError(
+            f"wheel {plan.position}: its tire cannot be solved: {error}",
+            "Lower the load, raise the pressure, or bring the tire's stiffnesses into proportion.",
+        ) from error

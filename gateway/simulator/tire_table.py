@@ -1,0 +1,185 @@
+"""The exact ring's waveform over load, pressure and speed: solved at a few points, interpolated in between."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
+
+FloatArray = NDArray[np.float64]
+WaveformTable = NDArray[np.float32]
+"""(TABLE_ANGLES + 1, COLUMNS) over theta = -pi + 2 pi i / TABLE_ANGLES; the last row is the first. Single precision
+is 1e-7 of the signal, far below any sensor's noise, and half the memory to go through."""
+
+RING_NODES = 720
+TABLE_ANGLES = 8192
+COLUMNS = 6
+"""Radial, circumferential shape; radial, circumferential gravity; radial, circumferential spin."""
+
+
+@dataclass(frozen=True, slots=True)
+class TireModel:
+    """A ring that changes with pressure, and the sensor's and road's part in its waveform.
+
+    Attributes:
+        ring: at the reference pressure.
+        reference_pa: pressure at which `ring` holds.
+        pressure_share: share of the sidewall's stiffness that grows with pressure.
+        sensor_offset_m: sensor below the neutral layer.
+        drum_radius_m: of the road; infinite when flat.
+    """
+
+    ring: RingParameters
+    reference_pa: float
+    pressure_share: float = 0.5
+    sensor_offset_m: float = 0.0
+    drum_radius_m: float = math.inf
+
+    def ring_at(self, pressure_pa: float) -> RingParameters:
+        """Return the ring at a pressure."""
+        growth = 1.0 + self.pressure_share * (pressure_pa / self.reference_pa - 1.0)
+        return replace(
+            self.ring,
+            radial_stiffness_npm2=self.ring.radial_stiffness_npm2 * growth,
+            tangential_stiffness_npm2=self.ring.tangential_stiffness_npm2 * growth,
+        )
+
+    def numbers(self, pressure_pa: float) -> RingNumbers:
+        """Return the true dimensionless numbers at a pressure."""
+        return self.ring_at(pressure_pa).numbers(pressure_pa)
+
+    @property
+    def depends_on_speed(self) -> bool:
+        """Whether the shape changes with speed."""
+        ring = self.ring
+        return ring.foundation_damping_nspm2 > 0.0 or ring.tread_damping_nspm2 > 0.0 or ring.rotary_inertia_kgm > 0.0
+
+
+class Range(NamedTuple):
+    """From the smallest to the largest value that a quantity takes."""
+
+    low: float
+    high: float
+
+
+class TireTable:
+    """Waveforms of one tire over ranges of load, pressure and angular speed; polynomial in each that varies."""
+
+    def __init__(self, tire: TireModel, load_n: Range, pressure_pa: Range, omega_radps: Range) -> None:
+        """Solve the ring at every point of the grid.
+
+        Raises:
+            RingNotConvergedError: the ring has no equilibrium somewhere in the ranges.
+        """
+        self.tire = tire
+        if not tire.depends_on_speed:
+            # Without damping the shape is the same at every speed; the middle one only fixes the belt's tension.
+            omega_radps = Range(*(0.5 * (omega_radps.low + omega_radps.high),) * 2)
+        self._axes = tuple(_nodes(Range(*extent)) for extent in (load_n, pressure_pa, omega_radps))
+        shape = tuple(len(axis) for axis in self._axes)
+        self._tables = np.empty((math.prod(shape), (TABLE_ANGLES + 1) * COLUMNS), np.float32)
+        self._edges = np.empty((math.prod(shape), 2))
+        near: RingSolution | None = None
+        for row, place in enumerate(np.ndindex(*shape)):
+            load, pressure, omega = (float(axis[i]) for axis, i in zip(self._axes, place, strict=True))
+            near = solve_rolling_ring(
+                tire.ring_at(pressure),
+                load,
+                pressure,
+                omega,
+                nodes=RING_NODES,
+                sensor_offset_m=tire.sensor_offset_m,
+                drum_radius_m=tire.drum_radius_m,
+                start=near,
+            )
+            self._tables[row] = _fine(near).reshape(-1)
+            self._edges[row] = near.leading_edge_rad, near.trailing_edge_rad
+
+    @property
+    def depends_on_speed(self) -> bool:
+        """Whether the waveform changes with speed within the range."""
+        return len(self._axes[2]) > 1
+
+    def waveform(self, load_n: float, pressure_pa: float, omega_radps: float) -> WaveformTable:
+        """Return the waveform under given conditions."""
+        weights = self._weights((load_n, pressure_pa, omega_radps)).astype(np.float32)
+        mixed: WaveformTable = (weights @ self._tables).reshape(-1, COLUMNS)
+        return mixed
+
+    def edges_rad(self, load_n: float, pressure_pa: float, omega_radps: float) -> tuple[float, float]:
+        """Return the true (leading, trailing) contact angle, negative and positive."""
+        leading, trailing = self._weights((load_n, pressure_pa, omega_radps)) @ self._edges
+        return float(leading), float(trailing)
+
+    def _weights(self, at: tuple[float, float, float]) -> FloatArray:
+        """Return the weight of every solved point."""
+        weights = np.ones(1)
+        for axis, value in zip(self._axes, at, strict=True):
+            weights = np.outer(weights, _lagrange(axis, value)).reshape(-1)
+        return weights
+
+
+@lru_cache(maxsize=64)
+def tire_table(tire: TireModel, load_n: Range, pressure_pa: Range, omega_radps: Range) -> TireTable:
+    """Return the table of a tire, solved once per process."""
+    return TireTable(tire, load_n, pressure_pa, omega_radps)
+
+
+def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
+    """Return (n, COLUMNS) of a waveform at any material angles, by straight lines between its rows."""
+    turns = angle_rad * (1.0 / (2.0 * math.pi)) + 0.5
+    place = (turns - np.floor(turns)) * TABLE_ANGLES
+    row = place.astype(np.int64)
+    # A turn that rounds up to a whole one lies on the last row, which has none behind it.
+    np.minimum(row, TABLE_ANGLES - 1, out=row)
+    before = table[row]
+    found: WaveformTable = before + (place - row).astype(np.float32)[:, None] * (table[row + 1] - before)
+    return found
+
+
+def _nodes(extent: Range) -> FloatArray:
+    """Return where to solve: one point for a constant, Chebyshev points (ends included) otherwise."""
+    if extent.high - extent.low <= 1e-9 * max(1.0, abs(extent.high)):
+        return np.array([0.5 * (extent.low + extent.high)])
+    # Contact edges shift with load and pressure: the wider the range, the more points.
+    ratio = extent.high / max(extent.low, 0.25 * extent.high)
+    count = 3 if ratio < 1.1 else 4 if ratio < 1.5 else 6
+    angles = np.pi * np.arange(count) / (count - 1)
+    return 0.5 * (extent.low + extent.high) - 0.5 * (extent.high - extent.low) * np.cos(angles)
+
+
+def _lagrange(nodes: FloatArray, value: float) -> FloatArray:
+    """Return the weights of the nodes' values in their polynomial at `value`, held at the ends of the range."""
+    value = min(max(value, float(nodes[0])), float(nodes[-1]))
+    # Row i of the differences, its own entry replaced by 1, holds the factors of weight i.
+    own = np.eye(len(nodes), dtype=bool)
+    above = np.where(own, 1.0, value - nodes)
+    below = np.where(own, 1.0, nodes[:, None] - nodes)
+    weights: FloatArray = above.prod(axis=1) / below.prod(axis=1)
+    return weights
+
+
+def _fine(solution: RingSolution) -> FloatArray:
+    """Return the sensor's waveform on the table's angles, by trigonometric interpolation."""
+    sensor = solution.sensor
+    coarse = np.stack(
+        [
+            sensor.radial_m,
+            sensor.circumferential_m,
+            sensor.gravity_radial,
+            sensor.gravity_circumferential,
+            sensor.spin_radial_m,
+            sensor.spin_circumferential_m,
+        ],
+        axis=1,
+    )
+    spectrum = np.fft.rfft(coarse, axis=0)
+    spectrum[-1] *= 0.5  # the highest order of an even grid stands for two
+    fine = np.fft.irfft(spectrum, n=TABLE_ANGLES, axis=0) * (TABLE_ANGLES / len(coarse))
+    return np.concatenate([fine, fine[:1]])

@@ -1,0 +1,67 @@
+"""What a simulated wheel really does at any time: the answers that estimates are held against."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.physics.rolling_ring import RingNumbers
+from gateway.simulator.plan import WheelPlan
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class WheelTruth:
+    """Truth of one wheel over true time, s since the beginning of the simulation.
+
+    Attributes:
+        plan: the wheel.
+        phase_rad: material angle of the sensor at time 0.
+    """
+
+    plan: WheelPlan
+    phase_rad: float
+
+    def speed_mps(self, time_s: float) -> float:
+        """Return the speed."""
+        return float(self.plan.motion.at(np.array([time_s])).speed_mps[0])
+
+    def omega_radps(self, time_s: float) -> float:
+        """Return the angular speed."""
+        return self.speed_mps(time_s) / self.plan.radius_m
+
+    def angle_rad(self, time_s: FloatArray) -> FloatArray:
+        """Return the unwrapped material angle of the sensor; multiples of 2 pi are straight below the axle."""
+        angle: FloatArray = self.plan.motion.at(time_s).distance_m / self.plan.radius_m + self.phase_rad
+        return angle
+
+    def bottom_times_s(self, begin_s: float, end_s: float) -> FloatArray:
+        """Return the times in [begin, end) at which the sensor is straight below the axle (theta = 0)."""
+        first, last = self.angle_rad(np.array([begin_s, end_s])) / (2.0 * math.pi)
+        turns = np.arange(math.ceil(first), math.ceil(last))
+        angles = 2.0 * math.pi * turns - self.phase_rad
+        return self.plan.motion.time_at(angles * self.plan.radius_m)
+
+    def contact_edges_rad(self, time_s: float) -> tuple[float, float]:
+        """Return the true (leading, trailing) contact angle, negative and positive."""
+        return self.plan.table().edges_rad(self.load_n(time_s), self.pressure_pa(time_s), self.omega_radps(time_s))
+
+    def numbers(self, time_s: float) -> RingNumbers:
+        """Return the true dimensionless numbers at the pressure of that time, wear included."""
+        return self.plan.tire.numbers(self.pressure_pa(time_s))
+
+    def load_n(self, time_s: float) -> float:
+        """Return the load."""
+        return self.plan.load_n.at(time_s)
+
+    def pressure_pa(self, time_s: float) -> float:
+        """Return the gauge pressure."""
+        return self.plan.pressure_pa.at(time_s)
+
+    def hub_s(self, time_s: float) -> float:
+        """Return what the hub's clock shows, s since its start."""
+        return self.plan.hub.uptime_s + time_s * (1.0 + self.plan.hub.clock_ppm * 1e-6)

@@ -1,0 +1,100 @@
+"""One wheel over time: from speed, load and pressure to raw counts."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
+from gateway.simulator.filters import lowpass, lowpass_noise_gain
+from gateway.simulator.plan import ROAD_SPEED_MPS, WheelPlan
+from gateway.simulator.sensor import SensorChain
+from gateway.simulator.tire_table import COLUMNS, WaveformTable, look_up
+
+FloatArray = NDArray[np.float64]
+
+
+class WheelSamples(NamedTuple):
+    """Consecutive samples.
+
+    Attributes:
+        first: running number of the first.
+        counts: (n, channels) raw values, channels in ascending bit order of `Axis`.
+    """
+
+    first: int
+    counts: NDArray[np.int16]
+
+
+class WheelSimulator:
+    """Simulates one wheel block by block; the same blocks with the same generator give the same samples."""
+
+    def __init__(self, plan: WheelPlan, rng: np.random.Generator) -> None:
+        """Solve the tire where that was not done before.
+
+        Args:
+            plan: the wheel.
+            rng: its random numbers, used by nobody else.
+        """
+        self.plan = plan
+        self.phase_rad = float(rng.uniform(-math.pi, math.pi)) if plan.phase_rad is None else plan.phase_rad
+        self.chain = SensorChain(plan.sensor, rng)
+        self._rng = rng
+        self._table = plan.table()
+        self._conditions: tuple[float, float, float] | None = None
+        self._waveform: WaveformTable = np.empty((0, COLUMNS), np.float32)
+        self._waveform = self._waveform_at(0.0)
+        self._rate_hz = plan.sample_rate_hz
+        self._next = 0
+        bandwidth = min(plan.road_bandwidth_hz, 0.45 * plan.sensor.rate_hz)
+        self._road_filter = lowpass(bandwidth, plan.sensor.rate_hz)
+        self._road_gain = plan.road_rms_mps2 / lowpass_noise_gain(bandwidth, plan.sensor.rate_hz)
+
+    def advance(self, until_s: float) -> WheelSamples:
+        """Return the samples taken since the last call and before `until_s` (true time since the beginning)."""
+        first, last = self._next, max(self._next, math.ceil(until_s * self._rate_hz))
+        end = self._waveform_at(until_s)
+        samples = WheelSamples(first, np.empty((0, self.chain.channels), np.int16))
+        if last > first:
+            samples = WheelSamples(first, self.chain(self._force(np.arange(first, last) / self._rate_hz, end)))
+        self._next, self._waveform = last, end
+        return samples
+
+    def _force(self, time_s: FloatArray, end: WaveformTable) -> FloatArray:
+        """Return (n, 3) specific force at the sensor's place along circumferential, lateral, radial, in m/s^2.
+
+        A wheel of changing load, pressure or speed is taken as steady at each moment: its waveform fades from that of
+        the block's begin to that of its end. There is no model of the belt's lateral deformation: the lateral axis
+        carries gravity (camber), the road, and what leaks in by the mounting.
+        """
+        plan = self.plan
+        rolling = plan.motion.at(time_s)
+        omega = rolling.speed_mps * (1.0 / plan.radius_m)
+        spin = rolling.acceleration_mps2 * (1.0 / plan.radius_m)
+        angle = rolling.distance_m * (1.0 / plan.radius_m) + self.phase_rad
+        shape = look_up(self._waveform, angle)
+        if end is not self._waveform:
+            shape += np.linspace(0.0, 1.0, len(time_s), dtype=np.float32)[:, None] * (look_up(end, angle) - shape)
+        gravity = STANDARD_GRAVITY_MPS2 * math.cos(plan.camber_rad)
+        force = np.empty((len(time_s), 3))
+        square = omega * omega
+        force[:, 2] = square * shape[:, 0] + gravity * shape[:, 2] + spin * shape[:, 4]
+        force[:, 0] = square * shape[:, 1] + gravity * shape[:, 3] + spin * shape[:, 5]
+        force[:, 1] = STANDARD_GRAVITY_MPS2 * math.sin(plan.camber_rad)
+        if self._road_gain > 0.0:
+            shaking = self._road_filter(self._rng.standard_normal((len(time_s), 3)))
+            force += shaking * (rolling.speed_mps * (self._road_gain / ROAD_SPEED_MPS))[:, None]
+        return force
+
+    def _waveform_at(self, time_s: float) -> WaveformTable:
+        """Return the tire's waveform under the conditions of a moment; the one at hand when they are the same."""
+        plan = self.plan
+        omega = float(plan.motion.at(np.array([time_s])).speed_mps[0]) / plan.radius_m
+        at = (plan.load_n.at(time_s), plan.pressure_pa.at(time_s), omega if self._table.depends_on_speed else 0.0)
+        if at != self._conditions:
+            self._conditions = at
+            return self._table.waveform(*at)
+        return self._waveform
