@@ -6,10 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 
 from gateway.estimators.base import Estimate, Status
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
-from gateway.views.numbers import duration, fixed, percent, show
+from gateway.views.numbers import MISSING, duration, fixed, percent, show
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,18 +119,35 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
     rows: list[tuple[str, str, str]] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
     span = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
     rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
-    rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", f"in {duration(wheel.rolling_s)}"))
+    rows.append(
+        (
+            "distance",
+            f"{fixed(wheel.distance_m, 1)} m",
+            f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}",
+        )
+    )
     lost = "0 %" if wheel.missing_fraction == 0 else f"{fixed(wheel.missing_fraction, 3, 100.0)} %"
     rows.append(("samples lost", lost, f"{wheel.saturated} revolutions saturated" if wheel.saturated else ""))
-    for estimate in wheel.estimates:
-        shown = show(estimate)
-        note = "" if estimate.status is Status.VALID else str(estimate.status)
-        if estimate.reason:
-            note = f"{note}: {estimate.reason}" if note else estimate.reason
-        rows.append((shown.label, f"{shown.number.joined()} {shown.unit}".rstrip(), note))
-    left = max(len(label) for label, _, _ in rows)
-    middle = max(len(value) for _, value, _ in rows)
-    return [wheel.position, *(f"  {label:<{left}}  {value:<{middle}}  {note}".rstrip() for label, value, note in rows)]
+    last = _estimate_rows(wheel.estimates)
+    left = max(len(label) for label, _, _ in (*rows, *last))
+    middle = max(len(value) for _, value, _ in (*rows, *last))
+    lines = [f"  {label:<{left}}  {value:<{middle}}  {note}".rstrip() for label, value, note in (*rows, *last)]
+    return [wheel.position, *lines[: len(rows)], *(["  at the end:"] if last else []), *lines[len(rows) :]]
+
+
+def _estimate_rows(estimates: Sequence[Estimate]) -> list[tuple[str, str, str]]:
+    """Return (label, value, note) of each estimate; invalid ones of one reason share a row, a note is told once."""
+    rows: list[tuple[str, str, str]] = []
+    for (status, reason), group in groupby(estimates, lambda estimate: (estimate.status, estimate.reason)):
+        shown = [show(estimate) for estimate in group]
+        word = "" if status is Status.VALID else str(status)
+        note = f"{word}: {reason}" if word and reason else word or reason
+        if status is Status.INVALID:
+            rows.append((", ".join(one.label for one in shown), MISSING, note))
+            continue
+        for index, one in enumerate(shown):
+            rows.append((one.label, f"{one.number.joined()} {one.unit}".rstrip(), word if index else note))
+    return rows
 
 
 def _revolutions_note(wheel: WheelSummary) -> str:

@@ -1,3 +1,5 @@
+import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -5,9 +7,11 @@ import pytest
 from click.testing import CliRunner
 
 from firmware_protocol.messages import Coupling
+from gateway.cli.estimate import estimate
 from gateway.cli.importing import import_
 from gateway.config.load import parse_vehicle
 from gateway.importing.import_map import STANDARD_GRAVITY_MPS2, load_map
+from gateway.importing.importer import import_file
 from tests.importing.measurements import Decoded
 
 ROOT = Path(__file__).parents[2]
@@ -52,3 +56,24 @@ def test_the_sign_of_the_circumferential_axis_fits_a_sensor_below_the_neutral_la
     slope = np.gradient(np.convolve(z, smooth, "same"))
     along = axis.sign * np.convolve(x, smooth, "same")
     assert np.corrcoef(along[50:-50], slope[50:-50])[0, 1] < -0.5
+
+
+def test_the_measured_recording_comes_out_as_revolutions(tmp_path: Path) -> None:
+    if not MEASURED.exists():
+        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+    recording, table = tmp_path / "drum.mcap", tmp_path / "drum.jsonl"
+    import_file(MEASURED, load_map(MAP), recording)
+    result = CliRunner().invoke(estimate, [str(recording), "--json", str(table)])
+    assert result.exit_code == 0, result.output
+    rows = [json.loads(line) for line in table.read_text(encoding="utf-8").splitlines()]
+    # 13,000 samples at about 2268 a revolution hold six contacts, so five revolutions from contact to contact.
+    assert len(rows) == 5
+    assert all(row["position"] == "drum" and row["faults"] == "" and row["ac_coupled"] for row in rows)
+    for row in rows:
+        assert (row["device_end_s"] - row["device_start_s"]) * 25600 == pytest.approx(2268, rel=0.01)
+        assert row["speed_mps"] * 3.6 == pytest.approx(76.5, abs=1.0)
+        # Half the plateau is crossed 20.9 degrees apart; the edge itself lies outside that.
+        contact_deg = math.degrees(row["trailing_edge_rad"] - row["leading_edge_rad"])
+        assert 20.9 <= contact_deg <= 27.0
+        assert row["Bs"] is None
+        assert "load" in row["Bs_reason"]

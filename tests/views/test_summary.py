@@ -83,6 +83,17 @@ def test_lines_are_aligned_and_rounded_to_the_error() -> None:
     assert {line.index(text) for line, text in ((by_label["speed"], "36.0004"), (by_label["Bs"], "(3.083"))} == {column}
 
 
+def test_a_shared_reason_is_told_once() -> None:
+    summary = ResultSummary()
+    refused = [Estimate(name, math.nan, math.nan, Status.INVALID, "no load") for name in ("Bs", "Cw")]
+    early = [Estimate(name, 2.0, 0.1, Status.PROVISIONAL, "few") for name in ("Rs_over_Cw", "Ts_over_Cw")]
+    summary.add(result("FL", 0.1, *refused, *early))
+    lines = [line.split() for line in summary_lines(summary.wheels())]
+    assert ["Bs,", "Cw", "—", "invalid:", "no", "load"] in lines
+    assert ["Rs/Cw", "2.00", "±", "0.10", "provisional:", "few"] in lines
+    assert ["Ts/Cw", "2.00", "±", "0.10", "provisional"] in lines
+
+
 def test_faults_and_links_are_told() -> None:
     summary = ResultSummary()
     summary.add(result("FL", 0.1, faults=("late",)))
