@@ -60,10 +60,10 @@ def estimate(
             vehicle = choose_vehicle(config_path, [reader.vehicle_toml], str(path))
             summary = ResultSummary()
 
-            def take(result: RevolutionResult, summary: ResultSummary = summary) -> None:
+            def take(result: RevolutionResult, summary: ResultSummary = summary, name: str = path.name) -> None:
                 summary.add(result)
                 for table in tables:
-                    table.write(result)
+                    table.write(result, name)
 
             _estimate_one(reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary)
             if reader.damage is not None:
