@@ -1,4 +1,8 @@
-"""Damped Gauss-Newton (Levenberg-Marquardt) for a few parameters that cannot be negative."""
+"""Damped Gauss-Newton (Levenberg-Marquardt) for a few parameters that cannot be negative.
+
+Where the model cannot follow the data, Gauss-Newton creeps; the model may then supply its curvature and the steps are
+Newton's.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,9 @@ FloatArray = NDArray[np.float64]
 
 # Returns model values (m,) and their Jacobian (m, k).
 Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+# From parameters (k,) and residuals (m,): sum of residual times second derivative of the model, (k, k).
+Curvature = Callable[[FloatArray, FloatArray], FloatArray]
 
 _FIRST_DAMPING: Final = 1e-3
 _HOPELESS_DAMPING: Final = 1e12
@@ -43,7 +50,13 @@ class BoundedFit:
 
 
 def fit_nonnegative(
-    model: Model, data: FloatArray, start: FloatArray, *, tolerance: float = 1e-7, max_evaluations: int = 60
+    model: Model,
+    data: FloatArray,
+    start: FloatArray,
+    *,
+    curvature: Curvature | None = None,
+    tolerance: float = 1e-7,
+    max_evaluations: int = 60,
 ) -> BoundedFit:
     """Minimise sum (data - model(p))^2 over p >= 0.
 
@@ -54,6 +67,7 @@ def fit_nonnegative(
         model: the function to fit; need not be defined for all p = 0.
         data: (m,) finite.
         start: (k,) at least 0.
+        curvature: of the model, for Newton steps where the cost is convex.
         tolerance: largest change of a parameter, relative to the largest parameter, that counts as converged.
         max_evaluations: of the model.
 
@@ -67,7 +81,7 @@ def fit_nonnegative(
     damping = _FIRST_DAMPING
     evaluations = 1
     converged = False
-    normal, gradient = jacobian.T @ jacobian, jacobian.T @ residuals
+    normal, gradient = _normal(here, residuals, jacobian, curvature), jacobian.T @ residuals
     while evaluations < max_evaluations and not converged:
         step = _projected_step(normal, gradient, here, damping)
         there = np.maximum(here + step, 0.0)
@@ -82,7 +96,7 @@ def fit_nonnegative(
         if new_cost <= cost:  # False for NaN as well
             here, residuals, jacobian = there, new_residuals, new_jacobian
             cost = new_cost
-            normal, gradient = jacobian.T @ jacobian, jacobian.T @ residuals
+            normal, gradient = _normal(here, residuals, jacobian, curvature), jacobian.T @ residuals
             damping = max(damping * 0.1, _LEAST_DAMPING)
         else:
             damping *= 8.0
@@ -90,6 +104,19 @@ def fit_nonnegative(
                 converged = True
     free = (here > 0.0) | (gradient > 0.0)
     return BoundedFit(here, free, residuals, jacobian, cost, evaluations, converged)
+
+
+def _normal(here: FloatArray, residuals: FloatArray, jacobian: FloatArray, curvature: Curvature | None) -> FloatArray:
+    """Return the Hessian of half the cost where it is positive definite, else Gauss-Newton's part of it."""
+    normal: FloatArray = jacobian.T @ jacobian
+    if curvature is None:
+        return normal
+    full = normal - curvature(here, residuals)
+    try:
+        np.linalg.cholesky(full)
+    except np.linalg.LinAlgError:
+        return normal
+    return full
 
 
 def _projected_step(normal: FloatArray, gradient: FloatArray, here: FloatArray, damping: float) -> FloatArray:

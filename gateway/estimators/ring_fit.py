@@ -91,16 +91,23 @@ def fit_ring_numbers(
         values = numerator / stiffness
         return values, terms * (-values / stiffness)[:, np.newaxis]
 
+    def curvature(parameters: FloatArray, residuals: FloatArray) -> FloatArray:
+        stiffness = np.maximum(terms @ parameters, 1e-12)
+        result: FloatArray = terms.T @ ((2.0 * residuals * numerator / stiffness**3)[:, np.newaxis] * terms)
+        return result
+
     if warm is None:
         fits = [
-            fit_nonnegative(model, coefficients_m, start, tolerance=1e-6)
+            fit_nonnegative(model, coefficients_m, start, curvature=curvature, tolerance=1e-6)
             for start in (_scaled_start(model, coefficients_m, np.array(shape)) for shape in _COLD_STARTS)
         ]
         best = min(fits, key=lambda fit: fit.cost)
         evaluations = sum(fit.iterations for fit in fits)
     else:
         # A number that was left on its bound gets a chance to come off it.
-        best = fit_nonnegative(model, coefficients_m, np.maximum(warm / _UNITS, 1e-3), tolerance=1e-5)
+        best = fit_nonnegative(
+            model, coefficients_m, np.maximum(warm / _UNITS, 1e-3), curvature=curvature, tolerance=1e-5
+        )
         evaluations = best.iterations
     if not math.isfinite(best.cost):
         return None

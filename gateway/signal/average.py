@@ -84,7 +84,7 @@ class RunningAverage:
         self._edges = _Moments(2)
         self._order_counts = np.zeros(ORDER_COUNT)
         self._order_noise = 0.0
-        self._edge_noise = np.zeros(2)
+        self._edge_square = np.zeros(2)
 
     @property
     def latest(self) -> AngleAverage | None:
@@ -137,8 +137,8 @@ class RunningAverage:
 
         if all(map(math.isfinite, (*edges_rad, *edges_std_rad))):
             self._edges.update(np.array(edges_rad), max(1.0 / (self._edges.count + 1), self._floor))
-            own = np.maximum(np.square(edges_std_rad) - EDGE_MODEL_STD_RAD**2, 0.0)
-            self._edge_noise += max(1.0 / self._edges.count, self._floor) * (own - self._edge_noise)
+            share = max(1.0 / self._edges.count, self._floor)
+            self._edge_square = self._edge_square + share * (np.square(edges_std_rad) - self._edge_square)
         self._latest = self._result(omega_radps)
         return self._latest
 
@@ -158,9 +158,13 @@ class RunningAverage:
         edges, edges_std = np.full(2, math.nan), np.full(2, math.nan)
         if self._edges.count:
             edges = self._edges.mean
-            scatter = self._edges.variance() if self._edges.count >= 3 else self._edge_noise
-            # The edge's definition is off by the same amount every time, so averaging does not lessen it.
-            edges_std = np.sqrt(scatter * self._edges.weight_square + EDGE_MODEL_STD_RAD**2)
+            # What the stated errors hold beyond the scatter is the edge's definition: off by the same amount every
+            # time, so averaging does not lessen it.
+            least = EDGE_MODEL_STD_RAD**2
+            seen_often = self._edges.count >= 3
+            scatter = self._edges.variance() if seen_often else np.maximum(self._edge_square - least, 0.0)
+            definition = np.maximum(self._edge_square - scatter, least)
+            edges_std = np.sqrt(scatter * self._edges.weight_square + definition)
         return AngleAverage(
             count=self._count,
             effective_count=float(1.0 / self._wave.weight_square),

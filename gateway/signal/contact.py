@@ -23,8 +23,8 @@ FloatArray = NDArray[np.float64]
 # How far inside the edge the steepest slope of the smoothed waveform lies, against the smoothing in orders: mean and
 # spread over loads, pressures, wear, belts and treads of the exact ring (tools/bench_ring_paper.py prints the table).
 _OFFSET_ORDERS: Final = (15.0, 20.0, 25.0, 30.0, 40.0)
-_OFFSETS_RAD: Final = (0.0153, 0.0188, 0.0204, 0.0213, 0.0218)
-_OFFSET_STDS_RAD: Final = (0.0128, 0.0092, 0.0074, 0.0064, 0.0053)
+_OFFSETS_RAD: Final = (0.0161, 0.0192, 0.0207, 0.0214, 0.0219)
+_OFFSET_STDS_RAD: Final = (0.0131, 0.0097, 0.0080, 0.0070, 0.0060)
 
 # What the definition of the edge is uncertain by at the usual smoothing: the same for every revolution of a tire.
 EDGE_MODEL_STD_RAD: Final = _OFFSET_STDS_RAD[-1]
