@@ -82,6 +82,10 @@ class CsvColumns:
             raise ImportDataError(
                 f"{self._path}: the text is not {self._layout.encoding}", 'Try [file] encoding = "latin-1" in the map.'
             ) from error
+        except OSError as error:
+            raise ImportDataError(
+                f"{self._path} cannot be read on: {error.strerror}", "Is the disk still there?"
+            ) from error
 
     def _cells(self, line: str) -> list[str]:
         if self._layout.delimiter == "space":

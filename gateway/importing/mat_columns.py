@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,7 @@ class MatColumns:
             )
         try:
             content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
-        except (MatReadError, ValueError, TypeError, NotImplementedError, IndexError) as error:
+        except (MatReadError, ValueError, TypeError, NotImplementedError, IndexError, OSError, zlib.error) as error:
             raise ImportDataError(f"{path} is not a MATLAB file that can be read: {error}", "Save it anew.") from error
         self._columns: dict[str, NDArray[Any]] = {}
         for name, value in content.items():

@@ -48,6 +48,14 @@ class ParquetColumns:
         """Yield the named columns; an empty cell is NaN."""
         import pyarrow as pa
 
+        try:
+            yield from self._blocks(names)
+        except (pa.ArrowException, OSError) as error:
+            raise ImportDataError(f"{self._path} is damaged: {error}", "Copy or write the file anew.") from error
+
+    def _blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        import pyarrow as pa
+
         for name in names:
             kind = self._types[name]
             if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):

@@ -151,6 +151,20 @@ def test_files_that_are_not_what_they_seem(tmp_path: Path) -> None:
     assert "cannot be read" in str(refusal(tmp_path / "none.csv", simple_map()))
 
 
+def test_damaged_files_are_refused(tmp_path: Path) -> None:
+    scipy_io = pytest.importorskip("scipy.io")
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    columns = dict(zip("xyz", waveform(2000).T, strict=True))
+    mat, parquet = tmp_path / "run.mat", tmp_path / "run.parquet"
+    scipy_io.savemat(mat, columns, do_compression=True)
+    pq.write_table(pa.table(columns), parquet)
+    for path, place in ((mat, 5000), (parquet, 4)):
+        good = path.read_bytes()
+        for damaged in (good[: len(good) // 2], good[:place] + bytes(300) + good[place + 300 :]):
+            path.write_bytes(damaged)
+            refusal(path, simple_map())
+
+
 def test_mat_columns_of_different_length_and_names(tmp_path: Path) -> None:
     scipy_io = pytest.importorskip("scipy.io")
     path = tmp_path / "run.mat"
