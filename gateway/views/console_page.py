@@ -12,7 +12,6 @@ from gateway.views.console_rows import Role, Row, fit
 from gateway.views.console_wheel import PANEL_MIN_HEIGHT, PANEL_MIN_WIDTH, Plots, details, panel
 from gateway.views.waveform import Zoom
 
-
 _VALUE_ROWS: Final = 7  # of a panel, above its waveform
 
 

@@ -45,12 +45,12 @@ def read_result(result: RevolutionResult) -> Reading:
     leading: Estimate | None = None
     trailing: Estimate | None = None
     others: list[Shown] = []
-    whole: list[Shown] = []
-    ratios: list[Shown] = []
+    whole: list[Estimate] = []
+    ratios: list[Estimate] = []
     for estimate in result.estimates:
         label, unit = split_name(estimate.name)
         if not unit.symbol:
-            (ratios if "/" in label else whole).append(show(estimate))
+            (ratios if "/" in label else whole).append(estimate)
         elif estimate.name == SPEED:
             speed = estimate
         elif unit is ANGLE and label.startswith("leading"):
@@ -61,7 +61,7 @@ def read_result(result: RevolutionResult) -> Reading:
             others.append(show(estimate))
     known = any(number.status is not Status.INVALID for number in whole)
     ratios_only = not known and any(ratio.status is not Status.INVALID for ratio in ratios)
-    shown = ratios if ratios_only else whole
+    shown = tuple(show(number) for number in (ratios if ratios_only else whole))
     revolution = result.revolution
     kinematic = (
         show(speed or _measured(SPEED, revolution.omega_radps * result.conditions.radius_m, math.nan)),
@@ -73,7 +73,7 @@ def read_result(result: RevolutionResult) -> Reading:
     return Reading(
         *kinematic,
         tuple(others),
-        tuple(shown),
+        shown,
         max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),
         _note(revolution.faults, whole, kinematic, ratios_only),
         ratios_only,
@@ -84,14 +84,15 @@ def _measured(name: str, value: float, std: float) -> Estimate:
     return Estimate(name, value, std, Status.VALID if math.isfinite(value) else Status.INVALID)
 
 
-def _note(faults: Sequence[str], numbers: Sequence[Shown], kinematic: Sequence[Shown], ratios_only: bool) -> str:
+def _note(faults: Sequence[str], numbers: Sequence[Estimate], kinematic: Sequence[Shown], ratios_only: bool) -> str:
     if faults:
         return "; ".join(faults)
+    told: tuple[Estimate | Shown, ...] = (*numbers, *kinematic)
     # The worst status explains most; what holds of valid numbers is said only when nothing is wrong.
     for status in reversed(_ORDER):
-        for shown in (*numbers, *kinematic):
-            if shown.status is status and shown.reason:
-                return f"ratios only: {shown.reason}" if ratios_only else shown.reason
+        for item in told:
+            if item.status is status and item.reason:
+                return f"ratios only: {item.reason}" if ratios_only else item.reason
     if ratios_only:
         return "ratios only"
     return "" if numbers else "no estimates"

@@ -1,3 +1,4 @@
+import asyncio
 import dataclasses
 import os
 import re
@@ -201,14 +202,20 @@ async def test_duration_stops_the_session(session):
     assert session.stopped
 
 
-async def test_timer_draws_without_help(session):
+async def test_timer_draws_without_help(session, monkeypatch):
+    ticked = asyncio.Event()
+    snapshot = session.snapshot
+
+    def observed():
+        ticked.set()
+        return snapshot()
+
     app = ConsoleApp(session)
     async with app.run_test(size=(80, 24)) as pilot:
         session.change(elapsed_s=7.0)
-        for _ in range(100):
-            await pilot.pause(0.02)
-            if has(screen(app), "0:00:07"):
-                break
+        monkeypatch.setattr(session, "snapshot", observed)
+        await asyncio.wait_for(ticked.wait(), 10.0)
+        await pilot.pause()
         assert has(screen(app), "0:00:07")
 
 
