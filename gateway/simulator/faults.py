@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Final
 
 import numpy as np
@@ -38,6 +38,10 @@ class FaultCounts:
     bytes_dropped: int = 0
     bytes_added: int = 0
     reboots: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        """Return every count by name."""
+        return asdict(self)
 
 
 @dataclass(slots=True)

@@ -13,7 +13,6 @@ from gateway.io.pacing import wait_until
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
 from gateway.simulator.faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
-from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import Simulation, simulate
 
 OPTIONS = "speed=1|10|max, duration=SECONDS, seed=NUMBER, fault=KIND:OPTION=VALUE (several parted by ';' or '+')"
@@ -123,9 +122,3 @@ def _seed(text: str) -> int:
     if not text.isdecimal():
         raise SourceError(f"option seed={text} is not allowed", "Give a whole number from 0.")
     return int(text)
-
-
-def describe(scenario: Scenario) -> str:
-    """Return the wheels of a scenario in one line."""
-    wheels = ", ".join(wheel.position for wheel in scenario.wheel)
-    return f"{len(scenario.wheel)} wheels ({wheels})" if len(scenario.wheel) > 1 else f"1 wheel ({wheels})"

@@ -1,0 +1,157 @@
+"""`treadlink simulate`: a scenario to a file or a pseudo-terminal."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import quote
+
+import click
+
+from gateway.clock import Clock, SystemClock
+from gateway.errors import OutputError, SourceError
+from gateway.io.source import Chunk, LinkItem
+from gateway.recording.writer import RecordingWriter
+from gateway.simulator.faults import Fault, describe_faults, parse_faults
+from gateway.simulator.pty_link import PtyPort
+from gateway.simulator.scenario import builtin_scenarios, load_scenario, vehicle_toml
+from gateway.simulator.simulation import Simulation
+from gateway.simulator.simulation import simulate as make_simulation
+from gateway.simulator.source import SimulatorSource, link_name, parse_speed
+
+_TICKS_PER_S = 10
+
+
+def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if not wanted or ctx.resilient_parsing:
+        return
+    click.echo("Scenarios:")
+    for name, text in builtin_scenarios().items():
+        click.echo(f"  {name:20s} {text}")
+    click.echo(f"Faults:\n  {describe_faults()}")
+    ctx.exit()
+
+
+@click.command()
+@click.argument("scenario", metavar="SCENARIO")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="New file: .mcap is a recording, .bin the link's bytes alone."
+)
+@click.option("--pty", is_flag=True, help="Feed a pseudo-terminal, as a hub on a serial port would, until Ctrl-C.")
+@click.option("--fault", "faults", multiple=True, metavar="KIND:OPTION=VALUE", help="Fault on the link; see --list.")
+@click.option("--seed", type=click.IntRange(min=0), help="Instead of the scenario's.")
+@click.option("--duration", "duration_s", type=click.FloatRange(min=0.01), help="Length in s, instead of its own.")
+@click.option("--speed", default="1", show_default=True, help="Times real time, or max; a file is always at max.")
+@click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_list, help="What there is.")
+def simulate(
+    scenario: str,
+    out: Path | None,
+    pty: bool,
+    faults: tuple[str, ...],
+    seed: int | None,
+    duration_s: float | None,
+    speed: str,
+) -> None:
+    """Simulate the hubs and tires of SCENARIO (a built-in name or a TOML file).
+
+    The bytes are those of the real protocol. To watch them at once, use `treadlink live sim:SCENARIO`.
+    """
+    if (out is None) == (not pty):
+        raise click.UsageError("Give either --out FILE or --pty.")
+    loaded = load_scenario(scenario)
+    used_seed = loaded.scenario.seed if seed is None else seed
+    simulation = make_simulation(
+        loaded, seed=seed, duration_s=duration_s, faults=tuple(parse_faults(faults, used_seed))
+    )
+    toml, clock, link = vehicle_toml(loaded), SystemClock(), link_name(scenario)
+    if out is not None:
+        if simulation.duration_s is None:
+            raise SourceError(f"scenario '{scenario}' has no end", "Give its length: --duration 30.")
+        source = SimulatorSource(simulation, link, toml, parse_speed("max"), clock)
+        uri = f"sim:{quote(scenario)}?seed={used_seed}"
+        size = _to_file(source, simulation.duration_s, out, uri, clock)
+        click.echo(f"wrote {out}: {simulation.duration_s:g} s, {size / 1e6:.2f} MB")
+    else:
+        _to_pty(SimulatorSource(simulation, link, toml, parse_speed(speed), clock))
+    _report(simulation)
+
+
+def _to_file(source: SimulatorSource, duration_s: float, out: Path, uri: str, clock: Clock) -> int:
+    """Write all of the source; return the size of the file."""
+    start_ns = clock.now_ns()
+    with (
+        _output(out, start_ns, source.vehicle_toml, uri) as write,
+        click.progressbar(length=round(duration_s * _TICKS_PER_S), label="simulating") as bar,
+    ):
+        for item in source.items(threading.Event()):
+            write(item)
+            bar.update(max(0, int((item.host_ns - start_ns) * 1e-9 * _TICKS_PER_S) - bar.pos))
+    return out.stat().st_size
+
+
+@contextmanager
+def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Callable[[LinkItem], None]]:
+    """Open the file that the suffix asks for; never an existing one."""
+    if out.suffix == ".mcap":
+        writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=toml, sources=[uri])
+        try:
+            yield writer.write
+        finally:
+            writer.close()
+    elif out.suffix == ".bin":
+        try:
+            file = out.open("xb")
+        except OSError as error:
+            raise OutputError(f"cannot create '{out}': {error.strerror}", "Give the name of a new file.") from error
+
+        def write(item: LinkItem) -> None:
+            if isinstance(item, Chunk):
+                file.write(item.data)
+
+        with file:
+            yield write
+    else:
+        raise OutputError(f"'{out.name}' is of no known kind", "Let the name end in .mcap or .bin.")
+
+
+def _to_pty(source: SimulatorSource) -> None:
+    """Feed a pseudo-terminal until the scenario ends or Ctrl-C."""
+    port = PtyPort()
+    try:
+        click.echo(f"A hub speaks on {port.path}. In another terminal run\n")
+        click.echo(f"  treadlink live serial://{port.path}\n\nCtrl-C ends it.")
+        was_connected = False
+        for item in source.items(threading.Event()):
+            if not isinstance(item, Chunk):
+                continue
+            port.write(item.data)
+            if port.connected != was_connected:
+                was_connected = not was_connected
+                click.echo("a reader came" if was_connected else "the reader left")
+    except KeyboardInterrupt:
+        click.echo("")
+    finally:
+        port.close()
+    lost = f", {port.dropped} lost to a slow reader" if port.dropped else ""
+    click.echo(f"{port.sent} bytes read, {port.unread} sent while nobody read{lost}")
+
+
+def _report(simulation: Simulation) -> None:
+    """Print the truth of every wheel and what the faults did."""
+    for position, truth in simulation.truth.items():
+        numbers = truth.numbers(0.0)
+        leading, trailing = truth.contact_edges_rad(0.0)
+        click.echo(
+            f"  {position}: {truth.load_n(0.0):.0f} N, {truth.pressure_pa(0.0) * 1e-3:.1f} kPa, contact "
+            f"{leading:+.4f} to {trailing:+.4f} rad, Bs {numbers.Bs:.4e} Cw {numbers.Cw:.4f} "
+            f"Rs {numbers.Rs:.3f} Ts {numbers.Ts:.3f}"
+        )
+    for fault in simulation.faults:
+        click.echo(f"  fault {fault}: {_counts(fault)}")
+
+
+def _counts(fault: Fault) -> str:
+    found = [f"{value} {name.replace('_', ' ')}" for name, value in fault.counts.as_dict().items() if value]
+    return ", ".join(found) or "did nothing"
