@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from enum import IntEnum
+from functools import lru_cache
 from math import isqrt
 from typing import Final, NamedTuple
 
@@ -18,10 +19,12 @@ from firmware_protocol.messages import Frame, Hello, Message, MessageType
 from firmware_protocol.scan import LOOKAHEAD_BYTES, MAX_GROUP, Bytes, Indices, scan
 from firmware_protocol.tracking import LinkTracker
 
-# The header and the start of a sample payload as six little-endian 32-bit words.
+# The header and the start of a sample payload as six little-endian 32-bit words, one row of an array each.
 _WORDS: Final = 6
 _WORD0, _WORD1, _SEQ, _TICK, _FIRST_SAMPLE, _AXES_N = range(_WORDS)
-_SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, MessageType.SAMPLES)), "little")
+_NO_FLAGS: Final = 0x00FF_FFFF
+_SAMPLES: Final = int(MessageType.SAMPLES)
+_SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, _SAMPLES)), "little")
 _SAMPLES_OFFSET: Final = wire.HEADER_BYTES + wire.SAMPLES_HEADER_BYTES
 _ANY: Final = -1
 _NONE: Final = -2
@@ -30,6 +33,9 @@ _LENGTHS: Final = np.array(
     [FIXED_LENGTHS.get(type_, _ANY if type_ in DECODERS else _NONE) for type_ in range(256)], np.int16
 )
 _SAMPLE_LENGTHS: Final = np.array([length for length, _ in SAMPLE_LAYOUTS], np.int16)
+
+
+Words = NDArray[np.uint32]
 
 
 class _Fate(IntEnum):
@@ -76,17 +82,16 @@ class FrameBatch:
         end_offset: (k,) int64 offset in the whole stream of the byte after each frame.
     """
 
-    def __init__(self, buffer: Bytes, start: Indices, words: NDArray[np.uint32], base: int) -> None:
+    def __init__(self, buffer: Bytes, start: Indices, words: Words, base: int) -> None:
         self._buffer = buffer
         self._start = start
         self._words = words
-        header = words.view(np.uint8)
-        self.type = header[:, wire.TYPE_OFFSET]
-        self.hub = header[:, wire.HUB_OFFSET]
-        self.wheel = header[:, wire.WHEEL_OFFSET]
-        self.seq = words[:, _SEQ]
-        self.tick_us = words[:, _TICK]
-        self.end_offset: Indices = start + header[:, wire.LENGTH_OFFSET]
+        self.type = _byte(words, wire.TYPE_OFFSET)
+        self.hub = _byte(words, wire.HUB_OFFSET)
+        self.wheel = _byte(words, wire.WHEEL_OFFSET)
+        self.seq = words[_SEQ]
+        self.tick_us = words[_TICK]
+        self.end_offset: Indices = start + _byte(words, wire.LENGTH_OFFSET)
         self.end_offset += base + wire.OVERHEAD_BYTES
 
     def __len__(self) -> int:
@@ -94,9 +99,8 @@ class FrameBatch:
 
     def message(self, index: int) -> Message:
         """Return the payload of frame `index`, decoded."""
-        payload_start = int(self._start[index]) + wire.HEADER_BYTES
-        length = int(self._words[index, _WORD1]) & 0xFF
-        return decode_payload(int(self.type[index]), self._buffer[payload_start : payload_start + length].tobytes())
+        length = int(self._words[_WORD1, index]) & 0xFF
+        return decode_payload(int(self.type[index]), _payload(self._buffer, int(self._start[index]), length))
 
     def frames(self) -> Iterator[Frame]:
         """Yield every frame as the streaming decoder would."""
@@ -106,32 +110,32 @@ class FrameBatch:
 
     def sample_groups(self) -> list[SampleGroup]:
         """Return the samples as one array per wheel, axis mask and block size; wheels in ascending order."""
-        indices = np.flatnonzero(self.type == MessageType.SAMPLES)
+        indices = np.flatnonzero(self.type == _SAMPLES)
         if not len(indices):
             return []
-        axes_n = self._words[indices, _AXES_N] & 0xFFFF
-        shapes = [int(axes_n[0])] if axes_n.min() == axes_n.max() else np.unique(axes_n).tolist()
+        keys = _source_keys(self._words)[indices]
+        axes_n = self._words[_AXES_N, indices] & 0xFFFF
+        if axes_n.min() == axes_n.max():
+            return list(self._groups_of_shape(indices, keys, int(axes_n[0])))
         groups: list[SampleGroup] = []
-        for shape in shapes:
-            of_shape = indices if len(shapes) == 1 else indices[axes_n == shape]
-            groups += self._groups_of_shape(of_shape, shape)
-        return groups
+        for shape in np.unique(axes_n).tolist():
+            of_shape = axes_n == shape
+            groups += self._groups_of_shape(indices[of_shape], keys[of_shape], shape)
+        return sorted(groups, key=lambda group: (group.hub, group.wheel))
 
-    def _groups_of_shape(self, indices: Indices, axes_n: int) -> Iterator[SampleGroup]:
+    def _groups_of_shape(self, indices: Indices, keys: NDArray[np.uint16], axes_n: int) -> Iterator[SampleGroup]:
         length, shape = SAMPLE_LAYOUTS[axes_n]
-        samples_bytes = length - wire.SAMPLES_HEADER_BYTES
-        keys = _source_keys(self._words[indices])
+        records = _records(self._buffer, length - wire.SAMPLES_HEADER_BYTES)
         for key, members in by_key(keys):
             chosen = indices[members]
-            raw = _records(self._buffer, samples_bytes)[self._start[chosen] + _SAMPLES_OFFSET]
             yield SampleGroup(
                 key & 0xFF,
                 key >> 8,
                 axes_n & 0xFF,
                 chosen,
-                self._words[chosen, _FIRST_SAMPLE],
-                self._words[chosen, _TICK],
-                raw.view(SAMPLE_DTYPE).reshape(-1, *shape),
+                self._words[_FIRST_SAMPLE, chosen],
+                self._words[_TICK, chosen],
+                records[self._start[chosen] + _SAMPLES_OFFSET].view(SAMPLE_DTYPE).reshape(-1, *shape),
             )
 
 
@@ -191,58 +195,57 @@ class BatchDecoder:
         counters.truncated += found.truncated
         counters.noise_bytes += found.consumed - int(found.total.sum())
         # With a share d of frames damaged, one CRC over 1/sqrt(d) frames costs least.
-        self._group = min(max(isqrt(len(found.start) // (found.crc_errors + 1)), 1), MAX_GROUP)
+        if len(found.start):
+            self._group = min(max(isqrt(len(found.start) // (found.crc_errors + 1)), 1), MAX_GROUP)
         start, words = self._select(found.start)
         batch = FrameBatch(self._buffer, start, words, self._offset)
         self._held = slice(found.consumed, size)
         self._offset += found.consumed
         return batch
 
-    def _select(self, start: Indices) -> tuple[Indices, NDArray[np.uint32]]:
+    def _select(self, start: Indices) -> tuple[Indices, Words]:
         """Return offsets and first words of the intact frames that are delivered; count the others."""
-        words = _records(self._buffer, 4 * _WORDS)[start].view("<u4").reshape(-1, _WORDS)
-        word1 = words[:, _WORD1]
-        plain = words[:, _WORD0] == _SAMPLES_WORD
-        plain &= word1 >> 24 == 0
-        plain &= _SAMPLE_LENGTHS[words[:, _AXES_N] & 0xFFFF] == word1 & 0xFF
+        gathered = _records(self._buffer, 4 * _WORDS)[start].view("<u4").reshape(-1, _WORDS)
+        words = np.ascontiguousarray(gathered.T)
+        word1 = words[_WORD1]
+        plain = words[_WORD0] == _SAMPLES_WORD
+        plain &= word1 <= _NO_FLAGS
+        plain &= _SAMPLE_LENGTHS[words[_AXES_N] & 0xFFFF] == _byte(words, wire.LENGTH_OFFSET)
         others = np.flatnonzero(~plain)
-        foreign = others[words[others, _WORD0] >> 20 & 0xF != wire.VERSION_MAJOR]
+        foreign = others[_byte(words, wire.VERSION_OFFSET)[others] >> 4 != wire.VERSION_MAJOR]
         if len(foreign):
             self.counters.other_major += len(foreign)
             return self._select(np.delete(start, foreign))
-        fate = np.zeros(len(start), np.uint8)
-        fate[others], notices = self._examine(start, words, others)
-        readable = fate == _Fate.READABLE
-        accepted = accept_batch(self._tracker, _source_keys(words), words[:, _SEQ], readable, notices)
-        self._count(fate[others[accepted[others]]])
+        fates, notices = self._examine(start, words, others)
+        readable = np.ones(len(start), np.bool_)
+        readable[others] = fates == _Fate.READABLE
+        accepted = accept_batch(self._tracker, _source_keys(words), words[_SEQ], readable, notices)
+        self._count(fates[accepted[others]])
         delivered = accepted & readable
-        return (start, words) if delivered.all() else (start[delivered], words[delivered])
+        return (start, words) if delivered.all() else (start[delivered], words[:, delivered])
 
-    def _examine(
-        self, start: Indices, words: NDArray[np.uint32], others: Indices
-    ) -> tuple[NDArray[np.uint8], list[BootNotice]]:
+    def _examine(self, start: Indices, words: Words, others: Indices) -> tuple[NDArray[np.uint8], list[BootNotice]]:
         """Return the fates of frames that are no plain samples, and the hellos among them."""
-        header = words[others].view(np.uint8)
-        types, lengths = header[:, wire.TYPE_OFFSET], header[:, wire.LENGTH_OFFSET]
+        types, lengths, flags, versions = (
+            _byte(words, offset)[others]
+            for offset in (wire.TYPE_OFFSET, wire.LENGTH_OFFSET, wire.FLAGS_OFFSET, wire.VERSION_OFFSET)
+        )
         expected = _LENGTHS[types]
-        fate = np.zeros(len(others), np.uint8)
-        fate[(expected >= 0) & (expected != lengths)] = _Fate.BAD_PAYLOAD
-        fate[expected == _NONE] = _Fate.UNKNOWN_TYPE
-        fate[header[:, wire.FLAGS_OFFSET] & (0xFF & ~wire.KNOWN_FLAGS) != 0] = _Fate.UNKNOWN_FLAGS
-        fate[header[:, wire.VERSION_OFFSET] > wire.VERSION_BYTE] = _Fate.NEWER_MINOR
+        fates = np.zeros(len(others), np.uint8)
+        fates[(expected >= 0) & (expected != lengths)] = _Fate.BAD_PAYLOAD
+        fates[expected == _NONE] = _Fate.UNKNOWN_TYPE
+        fates[flags & (0xFF & ~wire.KNOWN_FLAGS) != 0] = _Fate.UNKNOWN_FLAGS
+        fates[versions > wire.VERSION_BYTE] = _Fate.NEWER_MINOR
         notices = []
-        for place in np.flatnonzero((expected == _ANY) & (fate == _Fate.READABLE)).tolist():
+        for place in np.flatnonzero((expected == _ANY) & (fates == _Fate.READABLE)).tolist():
             index = int(others[place])
-            payload_start = int(start[index]) + wire.HEADER_BYTES
-            payload = self._buffer[payload_start : payload_start + int(lengths[place])].tobytes()
-            try:
-                message = decode_payload(int(types[place]), payload)
-            except ValueError:
-                fate[place] = _Fate.BAD_PAYLOAD
-                continue
-            if isinstance(message, Hello):
-                notices.append(BootNotice(index, message.boot_count))
-        return fate, notices
+            payload = _payload(self._buffer, int(start[index]), int(lengths[place]))
+            valid, boot_count = _look_inside(int(types[place]), payload)
+            if not valid:
+                fates[place] = _Fate.BAD_PAYLOAD
+            elif boot_count is not None:
+                notices.append(BootNotice(index, boot_count))
+        return fates, notices
 
     def _count(self, fates: NDArray[np.uint8]) -> None:
         counts = np.bincount(fates, minlength=len(_Fate)).tolist()
@@ -252,8 +255,27 @@ class BatchDecoder:
         self.counters.bad_payload += counts[_Fate.BAD_PAYLOAD]
 
 
-def _source_keys(words: NDArray[np.uint32]) -> NDArray[np.uint16]:
-    return (words[:, _WORD1] >> 8).astype(np.uint16)
+@lru_cache(maxsize=256)  # a wheel repeats its hello unchanged
+def _look_inside(type_: int, payload: bytes) -> tuple[bool, int | None]:
+    """Return whether a payload keeps to its layout, and its boot count when it is a hello."""
+    try:
+        message = decode_payload(type_, payload)
+    except ValueError:
+        return False, None
+    return True, message.boot_count if isinstance(message, Hello) else None
+
+
+def _payload(buffer: Bytes, start: int, length: int) -> bytes:
+    return buffer[start + wire.HEADER_BYTES : start + wire.HEADER_BYTES + length].tobytes()
+
+
+def _byte(words: Words, offset: int) -> NDArray[np.uint8]:
+    """Return the header byte at `offset` of every frame, a view."""
+    return words[offset // 4].view(np.uint8)[offset % 4 :: 4]
+
+
+def _source_keys(words: Words) -> NDArray[np.uint16]:
+    return (words[_WORD1] >> 8).astype(np.uint16)
 
 
 def _records(buffer: Bytes, size: int) -> NDArray[np.void]:
