@@ -1,0 +1,203 @@
+"""Classical laminate theory of a steel belt: why a belt of crossed plies shears when it is bent.
+
+Ply steer paper, Eq. 10 to 18, with its misprints repaired (docs/ply-steer.md): gamma is engineering shear throughout, as
+Eq. 13 needs (Eq. 14's factor one half is dropped); Eq. 13 is the N_xy row of Eq. 10 and Eq. 18's angle phi_z is half of
+the belt's slope.
+
+Axes: x along the belt, y across it, z outward; ply angles from x towards y; plies are listed from the inside out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+# Rubber is incompressible; 0.49 keeps its constants finite.
+RUBBER_POISSON_RATIO: Final = 0.49
+STEEL_MODULUS_PA: Final = 200e9
+STEEL_POISSON_RATIO: Final = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Ply:
+    """One layer of parallel cords in rubber.
+
+    Attributes:
+        along_pa: E1, modulus along the cords.
+        across_pa: E2, modulus across them.
+        shear_pa: G12.
+        poisson_ratio: nu12.
+        thickness_m: of the layer.
+        angle_rad: of the cords from the belt's length.
+    """
+
+    along_pa: float
+    across_pa: float
+    shear_pa: float
+    poisson_ratio: float
+    thickness_m: float
+    angle_rad: float
+
+    def stiffness(self) -> FloatArray:
+        """Return the plane-stress stiffness in the belt's axes, (3, 3), Pa, for (eps_x, eps_y, gamma_xy)."""
+        minor = self.poisson_ratio * self.across_pa / self.along_pa
+        denominator = 1.0 - self.poisson_ratio * minor
+        own = np.array(
+            [
+                [self.along_pa, self.poisson_ratio * self.across_pa, 0.0],
+                [self.poisson_ratio * self.across_pa, self.across_pa, 0.0],
+                [0.0, 0.0, self.shear_pa * denominator],
+            ]
+        )
+        c, s = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        # Strain in the cords' axes from strain in the belt's, engineering shear.
+        turn = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2.0 * c * s, 2.0 * c * s, c * c - s * s]])
+        result: FloatArray = turn.T @ own @ turn / denominator
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class Laminate:
+    """Stiffness of a stack of plies per width (Eq. 10): (N, M) = [[A, B], [B, D]] (eps0, k).
+
+    Attributes:
+        stretching: A, (3, 3), N/m.
+        coupling: B, (3, 3), N.
+        bending: D, (3, 3), N m.
+    """
+
+    stretching: FloatArray
+    coupling: FloatArray
+    bending: FloatArray
+
+    @property
+    def matrix(self) -> FloatArray:
+        """The 6 by 6 of Eq. 10."""
+        result: FloatArray = np.block([[self.stretching, self.coupling], [self.coupling, self.bending]])
+        return result
+
+    @property
+    def coupling_length_m(self) -> float:
+        """B16 / A66: minus the shear per curvature of a belt bent along its length only (Eq. 12 and 13)."""
+        return float(self.coupling[0, 2] / self.stretching[2, 2])
+
+    @property
+    def released_coupling_length_m(self) -> float:
+        """The same for a narrow strip, free to curve across and to twist: only k_x is imposed, all else is unloaded.
+
+        Eq. 12 holds the belt from curving and twisting. A tire's belt lies between the two.
+        """
+        others = [0, 1, 2, 4, 5]
+        strain = np.linalg.solve(self.matrix[np.ix_(others, others)], -self.matrix[others, 3])
+        return float(-strain[2])
+
+
+def cord_ply(
+    *,
+    cord_pa: float,
+    rubber_pa: float,
+    cord_share: float,
+    thickness_m: float,
+    angle_rad: float,
+    cord_poisson_ratio: float = STEEL_POISSON_RATIO,
+) -> Ply:
+    """Return a ply of cords in rubber: rule of mixtures along (E1, nu12), Halpin-Tsai across (E2, xi 2; G12, xi 1).
+
+    Args:
+        cord_pa: modulus of the cord along itself.
+        rubber_pa: modulus of the rubber.
+        cord_share: volume share of the cords, between 0 and 1.
+        thickness_m: of the ply.
+        angle_rad: of the cords from the belt's length.
+        cord_poisson_ratio: of the cord.
+
+    Raises:
+        ValueError: a share outside 0 to 1, or a modulus or thickness that is not positive.
+    """
+    if not 0.0 <= cord_share <= 1.0:
+        raise ValueError(f"cord_share must lie between 0 and 1, not {cord_share:g}")
+    for name, value in (("cord_pa", cord_pa), ("rubber_pa", rubber_pa), ("thickness_m", thickness_m)):
+        if not value > 0.0:
+            raise ValueError(f"{name} must be positive, not {value:g}")
+    cord_shear = cord_pa / (2.0 * (1.0 + cord_poisson_ratio))
+    rubber_shear = rubber_pa / (2.0 * (1.0 + RUBBER_POISSON_RATIO))
+    return Ply(
+        along_pa=cord_share * cord_pa + (1.0 - cord_share) * rubber_pa,
+        across_pa=_halpin_tsai(cord_pa, rubber_pa, cord_share, 2.0),
+        shear_pa=_halpin_tsai(cord_shear, rubber_shear, cord_share, 1.0),
+        poisson_ratio=cord_share * cord_poisson_ratio + (1.0 - cord_share) * RUBBER_POISSON_RATIO,
+        thickness_m=thickness_m,
+        angle_rad=angle_rad,
+    )
+
+
+def stack(plies: Sequence[Ply]) -> Laminate:
+    """Return the laminate of plies listed from the inside out, about the middle of its thickness."""
+    edges = np.cumsum([0.0, *(ply.thickness_m for ply in plies)])
+    edges -= 0.5 * edges[-1]
+    laminate = [np.zeros((3, 3)) for _ in range(3)]
+    for ply, low, high in zip(plies, edges[:-1], edges[1:], strict=True):
+        stiffness = ply.stiffness()
+        for power, total in enumerate(laminate, start=1):
+            total += stiffness * (high**power - low**power) / power
+    return Laminate(*laminate)
+
+
+def steel_belt(
+    angle_rad: float,
+    separation_m: float,
+    *,
+    cord_share: float = 0.22,
+    rubber_pa: float = 6e6,
+    inside: Sequence[Ply] = (),
+    outside: Sequence[Ply] = (),
+) -> Laminate:
+    """Return a belt of two equal steel plies at +angle (inner) and -angle (outer).
+
+    Args:
+        angle_rad: of the cords from the belt's length.
+        separation_m: distance of the plies' mid-planes, which is also their thickness: they touch.
+        cord_share: volume share of steel.
+        rubber_pa: modulus of the rubber.
+        inside: plies below the belt (carcass), from the inside out.
+        outside: plies above it (cap), from the inside out.
+    """
+    inner, outer = (
+        cord_ply(
+            cord_pa=STEEL_MODULUS_PA,
+            rubber_pa=rubber_pa,
+            cord_share=cord_share,
+            thickness_m=separation_m,
+            angle_rad=angle,
+        )
+        for angle in (angle_rad, -angle_rad)
+    )
+    return stack([*inside, inner, outer, *outside])
+
+
+def crossed_coupling_length(angle_rad: float, separation_m: float) -> float:
+    """Return B16 / A66 of two crossed plies of inextensible cords: -(t_sep / 2) cot(delta)."""
+    return -0.5 * separation_m / math.tan(angle_rad)
+
+
+def belt_slope(coupling_length_m: float, curvature_change_pm: float) -> float:
+    """Return the slope of the streamline dv/dx = gamma = -k_x B16 / A66, which a sensor on the belt measures."""
+    return -curvature_change_pm * coupling_length_m
+
+
+def bending_twisting_angle(coupling_length_m: float, curvature_change_pm: float) -> float:
+    """Return phi_z = -k_x B16 / (2 A66) (Eq. 18): half of the streamline's slope."""
+    return 0.5 * belt_slope(coupling_length_m, curvature_change_pm)
+
+
+def _halpin_tsai(cord: float, rubber: float, share: float, shape: float) -> float:
+    ratio = cord / rubber
+    eta = (ratio - 1.0) / (ratio + shape)
+    return rubber * (1.0 + shape * eta * share) / (1.0 - eta * share)
