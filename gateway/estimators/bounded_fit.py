@@ -24,6 +24,7 @@ Curvature = Callable[[FloatArray, FloatArray], FloatArray]
 _FIRST_DAMPING: Final = 1e-3
 _HOPELESS_DAMPING: Final = 1e12
 _LEAST_DAMPING: Final = 1e-12
+_LARGEST_GROWTH: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,8 @@ def fit_nonnegative(
     normal, gradient = _normal(here, residuals, jacobian, curvature), jacobian.T @ residuals
     while evaluations < max_evaluations and not converged:
         step = _projected_step(normal, gradient, here, damping)
-        there = np.maximum(here + step, 0.0)
+        # Data that no parameters describe drive these to infinity, and squared at every step.
+        there = np.clip(here + step, 0.0, _LARGEST_GROWTH * max(1.0, float(here.max())))
         reach = float(np.abs(there - here).max())
         if reach <= tolerance * float(here.max()):
             converged = True

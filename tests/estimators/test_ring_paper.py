@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +17,12 @@ from gateway.estimators.ring_paper import NUMBERS, RATIOS, SETTLED_REVOLUTIONS, 
 from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.ring_series import signal_orders, signal_waveform, stiffness_terms
 from gateway.signal.average import RunningAverage
-from gateway.signal.resample import angle_grid
+from gateway.signal.normalise import normalise_radial
+from gateway.signal.resample import angle_grid, fit_phase, resample_revolution
 from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, cosine_orders, solution
 
+MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 ORDERS = np.arange(1.0, 61.0)
 HALF = 0.2
 FORCE = 5000.0 / (math.pi * PRESSURE_PA * RADIUS_M * HALF)
@@ -217,6 +221,17 @@ def test_fewer_orders_still_give_the_numbers_and_too_few_are_refused() -> None:
     assert all(e.status is Status.INVALID and "12 orders" in e.reason for e in few)
 
 
+@pytest.mark.parametrize("kind", ["upside down", "noise", "harmonic"])
+def test_a_signal_that_is_no_ring_is_refused(kind: str) -> None:
+    wave = {
+        "upside down": -series_wave(),
+        "noise": np.random.default_rng(1).normal(size=1024),
+        "harmonic": 100.0 * np.cos(33.0 * angle_grid()),
+    }[kind]
+    estimates = estimate_once(wave, edges=(-HALF, HALF))
+    assert all(e.status is Status.INVALID and "left over" in e.reason for e in estimates.values())
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -265,3 +280,24 @@ def test_reset_and_replay_give_the_same_bits() -> None:
     first = run(estimator)
     estimator.reset()
     assert run(estimator) == first
+
+
+def test_measured_tire_gives_ratios_with_honest_errors() -> None:
+    if not MEASURED.exists():
+        pytest.skip("the measured recording is not kept with the project")
+    radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3:] * 9.80665
+    # Contact centres midway between the half-level crossings, read off the recording; 25.6 kHz and 0.30 m are assumed.
+    contacts = [2528.5, 4803.5, 7076.5, 9344.5, 11610.5]
+    average = RunningAverage()
+    for start, end in itertools.pairwise(contacts):
+        phase = fit_phase(start, end)
+        wave = normalise_radial(resample_revolution(radial, phase)[0], phase, ac_coupled=True).radial_mps2
+        revolution = replace(make_revolution(wave), omega_radps=2.0 * math.pi * 25600.0 / phase.samples)
+        result = take(average, revolution)
+    estimates = {e.name: e for e in RingPaperEstimator().update(revolution, result, Conditions(radius_m=0.30))}
+    assert all(estimates[name].status is Status.INVALID for name in NUMBERS)
+    assert all(estimates[name].status is Status.PROVISIONAL for name in RATIOS)
+    # The study found Cw 0.25 to 0.27 and Rs 2.8 by another estimator: a ratio of about 11.
+    assert abs(estimates["Rs/Cw"].value - 11.0) < 2.0 * estimates["Rs/Cw"].std
+    assert estimates["Bs/Cw"].std > 0.3 * estimates["Bs/Cw"].value
+    assert estimates["Ts/Cw"].std > 0.5 * estimates["Ts/Cw"].value
