@@ -8,7 +8,7 @@ from typing import Final
 from gateway.pipeline.results import WheelSnapshot, WheelState
 from gateway.views.console_rows import Role, Row, Run, fit
 from gateway.views.console_wheel import reading_of
-from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, kpa
+from gateway.views.numbers import MISSING, STATUS_MARKS, Shown, fixed, kpa, round_to_error
 from gateway.views.reading import Reading
 from gateway.views.text import clean, crop_middle, pad, pad_left, width
 
@@ -32,7 +32,7 @@ def overview(wheels: Sequence[WheelSnapshot], selected: int, alarmed: frozenset[
     limit = _NAME_WIDTH_WIDE if wide else _NAME_WIDTH
     name_width = min(max([5, *map(width, names)]), limit)
     read = [reading_of(wheel) for wheel in wheels]
-    # The commonest kind of numbers names the columns; a wheel with others names them in its cells.
+    # Numbers rather than ratios name the columns, as long as any wheel has them.
     labels = next((_labels(r) for r in read if r and not r.ratios_only), None)
     labels = labels or next((_labels(r) for r in read if r), ())
     widths = list(_NUMBER_WIDTHS_WIDE if wide else _NUMBER_WIDTHS)
@@ -63,9 +63,9 @@ def _values(
 ) -> Row:
     rolling = wheel.state is WheelState.ROLLING
     state = f"{wheel.state.value:<10}" if wide else f"{_SHORT_STATE[wheel.state]:<7}"
-    speed = reading.speed.number.value if reading is not None and rolling else MISSING
-    lead = reading.leading.number.value if reading is not None else MISSING
-    trail = reading.trailing.number.value if reading is not None else MISSING
+    speed = fixed(reading.speed.value, 2) if reading is not None and rolling else MISSING
+    lead = fixed(reading.leading.value, 2) if reading is not None else MISSING
+    trail = fixed(reading.trailing.value, 2) if reading is not None else MISSING
     load = f" {fixed(wheel.load_n, 0):>7}" if wide else ""
     row: list[Run] = [
         (f" {state} ", Role.GOOD if rolling else Role.WARNING),
@@ -80,11 +80,14 @@ def _values(
     return tuple(row)
 
 
+def _short(shown: Shown) -> str:
+    """Return the value without its error, in at most four digits even where the error would allow more."""
+    digits = shown.number.value.replace(".", "").lstrip("-0")
+    return shown.number.value + shown.number.power if len(digits) <= 4 else round_to_error(shown.value).joined()
+
+
 def _cells(reading: Reading, wide: bool, labels: tuple[str, ...], widths: Sequence[int]) -> list[str]:
-    values = {
-        number.label: number.number.joined("±") if wide else number.number.value + number.number.power
-        for number in reading.numbers
-    }
+    values = {number.label: number.number.joined("±") if wide else _short(number) for number in reading.numbers}
     numerators = {label.partition("/")[0]: value for label, value in values.items()}
     denominators = {label.partition("/")[2] for label in values}
     if tuple(values) == labels:

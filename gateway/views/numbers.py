@@ -134,6 +134,7 @@ class Shown(NamedTuple):
         label: what it is.
         number: value and error in the shown unit; UNKNOWN when the estimate is invalid.
         unit: symbol, empty when dimensionless.
+        value: the value in that unit, not rounded; NaN when the estimate is invalid.
         status: as estimated.
         reason: as estimated.
     """
@@ -141,6 +142,7 @@ class Shown(NamedTuple):
     label: str
     number: Rounded
     unit: str
+    value: float
     status: Status
     reason: str
 
@@ -161,9 +163,10 @@ def show(estimate: Estimate) -> Shown:
     """Convert an estimate to its shown unit and round it; an invalid one shows MISSING whatever its value."""
     label, unit = split_name(estimate.name)
     if estimate.status is Status.INVALID:
-        return Shown(label, UNKNOWN, unit.symbol, estimate.status, estimate.reason)
-    number = round_to_error(estimate.value * unit.factor, estimate.std * unit.factor)
-    return Shown(label, number, unit.symbol, estimate.status, estimate.reason)
+        return Shown(label, UNKNOWN, unit.symbol, math.nan, estimate.status, estimate.reason)
+    value = estimate.value * unit.factor
+    number = round_to_error(value, estimate.std * unit.factor)
+    return Shown(label, number, unit.symbol, value, estimate.status, estimate.reason)
 
 
 def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:

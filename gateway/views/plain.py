@@ -18,7 +18,7 @@ _NAME_WIDTH_MIN: Final = 5
 _NAME_WIDTH_MAX: Final = 14
 # Wide enough for `Bs (3.083±0.012)e-3`, `Cw 0.1953±0.0012`, `Rs 2.974±0.031`, `Ts 2.529±0.099`.
 _NUMBER_WIDTHS: Final = (19, 16, 14, 14)
-_NUMBERS_WIDTH_MAX: Final = 90
+_NUMBERS_WIDTH_MAX: Final = 78
 _NO_DIGITS: Final = str.maketrans("", "", "0123456789.")
 _STATUS_WORDS: Final = {"valid": "ok", "provisional": "~", "invalid": "x"}
 
@@ -54,7 +54,7 @@ class PlainView:
         line = self._line(name, cells, reading, result)
         note = clean(reading.note)
         valid = reading.status is Status.VALID and not reading.ratios_only and not result.revolution.faults
-        self._write(line.rstrip() if valid else crop(line + note, LINE_WIDTH).rstrip())
+        self._write(crop((line if valid else line + note).rstrip(), LINE_WIDTH))
         # What holds of valid numbers is said once; a reason that does not fit is said in full when it is new. It may
         # count something, so only its words tell whether it is.
         words = note.translate(_NO_DIGITS)

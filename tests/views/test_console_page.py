@@ -54,12 +54,21 @@ def test_every_wheel_has_its_line_and_numbers_at_80x24(made):
     for i, name in enumerate(names):
         line = row_with(rows, f"{i + 1}{'!' if i < 3 else ' '}{name}")
         assert line.split()[-10:] == [
-            *("rolling", f"{60 + i}.000", "-13.740", "13.51", "210.0", "31.5", "3.083e-3", "0.1953", "2.974", "2.529")
+            *("rolling", f"{60 + i}.00", "-13.74", "13.51", "210.0", "31.5", "3.083e-3", "0.1953", "2.974", "2.529")
         ]
     assert row_with(rows, "ALARM  FL: 150.0 kPa is below 180.0 kPa")
     assert row_with(rows, "ALARM  2 more: FR pressure, RL pressure")
     assert row_with(rows, "ttyUSB1 up loss 1.00% crc 12 overwr 7 lag 12ms bat 87% 0.43W -61dBm")
     assert row_with(rows, "-13.740 ± 0.097 deg")
+
+
+def test_small_errors_do_not_push_numbers_off_the_overview(made):
+    estimates = tuple(dataclasses.replace(e, std=1e-9 * abs(e.value)) for e in made.result(speed_kmh=251.37).estimates)
+    rows = page(made.snapshot([made.wheel("FL", result={"estimates": estimates}), "FR", "RL", "RR"]))
+    line = row_with(rows, ">1 FL").split()
+    assert line[3] == "251.37"
+    assert float(line[-4]) == pytest.approx(3.0833e-3, rel=1e-3)
+    assert float(line[-1]) == pytest.approx(2.529, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +196,7 @@ def test_paused_view_freezes_wheels_but_not_clock_and_alarms(made):
     assert "PAUSED at 0:01:23" in rows[0]
     assert "0:01:40" in rows[0]
     assert "ALARM" in rows[1]
-    assert row_with(rows, "50.000")
+    assert row_with(rows, "50.000 ± ")
     assert "resume" in rows[-1]
 
 
