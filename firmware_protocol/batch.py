@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol import wire
-from firmware_protocol.batch_tracking import BootNotice, accept_batch, by_key
+from firmware_protocol.batch_tracking import BootNotice, BySource, accept_batch, by_source
 from firmware_protocol.codec import DECODERS, FIXED_LENGTHS, SAMPLE_DTYPE, SAMPLE_LAYOUTS, decode_payload
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import Frame, Hello, Message, MessageType
@@ -82,10 +82,11 @@ class FrameBatch:
         end_offset: (k,) int64 offset in the whole stream of the byte after each frame.
     """
 
-    def __init__(self, buffer: Bytes, start: Indices, words: Words, base: int) -> None:
+    def __init__(self, buffer: Bytes, start: Indices, words: Words, sources: BySource, base: int) -> None:
         self._buffer = buffer
         self._start = start
         self._words = words
+        self._sources = sources
         self.type = _byte(words, wire.TYPE_OFFSET)
         self.hub = _byte(words, wire.HUB_OFFSET)
         self.wheel = _byte(words, wire.WHEEL_OFFSET)
@@ -110,33 +111,31 @@ class FrameBatch:
 
     def sample_groups(self) -> list[SampleGroup]:
         """Return the samples as one array per wheel, axis mask and block size; wheels in ascending order."""
-        indices = np.flatnonzero(self.type == _SAMPLES)
-        if not len(indices):
-            return []
-        keys = _source_keys(self._words)[indices]
-        axes_n = self._words[_AXES_N, indices] & 0xFFFF
-        if axes_n.min() == axes_n.max():
-            return list(self._groups_of_shape(indices, keys, int(axes_n[0])))
+        is_samples = self.type == _SAMPLES
         groups: list[SampleGroup] = []
-        for shape in np.unique(axes_n).tolist():
-            of_shape = axes_n == shape
-            groups += self._groups_of_shape(indices[of_shape], keys[of_shape], shape)
-        return sorted(groups, key=lambda group: (group.hub, group.wheel))
+        for key, members in self._sources.groups():
+            indices = members[is_samples[members]]
+            if not len(indices):
+                continue
+            shapes = self._words[_AXES_N, indices] & 0xFFFF
+            if shapes.min() == shapes.max():
+                groups.append(self._group(key, int(shapes[0]), indices))
+                continue
+            groups += [self._group(key, shape, indices[shapes == shape]) for shape in np.unique(shapes).tolist()]
+        return groups
 
-    def _groups_of_shape(self, indices: Indices, keys: NDArray[np.uint16], axes_n: int) -> Iterator[SampleGroup]:
+    def _group(self, key: int, axes_n: int, indices: Indices) -> SampleGroup:
         length, shape = SAMPLE_LAYOUTS[axes_n]
-        records = _records(self._buffer, length - wire.SAMPLES_HEADER_BYTES)
-        for key, members in by_key(keys):
-            chosen = indices[members]
-            yield SampleGroup(
-                key & 0xFF,
-                key >> 8,
-                axes_n & 0xFF,
-                chosen,
-                self._words[_FIRST_SAMPLE, chosen],
-                self._words[_TICK, chosen],
-                records[self._start[chosen] + _SAMPLES_OFFSET].view(SAMPLE_DTYPE).reshape(-1, *shape),
-            )
+        rows = _records(self._buffer, length - wire.SAMPLES_HEADER_BYTES)[self._start[indices] + _SAMPLES_OFFSET]
+        return SampleGroup(
+            key & 0xFF,
+            key >> 8,
+            axes_n & 0xFF,
+            indices,
+            self._words[_FIRST_SAMPLE, indices],
+            self._words[_TICK, indices],
+            rows.view(SAMPLE_DTYPE).reshape(-1, *shape),
+        )
 
 
 class BatchDecoder:
@@ -149,7 +148,7 @@ class BatchDecoder:
         counters: what arrived so far; a live object.
     """
 
-    def __init__(self, block_bytes: int = 1 << 20) -> None:
+    def __init__(self, block_bytes: int = 1 << 21) -> None:
         """Prepare a buffer for blocks of `block_bytes`; larger ones are taken too and enlarge it."""
         self._buffer: Bytes = np.zeros(0, np.uint8)
         self._block_bytes = block_bytes
@@ -197,14 +196,13 @@ class BatchDecoder:
         # With a share d of frames damaged, one CRC over 1/sqrt(d) frames costs least.
         if len(found.start):
             self._group = min(max(isqrt(len(found.start) // (found.crc_errors + 1)), 1), MAX_GROUP)
-        start, words = self._select(found.start)
-        batch = FrameBatch(self._buffer, start, words, self._offset)
+        batch = FrameBatch(self._buffer, *self._select(found.start), self._offset)
         self._held = slice(found.consumed, size)
         self._offset += found.consumed
         return batch
 
-    def _select(self, start: Indices) -> tuple[Indices, Words]:
-        """Return offsets and first words of the intact frames that are delivered; count the others."""
+    def _select(self, start: Indices) -> tuple[Indices, Words, BySource]:
+        """Return offsets, first words and sources of the intact frames that are delivered; count the others."""
         gathered = _records(self._buffer, 4 * _WORDS)[start].view("<u4").reshape(-1, _WORDS)
         words = np.ascontiguousarray(gathered.T)
         word1 = words[_WORD1]
@@ -219,10 +217,14 @@ class BatchDecoder:
         fates, notices = self._examine(start, words, others)
         readable = np.ones(len(start), np.bool_)
         readable[others] = fates == _Fate.READABLE
-        accepted = accept_batch(self._tracker, _source_keys(words), words[_SEQ], readable, notices)
+        keys = _source_keys(words)
+        sources = by_source(keys)
+        accepted = accept_batch(self._tracker, keys, words[_SEQ], readable, notices, sources)
         self._count(fates[accepted[others]])
         delivered = accepted & readable
-        return (start, words) if delivered.all() else (start[delivered], words[:, delivered])
+        if delivered.all():
+            return start, words, sources
+        return start[delivered], words.compress(delivered, axis=1), by_source(keys[delivered])
 
     def _examine(self, start: Indices, words: Words, others: Indices) -> tuple[NDArray[np.uint8], list[BootNotice]]:
         """Return the fates of frames that are no plain samples, and the hellos among them."""
@@ -271,11 +273,13 @@ def _payload(buffer: Bytes, start: int, length: int) -> bytes:
 
 def _byte(words: Words, offset: int) -> NDArray[np.uint8]:
     """Return the header byte at `offset` of every frame, a view."""
-    return words[offset // 4].view(np.uint8)[offset % 4 :: 4]
+    octets: NDArray[np.uint8] = words[offset // 4].view(np.uint8)
+    return octets[offset % 4 :: 4]
 
 
 def _source_keys(words: Words) -> NDArray[np.uint16]:
-    return (words[_WORD1] >> 8).astype(np.uint16)
+    hub_and_wheel: NDArray[np.uint32] = words[_WORD1] >> 8
+    return hub_and_wheel.astype(np.uint16)
 
 
 def _records(buffer: Bytes, size: int) -> NDArray[np.void]:

@@ -91,14 +91,14 @@ def scan(buffer: Bytes, size: int, *, final: bool, group: int) -> Scan:
 def _candidates(buffer: Bytes, size: int) -> tuple[Indices, Indices]:
     """Return start and end of every candidate, in order; those whose length is not there yet end after `size`."""
     sync = np.uint16(int.from_bytes(wire.SYNC, "little"))
-    pairs = max(size - 1, 0)
-    even = np.flatnonzero(buffer[: pairs + 1 & ~1].view("<u2") == sync)
-    odd = np.flatnonzero(buffer[1 : 1 + (pairs & ~1)].view("<u2") == sync)
-    even *= 2
-    odd *= 2
-    odd += 1
-    # A stable sort merges the two sorted halves.
-    start = np.sort(np.concatenate((even, odd)), kind="stable")
+    pairs = size // 2
+    even = buffer[: 2 * pairs].view("<u2")
+    # The block is followed by at least one addressable byte; a pair that reaches into it is dropped below.
+    odd = buffer[1 : 1 + 2 * pairs].view("<u2")
+    at_even, at_odd = even == sync, odd == sync
+    pair = np.flatnonzero(np.logical_or(at_even, at_odd, out=at_odd))
+    start = 2 * pair + 1 - at_even[pair]
+    start = start[: np.searchsorted(start, size - 1)]
     end = start + buffer[start + wire.LENGTH_OFFSET]
     end += wire.OVERHEAD_BYTES
     known = int(np.searchsorted(start, size - wire.LENGTH_OFFSET))
