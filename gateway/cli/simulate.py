@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -44,6 +45,7 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.option("--seed", type=click.IntRange(min=0), help="Instead of the scenario's.")
 @click.option("--duration", "duration_s", type=click.FloatRange(min=0.01), help="Length in s, instead of its own.")
 @click.option("--speed", default="1", show_default=True, help="Times real time, or max; a file is always at max.")
+@click.option("--vehicle", type=click.Path(path_type=Path), help="Also write the vehicle's configuration here.")
 @click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_list, help="What there is.")
 def simulate(
     scenario: str,
@@ -53,6 +55,7 @@ def simulate(
     seed: int | None,
     duration_s: float | None,
     speed: str,
+    vehicle: Path | None,
 ) -> None:
     """Simulate the hubs and tires of SCENARIO (a built-in name or a TOML file).
 
@@ -66,6 +69,8 @@ def simulate(
         loaded, seed=seed, duration_s=duration_s, faults=tuple(parse_faults(faults, used_seed))
     )
     toml, clock, link = vehicle_toml(loaded), SystemClock(), link_name(scenario)
+    if vehicle is not None:
+        _write_new(vehicle, toml)
     if out is not None:
         if simulation.duration_s is None:
             raise SourceError(f"scenario '{scenario}' has no end", "Give its length: --duration 30.")
@@ -74,7 +79,7 @@ def simulate(
         size = _to_file(source, simulation.duration_s, out, uri, clock)
         click.echo(f"wrote {out}: {simulation.duration_s:g} s, {size / 1e6:.2f} MB")
     else:
-        _to_pty(SimulatorSource(simulation, link, toml, parse_speed(speed), clock))
+        _to_pty(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), vehicle)
     _report(simulation)
 
 
@@ -116,12 +121,21 @@ def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Ca
         raise OutputError(f"'{out.name}' is of no known kind", "Let the name end in .mcap or .bin.")
 
 
-def _to_pty(source: SimulatorSource) -> None:
+def _write_new(path: Path, text: str) -> None:
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise OutputError(f"cannot create '{path}': {error.strerror}", "Give the name of a new file.") from error
+
+
+def _to_pty(source: SimulatorSource, vehicle: Path | None) -> None:
     """Feed a pseudo-terminal until the scenario ends or Ctrl-C."""
     port = PtyPort()
     try:
         click.echo(f"A hub speaks on {port.path}. In another terminal run\n")
-        click.echo(f"  treadlink live serial://{port.path}\n\nCtrl-C ends it.")
+        config = f" --config {shlex.quote(str(vehicle))}" if vehicle is not None else ""
+        click.echo(f"  treadlink live serial://{port.path}{config}\n\nCtrl-C ends it.")
         was_connected = False
         for item in source.items(threading.Event()):
             if not isinstance(item, Chunk):

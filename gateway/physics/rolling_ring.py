@@ -299,7 +299,23 @@ def _edges(theta: FloatArray, unclipped: FloatArray) -> tuple[float, float]:
     """Return the angles where the push first rises above and last falls below zero, between nodes."""
     touching = np.flatnonzero(unclipped > 0.0)
     first, last = int(touching[0]), int(touching[-1])
-    step = theta[1] - theta[0]
-    before = unclipped[first] / (unclipped[first] - unclipped[first - 1])
-    after = unclipped[last] / (unclipped[last] - unclipped[last + 1])
-    return float(theta[first] - step * before), float(theta[last] + step * after)
+    step = float(theta[1] - theta[0])
+    before = _zero(unclipped[first + 1 : first - 3 : -1])
+    after = _zero(unclipped[last - 1 : last + 3])
+    return float(theta[first]) - step * before, float(theta[last]) + step * after
+
+
+def _zero(values: FloatArray) -> float:
+    """Return where the cubic through values at -1, 0, 1, 2 is zero between 0 (above zero) and 1 (not above)."""
+    behind, here, next_, beyond = (float(value) for value in values)
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        x = 0.5 * (low + high)
+        value = (
+            -behind * x * (x - 1.0) * (x - 2.0) / 6.0
+            + here * (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
+            - next_ * (x + 1.0) * x * (x - 2.0) / 2.0
+            + beyond * (x + 1.0) * x * (x - 1.0) / 6.0
+        )
+        low, high = (x, high) if value > 0.0 else (low, x)
+    return 0.5 * (low + high)

@@ -7,8 +7,9 @@ import zlib
 from dataclasses import dataclass, replace
 
 from gateway.physics.rolling_ring import RingParameters
+from gateway.physics.rolling_ring_waves import EdgeWaves
 from gateway.simulator.motion import MotionProfile
-from gateway.simulator.scenario_model import Hub, Scenario, Sensor, Tire, Wheel
+from gateway.simulator.scenario_model import EdgeWaveTable, Hub, Scenario, Sensor, Tire, Wheel
 from gateway.simulator.series import Series
 from gateway.simulator.tire_table import Range, TireModel, TireTable, tire_table
 
@@ -89,6 +90,7 @@ def _plan(wheel: Wheel, hub: Hub) -> WheelPlan:
             pressure_share=wheel.tire.sidewall_pressure_share,
             sensor_offset_m=wheel.sensor.offset_mm * 1e-3,
             drum_radius_m=math.inf if drum_mm is None else drum_mm * 1e-3,
+            waves=_waves(wheel.edge_waves),
         ),
         motion=MotionProfile(wheel.motion.speed_kmh, wheel.motion.repeat),
         load_n=wheel.load_n,
@@ -99,6 +101,18 @@ def _plan(wheel: Wheel, hub: Hub) -> WheelPlan:
         road_rms_mps2=wheel.road.rms_mps2,
         road_bandwidth_hz=wheel.road.bandwidth_hz,
         sensor=wheel.sensor,
+    )
+
+
+def _waves(table: EdgeWaveTable) -> EdgeWaves | None:
+    if not table.amplitude_percent:
+        return None
+    return EdgeWaves(
+        amplitude=table.amplitude_percent * 1e-2,
+        order_before=table.order_before,
+        order_after=table.order_after,
+        decay_rad=table.decay_rad,
+        phase_rad=math.radians(table.phase_deg),
     )
 
 

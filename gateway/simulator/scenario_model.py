@@ -15,6 +15,7 @@ from gateway.simulator.series import Series, checked_text, constant, in_range, p
 SectionT = TypeVar("SectionT", bound=Section)
 Triple = tuple[float, float, float]
 
+_INHERITED: Final = ("motion", "road", "tire", "edge_waves", "sensor")
 AXIS_NAMES: Final = ("circumferential", "lateral", "radial")
 
 
@@ -76,6 +77,16 @@ class Tire(Section):
     )
 
 
+class EdgeWaveTable(Section):
+    """`[edge_waves]` and `[wheel.edge_waves]`: what a tread pattern sends along the belt, locked to the tire."""
+
+    amplitude_percent: float = Field(default=0.0, ge=0, le=100, description="of R omega^2, at the contact's edges")
+    order_before: float = Field(default=35.0, ge=2, le=300)
+    order_after: float = Field(default=45.0, ge=2, le=300)
+    decay_rad: float = Field(default=1.0, ge=0.05, le=10)
+    phase_deg: float = Field(default=0.0, ge=-360, le=360)
+
+
 class Sensor(Section):
     """`[sensor]` and `[wheel.sensor]`; three values are circumferential, lateral, radial."""
 
@@ -127,6 +138,7 @@ class Wheel(Section):
     motion: Motion = Motion()
     road: Road = Road()
     tire: Tire = Tire()
+    edge_waves: EdgeWaveTable = EdgeWaveTable()
     sensor: Sensor = Sensor()
 
 
@@ -138,6 +150,7 @@ class Scenario(Section):
     motion: Motion = Motion()
     road: Road = Road()
     tire: Tire = Tire()
+    edge_waves: EdgeWaveTable = EdgeWaveTable()
     sensor: Sensor = Sensor()
     hub: tuple[Hub, ...] = Field(default=(), strict=False)
     wheel: tuple[Wheel, ...] = Field(strict=False, min_length=1, description="one [[wheel]] table at least")
@@ -145,14 +158,7 @@ class Scenario(Section):
     def wheels(self) -> tuple[Wheel, ...]:
         """Return the wheels with the scenario's defaults filled in."""
         return tuple(
-            wheel.model_copy(
-                update={
-                    "motion": _filled(self.motion, wheel.motion),
-                    "road": _filled(self.road, wheel.road),
-                    "tire": _filled(self.tire, wheel.tire),
-                    "sensor": _filled(self.sensor, wheel.sensor),
-                }
-            )
+            wheel.model_copy(update={name: _filled(getattr(self, name), getattr(wheel, name)) for name in _INHERITED})
             for wheel in self.wheel
         )
 

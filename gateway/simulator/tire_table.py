@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.physics.rolling_ring_waves import EdgeWaves
 
 FloatArray = NDArray[np.float64]
 WaveformTable = NDArray[np.float32]
@@ -33,6 +35,7 @@ class TireModel:
         pressure_share: share of the sidewall's stiffness that grows with pressure.
         sensor_offset_m: sensor below the neutral layer.
         drum_radius_m: of the road; infinite when flat.
+        waves: from the tread pattern, None for a smooth tread.
     """
 
     ring: RingParameters
@@ -40,6 +43,7 @@ class TireModel:
     pressure_share: float = 0.5
     sensor_offset_m: float = 0.0
     drum_radius_m: float = math.inf
+    waves: EdgeWaves | None = None
 
     def ring_at(self, pressure_pa: float) -> RingParameters:
         """Return the ring at a pressure."""
@@ -98,8 +102,20 @@ class TireTable:
                 drum_radius_m=tire.drum_radius_m,
                 start=near,
             )
-            self._tables[row] = _fine(near).reshape(-1)
+            self._tables[row] = self._fine(near).reshape(-1)
             self._edges[row] = near.leading_edge_rad, near.trailing_edge_rad
+
+    def _fine(self, solution: RingSolution) -> FloatArray:
+        """Return a solution's waveform on the table's angles."""
+        sensor, waves, radius = solution.sensor, self.tire.waves, solution.ring.radius_m
+        radial, along = sensor.radial_m, sensor.circumferential_m
+        if waves is not None:
+            wave = radius * waves.radial(solution.theta_rad, solution.leading_edge_rad, solution.trailing_edge_rad)
+            slope = angle_derivatives(wave.astype(np.complex128))[0].real
+            radial = radial + wave
+            along = along - self.tire.sensor_offset_m / radius * slope
+        columns = (radial, along, *sensor[2:])
+        return _interpolated(np.stack(columns, axis=1))
 
     @property
     def depends_on_speed(self) -> bool:
@@ -165,20 +181,8 @@ def _lagrange(nodes: FloatArray, value: float) -> FloatArray:
     return weights
 
 
-def _fine(solution: RingSolution) -> FloatArray:
-    """Return the sensor's waveform on the table's angles, by trigonometric interpolation."""
-    sensor = solution.sensor
-    coarse = np.stack(
-        [
-            sensor.radial_m,
-            sensor.circumferential_m,
-            sensor.gravity_radial,
-            sensor.gravity_circumferential,
-            sensor.spin_radial_m,
-            sensor.spin_circumferential_m,
-        ],
-        axis=1,
-    )
+def _interpolated(coarse: FloatArray) -> FloatArray:
+    """Return periodic columns on the table's angles, by trigonometric interpolation."""
     spectrum = np.fft.rfft(coarse, axis=0)
     spectrum[-1] *= 0.5  # the highest order of an even grid stands for two
     fine = np.fft.irfft(spectrum, n=TABLE_ANGLES, axis=0) * (TABLE_ANGLES / len(coarse))

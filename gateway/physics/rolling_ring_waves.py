@@ -1,0 +1,54 @@
+"""Waves that a tread pattern sends along the belt from the contact's edges, locked to the tire.
+
+Measured tires show them (physics notes, section 8): wave packets running out of both edges, of different order before
+and after the contact, alike in every revolution. They are prescribed here, not solved: the smooth ring has no tread
+pattern to excite them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+# A packet swells from nothing over this angle, so that it does not step at the edge.
+_ONSET_RAD = 0.03
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeWaves:
+    """Two decaying wave packets.
+
+    Attributes:
+        amplitude: at the edges, as a share of R omega^2.
+        order_before: waves a revolution ahead of the leading edge.
+        order_after: waves a revolution behind the trailing edge.
+        decay_rad: angle over which a packet falls to 1/e.
+        phase_rad: phase at the edges.
+    """
+
+    amplitude: float
+    order_before: float = 35.0
+    order_after: float = 45.0
+    decay_rad: float = 1.0
+    phase_rad: float = 0.0
+
+    def radial(self, theta_rad: FloatArray, leading_rad: float, trailing_rad: float) -> FloatArray:
+        """Return the packets' share of the radial axis in R omega^2, over one even revolution (N,).
+
+        Orders 0 and 1 are taken out: a closed belt's curvature has a mean of one turn and no first order of its own.
+        """
+        ahead = np.mod(leading_rad - theta_rad, 2.0 * np.pi)
+        behind = np.mod(theta_rad - trailing_rad, 2.0 * np.pi)
+        free = 2.0 * np.pi - (trailing_rad - leading_rad)
+        wave = np.zeros_like(theta_rad)
+        for distance, order in ((ahead, self.order_before), (behind, self.order_after)):
+            swell = 1.0 - np.exp(-((distance / _ONSET_RAD) ** 2))
+            packet = swell * np.exp(-distance / self.decay_rad) * np.cos(order * distance + self.phase_rad)
+            wave += np.where(distance < free, packet, 0.0)
+        spectrum = np.fft.rfft(wave)
+        spectrum[:2] = 0.0
+        return self.amplitude * np.fft.irfft(spectrum, n=len(theta_rad))
