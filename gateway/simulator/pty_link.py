@@ -54,7 +54,7 @@ class PtyPort:
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
 
     def write(self, data: bytes) -> None:
-        """Hand a chunk to the reader, or as much of what waits for it as it takes now."""
+        """Hand a chunk to the reader, as far as it takes it now; the rest waits for the next call."""
         if not self.connected:
             self.unread += len(data) + self._waiting_bytes
             self._waiting.clear()
@@ -65,6 +65,10 @@ class PtyPort:
         else:
             self._waiting.append(data)
             self._waiting_bytes += len(data)
+        self.flush()
+
+    def flush(self) -> None:
+        """Hand over as much of what waits as the reader takes now."""
         self._drain_input()
         while self._waiting:
             try:

@@ -1,0 +1,136 @@
+"""Scenario files: the built-in ones, faults listed at once, and the vehicle that comes along."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gateway.config.load import parse_vehicle
+from gateway.errors import ConfigError, SourceError
+from gateway.simulator.scenario import builtin_scenarios, load_scenario, parse_scenario, vehicle_toml
+
+WHEEL = '[[wheel]]\nposition = "W"\nwheel = 0\n'
+
+
+def test_built_in_scenarios_read_and_say_what_they_are() -> None:
+    scenarios = builtin_scenarios()
+    assert {"demo", "lab", "standstill_restart"} <= set(scenarios)
+    for name, text in scenarios.items():
+        assert load_scenario(name).wheel
+        assert text.endswith((".", "coupled.")), name
+    assert [wheel.position for wheel in load_scenario("demo").wheel] == ["FL", "FR", "RL", "RR"]
+
+
+@pytest.mark.parametrize("name", ["demo", "lab", "standstill_restart"])
+def test_vehicle_that_comes_along_is_a_valid_configuration(name: str) -> None:
+    scenario = load_scenario(name)
+    vehicle = parse_vehicle(vehicle_toml(scenario), name)
+    assert vehicle.name == scenario.scenario.name
+    for setup, wheel in zip(vehicle.wheel_setups(), scenario.wheels(), strict=True):
+        assert (setup.position, setup.hub, setup.wheel) == (wheel.position, wheel.hub, wheel.wheel)
+        assert setup.radius_m == pytest.approx(wheel.tire.radius_mm * 1e-3)
+        assert setup.load_n == pytest.approx(wheel.load_n.at(0.0))
+        assert setup.pressure_pa == pytest.approx(wheel.pressure_kpa.at(0.0) * 1e3)
+
+
+def test_wheels_inherit_what_they_do_not_state() -> None:
+    text = f"""
+[sensor]
+rate_hz = 4800.0
+range_g = 300.0
+[motion]
+speed_kmh = 50.0
+{WHEEL}
+[wheel.sensor]
+range_g = 200.0
+[[wheel]]
+position = "X"
+wheel = 1
+[wheel.motion]
+speed_kmh = [[0, 10], [5, 20]]
+"""
+    first, second = parse_scenario(text, "test").wheels()
+    assert (first.sensor.rate_hz, first.sensor.range_g) == (4800.0, 200.0)
+    assert (second.sensor.rate_hz, second.sensor.range_g) == (4800.0, 300.0)
+    assert first.motion.speed_kmh.at(3.0) == 50.0
+    assert second.motion.speed_kmh.at(3.0) == pytest.approx(16.0)
+
+
+def test_every_fault_is_listed_with_key_value_and_what_is_allowed() -> None:
+    text = """
+[scenario]
+seed = -1
+faults = ["flip:rate=3"]
+[motion]
+speed_kmh = [[0, 10], [5, 20]]
+repeat = true
+[tire]
+wear_mm = 14.0
+speling = 1
+[sensor]
+rate_hz = 100.0
+noise_mg_rthz = [1.0, 2.0]
+bandwidth_hz = 9000.0
+[[hub]]
+hub = 3
+[[hub]]
+hub = 3
+[[wheel]]
+position = "W"
+wheel = 0
+load_n = [[0, 1000], [0, 2000]]
+pressure_kpa = "high"
+[[wheel]]
+position = "W"
+wheel = 0
+[wheel.tire]
+drum_radius_mm = -100.0
+"""
+    with pytest.raises(ConfigError) as caught:
+        parse_scenario(text, "my.toml")
+    told = str(caught.value)
+    for expected in (
+        "scenario.seed: -1 found",
+        "flip: rate = 0 to 1",
+        "motion.speed_kmh",
+        "must end at the speed it begins with",
+        "tire.wear_mm: 14.0 found, allowed: up to 0.8 of ring_thickness_mm, 12",
+        "tire.speling: 1 found, there is no such key",
+        "sensor.rate_hz: 100.0 found, allowed: a number 2000 to 25600",
+        "noise_mg_rthz: a list of 2 found",
+        "the times do not rise",
+        'pressure_kpa: "high" found',
+        "hub.hub: 3 found",
+        "another wheel has it already",
+        "drum_radius_mm: -100.0 found",
+    ):
+        assert expected in told, expected
+    assert all(line.startswith("my.toml: ") for line in told.splitlines())
+    assert "faults in my.toml" in caught.value.remedy
+
+
+@pytest.mark.parametrize("value", ["[]", "[[0]]", "[1, 2]", "true", "[[0, 900000]]", "nan"])
+def test_series_refuse_what_is_no_series(value: str) -> None:
+    with pytest.raises(ConfigError, match="load_n"):
+        parse_scenario(f"{WHEEL}load_n = {value}\n", "test")
+
+
+def test_bandwidth_beyond_the_rate_is_refused() -> None:
+    text = f"[sensor]\nrate_hz = 2000.0\nbandwidth_hz = 950.0\n{WHEEL}"
+    with pytest.raises(ConfigError, match=r"bandwidth_hz: 950.0 found, allowed: up to 0.45 of rate_hz, 900"):
+        parse_scenario(text, "test")
+
+
+def test_files_and_unknown_names(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(WHEEL)
+    assert load_scenario(str(path)).wheel[0].position == "W"
+    with pytest.raises(SourceError, match="no scenario 'dmo'") as caught:
+        load_scenario("dmo")
+    assert "did you mean demo" in caught.value.remedy
+    with pytest.raises(SourceError, match="no scenario"):
+        load_scenario(str(tmp_path / "absent.toml"))
+    path.write_text("= 3")
+    with pytest.raises(ConfigError, match="not valid TOML"):
+        load_scenario(str(path))
