@@ -1,8 +1,8 @@
 """Classical laminate theory of a steel belt: why a belt of crossed plies shears when it is bent.
 
-Ply steer paper, Eq. 10 to 18, with its misprints repaired (docs/ply-steer.md): gamma is engineering shear throughout, as
-Eq. 13 needs (Eq. 14's factor one half is dropped); Eq. 13 is the N_xy row of Eq. 10 and Eq. 18's angle phi_z is half of
-the belt's slope.
+Ply steer paper, Eq. 10 to 18, with its misprints repaired (docs/ply-steer.md): gamma is engineering shear throughout,
+as Eq. 13 needs (Eq. 14's factor one half is dropped); Eq. 13 is the N_xy row of Eq. 10 and Eq. 18's angle phi_z is half
+of the belt's slope.
 
 Axes: x along the belt, y across it, z outward; ply angles from x towards y; plies are listed from the inside out.
 """

@@ -1,11 +1,11 @@
 """The belt in lateral direction: a shear-flexible beam under tension on the sidewall, sheared by its own bending.
 
-A steel belt of plies at +delta / -delta that is bent flat in the contact shears in its plane by gamma0 = -g (kappa - 1/R),
-g = B16 / A66 (ply steer paper, Eq. 13; `laminate`). That is the forcing; the beam, its tension and the sidewall turn it
-into the belt's lateral shape, and the brush tread (`brush_tread`) adds the road once the tire rolls. Derived in
-docs/ply-steer.md.
+A steel belt of plies at +delta / -delta that is bent flat in the contact shears in its plane by
+gamma0 = -g (kappa - 1/R), g = B16 / A66 (ply steer paper, Eq. 13; `laminate`). That is the forcing; the beam, its
+tension and the sidewall turn it into the belt's lateral shape, and the brush tread (`brush_tread`) adds the road once
+the tire rolls. Derived in docs/ply-steer.md.
 
-Directions: theta as everywhere (0 at the contact centre, increasing with rotation), y positive to the left of the vehicle.
+Directions: theta as everywhere (0 at the contact centre, increasing with rotation), y positive to the vehicle's left.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class LateralBelt:
         sidewall_stiffness_npm2: ky, lateral sidewall stiffness per length of belt.
         tread_stiffness_npm2: cy, lateral tread stiffness per length of belt.
         friction: mu between tread and road.
-        conicity_rad: half angle of the cone that the belt is part of; flattened, it curves by conicity / R in its plane.
+        conicity_rad: half angle of the cone that the belt is part of; flat, it would curve by conicity / R in its plane.
     """
 
     coupling_length_m: float = 1.2e-3
@@ -64,8 +64,7 @@ class LateralSolution:
         deflection_m: deflection of the tread, 0 outside the contact.
         sliding: True where the tread slides.
         side_force_n: of the road on the tire.
-        aligning_moment_nm: of the tread's force about the vertical axis at theta = 0, positive when it turns the tire to
-            the left.
+        aligning_moment_nm: of the tread's force about the vertical axis at theta = 0, positive turns the tire left.
         omega_radps: of the radial solution.
         slip_angle_rad: as given.
     """
@@ -103,8 +102,8 @@ def solve_lateral_belt(
     """Return the lateral shape of `belt` on a radial solution.
 
     Per length of belt: (Ks (y' - psi - gamma0) + T y')' - ky y + cy delta = 0 and
-    (EIz (psi' - kappa0))' + Ks (y' - psi - gamma0) = 0, psi the turn of the belt's section, T the belt's tension without
-    its centrifugal part (which the lateral inertia of the passing belt cancels), gamma0 = -g (kappa - 1/R),
+    (EIz (psi' - kappa0))' + Ks (y' - psi - gamma0) = 0, psi the turn of the belt's section, T the belt's tension
+    without its centrifugal part (which the lateral inertia of the passing belt cancels), gamma0 = -g (kappa - 1/R),
     kappa0 = -conicity (kappa - 1/R). Curvature, tension, contact and pressure are the radial solution's.
 
     Args:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.signal.contact import EDGE_MODEL_STD_RAD
+from gateway.signal.moments import RunningMoments
 from gateway.signal.orders import ORDER_COUNT
 from gateway.signal.resample import GRID_SIZE
 
@@ -78,10 +79,10 @@ class RunningAverage:
         """Forget everything, as after a change of tire."""
         self._count = 0
         self._latest: AngleAverage | None = None
-        self._wave = _Moments(self._n)
-        self._cosine = _Moments(ORDER_COUNT)
-        self._sine = _Moments(ORDER_COUNT)
-        self._edges = _Moments(2)
+        self._wave = RunningMoments(self._n)
+        self._cosine = RunningMoments(ORDER_COUNT)
+        self._sine = RunningMoments(ORDER_COUNT)
+        self._edges = RunningMoments(2)
         self._order_counts = np.zeros(ORDER_COUNT)
         self._order_noise = 0.0
         self._edge_square = np.zeros(2)
@@ -178,31 +179,3 @@ class RunningAverage:
             leading_edge_std_rad=float(edges_std[0]),
             trailing_edge_std_rad=float(edges_std[1]),
         )
-
-
-class _Moments:
-    """Weighted mean and variance, updated one value at a time."""
-
-    def __init__(self, size: int) -> None:
-        self.count = 0
-        self.mean: FloatArray = np.zeros(size)
-        # Sum of squared normalised weights: 1 over the effective count. A scalar, or one value per element.
-        self.weight_square: float | FloatArray = 1.0
-        self._spread: FloatArray = np.zeros(size)
-
-    def update(self, values: FloatArray, weight: float | FloatArray) -> None:
-        """Take values in at `weight`, the share that they get in the new mean (0: left out)."""
-        self.count += 1
-        change = values - self.mean
-        step = weight * change
-        # New arrays, because results that were handed out share the old mean.
-        self.mean = self.mean + step
-        self._spread = (1.0 - weight) * (self._spread + step * change)
-        self.weight_square = (1.0 - weight) ** 2 * self.weight_square + weight * weight
-
-    def variance(self) -> FloatArray:
-        """Return the unbiased variance of one value; NaN where only one was seen."""
-        freedom = 1.0 - np.asarray(self.weight_square)
-        known = freedom > 1e-12
-        result: FloatArray = np.where(known, self._spread / np.where(known, freedom, 1.0), math.nan)
-        return result

@@ -1,0 +1,163 @@
+"""Ply steer angle from the lateral axis: the slope of the streamline in the contact, in three named definitions.
+
+docs/ply-steer.md says what the number means, how good it is and what it cannot tell.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.lateral import (
+    DEFINITIONS,
+    LEAST_CONTACT_RAD,
+    ORDERS,
+    LateralAverage,
+    edge_errors,
+    has_lateral,
+    slopes,
+)
+from gateway.signal.average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.signal.roll_calibration import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
+
+FloatArray = NDArray[np.float64]
+
+NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
+ROLL_NAME: Final = "sensor_roll_rad"
+
+# Effective revolutions in the average from which the angle is called valid.
+SETTLED_REVOLUTIONS: Final = 8.0
+# Orders without which the peak is off by more than 0.01 deg.
+ENOUGH_ORDERS: Final = 20
+
+
+_WHAT: Final = "plysteer + conicity"
+
+
+class Separated(NamedTuple):
+    """Ply steer and conicity told apart by rolling both ways.
+
+    Attributes:
+        plysteer: changes sign with the direction of rotation; as it is when rolling forward.
+        conicity: does not.
+        std: one standard error of either.
+    """
+
+    plysteer: FloatArray
+    conicity: FloatArray
+    std: FloatArray
+
+
+def separate_plysteer_conicity(
+    forward: ArrayLike, reverse: ArrayLike, forward_std: ArrayLike = 0.0, reverse_std: ArrayLike = 0.0
+) -> Separated:
+    """Tell ply steer from conicity by the same quantity rolling forward and in reverse.
+
+    Quantities are slopes, side forces or whole deformations over the angle in the direction of travel. The lateral axis
+    must be fixed to the tire: the car is driven backwards, the tire is not turned round on the rim (then swap the
+    roles: what changes sign on the vehicle's axis is conicity).
+
+    Args:
+        forward: rolling forward, any shape.
+        reverse: rolling in reverse, same shape.
+        forward_std: standard error of `forward`.
+        reverse_std: standard error of `reverse`.
+    """
+    ahead, back = np.asarray(forward, dtype=np.float64), np.asarray(reverse, dtype=np.float64)
+    std = 0.5 * np.hypot(np.asarray(forward_std, dtype=np.float64), np.asarray(reverse_std, dtype=np.float64))
+    return Separated(0.5 * (ahead - back), 0.5 * (ahead + back), std)
+
+
+class PlySteerEstimator:
+    """Ply steer angle of the running average; nothing when the sensor has no lateral axis."""
+
+    def __init__(
+        self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = DEFAULT_HORIZON_REVOLUTIONS
+    ) -> None:
+        """Start empty.
+
+        Args:
+            offset_std_mps2: one standard error of the constant in the lateral mean (zero-g offset, camber).
+            horizon_revolutions: revolution count of the average's memory.
+        """
+        self._average = LateralAverage(horizon_revolutions, RollCalibration(offset_std_mps2))
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "ply-steer"
+
+    def reset(self) -> None:
+        """Forget the average and the roll calibration."""
+        self._average.reset()
+        self._average.roll.reset()
+
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+        """Return ply_steer_peak_rad, ply_steer_first_half_rad, ply_steer_adhesion_line_rad and sensor_roll_rad.
+
+        One direction of rotation holds the sum of ply steer and conicity, and the mean slip angle of the averaged
+        revolutions on top; the reason says so. The standard error covers scatter, roll calibration, a mounting yaw of
+        1 deg and the contact edges; what the definition of "slope" makes of it is the difference of the three. Never
+        raises on values.
+        """
+        if not has_lateral(revolution):
+            return ()
+        if not revolution.faults:
+            self._average.update(revolution)
+        if not self._average.effective_count:
+            return _all_invalid("no revolution without faults yet")
+        edges = (average.leading_edge_rad, average.trailing_edge_rad)
+        if not edges[1] - edges[0] > LEAST_CONTACT_RAD or not -math.pi < edges[0] < edges[1] < math.pi:
+            return _all_invalid("no contact edges yet")
+        record = self._average.record()
+        found = slopes(record, edges, conditions.radius_m)
+        roll = self._average.roll
+        variance = np.einsum("ij,jk,ik->i", found.rows, record.covariance, found.rows)
+        variance += np.square(found.rows @ record.radial_m * roll.roll_std_rad)
+        variance += np.square(found.rows @ record.along_m * MOUNTING_STD_RAD)
+        edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
+        variance += np.square(edge_errors(record, edges, edges_std, conditions.radius_m))
+        doubt = self._doubt(revolution, record.order_max)
+        note = f"{_WHAT}, orders {ORDERS.start} to {record.order_max}"
+        estimates = [
+            _estimate(name, float(value), math.sqrt(error), doubt, note)
+            for name, value, error in zip(NAMES, found.values_rad, variance, strict=True)
+        ]
+        return (*estimates, _roll_estimate(roll))
+
+    def _doubt(self, revolution: Revolution, order_max: int) -> str:
+        """Return why the angle is provisional, or an empty string."""
+        if revolution.faults:
+            return "this revolution was not used: " + ", ".join(revolution.faults)
+        if self._average.effective_count < SETTLED_REVOLUTIONS:
+            return f"average of {self._average.effective_count:.0f} revolutions, settles at {SETTLED_REVOLUTIONS:.0f}"
+        if order_max < ENOUGH_ORDERS:
+            return f"only {order_max} orders, {ENOUGH_ORDERS} are needed: sampling too slow for this speed"
+        if not self._average.roll.count:
+            return "AC-coupled: the sensor's roll tilt cannot be calibrated, 1 deg of it is in the error"
+        return ""
+
+
+def _estimate(name: str, value: float, std: float, doubt: str, note: str) -> Estimate:
+    if not (math.isfinite(value) and math.isfinite(std)):
+        return Estimate(name, math.nan, math.nan, Status.INVALID, "the lateral axis is not finite")
+    if doubt:
+        return Estimate(name, value, std, Status.PROVISIONAL, f"{note}; {doubt}")
+    if std >= abs(value):
+        return Estimate(name, value, std, Status.PROVISIONAL, f"{note}; not determined: error exceeds value")
+    return Estimate(name, value, std, Status.VALID, note)
+
+
+def _roll_estimate(roll: RollCalibration) -> Estimate:
+    if not roll.count:
+        reason = "AC-coupled: the means that hold the tilt are lost"
+        return Estimate(ROLL_NAME, math.nan, math.nan, Status.INVALID, reason)
+    return Estimate(ROLL_NAME, roll.roll_rad, roll.roll_std_rad, Status.VALID, "from the means of lateral and radial")
+
+
+def _all_invalid(reason: str) -> tuple[Estimate, ...]:
+    return tuple(Estimate(name, math.nan, math.nan, Status.INVALID, reason) for name in (*NAMES, ROLL_NAME))

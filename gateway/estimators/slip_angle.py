@@ -1,0 +1,162 @@
+"""Slip angle from the lateral axis with ply steer taken off, direction of slip, asymmetry between left and right.
+
+The mean slope of the streamline in the first half of the contact grows almost in proportion to the slip angle, but only
+by the belt's share of it (a fifth to two fifths on the tires modelled in docs/ply-steer.md; the tread takes the rest).
+So an apparent slip angle is measured; the true one needs the share, which is found by driving at a known slip angle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.lateral import (
+    DEFINITIONS,
+    LEAST_CONTACT_RAD,
+    ORDERS,
+    LateralAverage,
+    has_lateral,
+    lateral_record,
+    slopes,
+)
+from gateway.signal.lateral import lateral_waveform
+from gateway.signal.moments import RunningMoments
+from gateway.signal.roll_calibration import RollCalibration
+
+FloatArray = NDArray[np.float64]
+
+NAMES: Final = ("slip_apparent_rad", "slip_direction", "lateral_asymmetry", "left_right_asymmetry")
+SLIP_NAME: Final = "slip_angle_rad"
+
+# Revolutions of memory of the zero that is learnt: long against a bend, short against tire temperature.
+REFERENCE_HORIZON: Final = 500.0
+REFERENCE_SETTLED: Final = 50.0
+# A direction is told from here on, in standard errors.
+_CLEAR: Final = 3.0
+# Apparent slip from which a revolution counts for left or right.
+_SIDE_RAD: Final = math.radians(0.1)
+# Memory of scatter and of the left and right means.
+_HORIZON: Final = 50.0
+
+_FIRST_HALF: Final = DEFINITIONS.index("first_half")
+
+
+def slip_asymmetry(left_mps2: FloatArray, right_mps2: FloatArray) -> float:
+    """Return how unlike mirror images two lateral waveforms at equal left and right slip are.
+
+    rms(left + right) / rms(left - right): 0 when slip alone shapes them, larger the more ply steer and conicity do.
+    """
+    together = float(np.sqrt(np.mean(np.square(left_mps2 + right_mps2))))
+    apart = float(np.sqrt(np.mean(np.square(left_mps2 - right_mps2))))
+    return together / apart if apart > 0.0 else math.nan
+
+
+def lateral_asymmetry(waveform: FloatArray) -> float:
+    """Return (max + min) / (max - min) of a lateral waveform: +1 or -1 when it has extrema of one sign only."""
+    high, low = float(waveform.max()), float(waveform.min())
+    return (high + low) / (high - low) if high > low else math.nan
+
+
+class SlipAngleEstimator:
+    """Slip of each revolution by itself, against a slope at zero slip that is given or learnt; needs a lateral axis."""
+
+    def __init__(self, zero_slope_rad: float | None = None, belt_share: float | None = None) -> None:
+        """Start empty.
+
+        Args:
+            zero_slope_rad: first-half slope at zero slip (`ply_steer_first_half_rad`); None: the mean of the latest
+                revolutions, so that the car is taken to run straight on average.
+            belt_share: first-half slope per slip angle, of this tire; None: only the apparent slip angle is given.
+        """
+        self._given = zero_slope_rad
+        self._share = belt_share
+        self._reference = LateralAverage(REFERENCE_HORIZON, RollCalibration())
+        self.reset()
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "slip-angle"
+
+    def reset(self) -> None:
+        """Forget the zero, the calibration and both sides."""
+        self._reference.reset()
+        self._reference.roll.reset()
+        self._last_slope = math.nan
+        self._steps = RunningMoments(1)
+        self._sides = {1.0: RunningMoments(1), -1.0: RunningMoments(1)}
+
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+        """Return slip_apparent_rad, slip_direction, lateral_asymmetry, left_right_asymmetry, then slip_angle_rad.
+
+        Positive slip pulls the tire to the left. slip_direction is 1, -1, or 0 when slip is within three standard
+        errors of zero. left_right_asymmetry is the sum of the mean lateral_asymmetry at left and at right slip, 0 for a
+        tire without ply steer and conicity. slip_angle_rad is there when the belt's share is known. Never raises on
+        values; nothing without a lateral axis.
+        """
+        if not has_lateral(revolution):
+            return ()
+        if revolution.faults:
+            return self._invalid("this revolution was not used: " + ", ".join(revolution.faults))
+        self._reference.update(revolution)
+        edges = (average.leading_edge_rad, average.trailing_edge_rad)
+        if not edges[1] - edges[0] > LEAST_CONTACT_RAD or not -math.pi < edges[0] < edges[1] < math.pi:
+            return self._invalid("no contact edges yet")
+        # The roll tilt is the same in both, so its error leaves their difference.
+        own = lateral_record(revolution, self._reference.roll.roll_rad)
+        zero = self._reference.record()
+        slope = float(slopes(own, edges, conditions.radius_m).values_rad[_FIRST_HALF])
+        learnt = slopes(zero, edges, conditions.radius_m)
+        reference = self._given if self._given is not None else float(learnt.values_rad[_FIRST_HALF])
+        std = self._scatter(slope)
+        if self._given is None and self._reference.effective_count > 1.0:
+            std *= math.sqrt(1.0 + 1.0 / self._reference.effective_count)
+        apparent = slope - reference
+        asymmetry = lateral_asymmetry(lateral_waveform(own.lateral_m, ORDERS, 512))
+        if abs(apparent) > _SIDE_RAD:
+            side = self._sides[math.copysign(1.0, apparent)]
+            side.update(np.array([asymmetry]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))
+        status, reason = self._status(std)
+        direction = math.copysign(1.0, apparent) if abs(apparent) > _CLEAR * std else 0.0
+        estimates = [
+            Estimate(NAMES[0], apparent, std, status, reason),
+            Estimate(NAMES[1], direction, math.nan, status, reason),
+            Estimate(NAMES[2], asymmetry, math.nan, status, reason),
+            self._left_right(),
+        ]
+        if self._share is not None:
+            estimates.append(Estimate(SLIP_NAME, apparent / self._share, std / abs(self._share), status, reason))
+        return tuple(estimates)
+
+    def _scatter(self, slope_rad: float) -> float:
+        """Return the scatter of one revolution's slope, from neighbours, which slow changes of slip leave alone."""
+        step, self._last_slope = slope_rad - self._last_slope, slope_rad
+        if math.isfinite(step):
+            self._steps.update(np.array([0.5 * step * step]), max(1.0 / (self._steps.count + 1), 1.0 / _HORIZON))
+        return math.sqrt(self._steps.mean[0]) if self._steps.count >= 3 else math.nan
+
+    def _status(self, std: float) -> tuple[Status, str]:
+        if not math.isfinite(std):
+            return Status.PROVISIONAL, "scatter is not known before four revolutions"
+        if self._given is not None:
+            return Status.VALID, "zero as given"
+        count = self._reference.effective_count
+        if count < REFERENCE_SETTLED:
+            return Status.PROVISIONAL, f"zero from {count:.0f} revolutions, settles at {REFERENCE_SETTLED:.0f}"
+        return Status.VALID, "zero is the mean of the latest revolutions: straight running on average is assumed"
+
+    def _left_right(self) -> Estimate:
+        left, right = self._sides[1.0], self._sides[-1.0]
+        if min(left.count, right.count) < 3:
+            missing = "three revolutions each at left and at right slip are needed"
+            return Estimate(NAMES[3], math.nan, math.nan, Status.INVALID, missing)
+        variance = sum(float(side.variance()[0] * np.asarray(side.weight_square)) for side in (left, right))
+        return Estimate(NAMES[3], float(left.mean[0] + right.mean[0]), math.sqrt(variance), Status.VALID)
+
+    def _invalid(self, reason: str) -> tuple[Estimate, ...]:
+        names = NAMES if self._share is None else (*NAMES, SLIP_NAME)
+        return tuple(Estimate(name, math.nan, math.nan, Status.INVALID, reason) for name in names)
