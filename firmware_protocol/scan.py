@@ -101,10 +101,8 @@ def _candidates(buffer: Bytes, size: int) -> tuple[Indices, Indices]:
     start = start[: np.searchsorted(start, size - 1)]
     end = start + buffer[start + wire.LENGTH_OFFSET]
     end += wire.OVERHEAD_BYTES
-    known = int(np.searchsorted(start, size - wire.LENGTH_OFFSET))
-    end[known:] = size + 1
+    end[np.searchsorted(start, size - wire.LENGTH_OFFSET) :] = size + 1
     possible = end - start <= wire.MAX_FRAME_BYTES
-    possible[known:] = True
     return (start, end) if possible.all() else (start[possible], end[possible])
 
 
