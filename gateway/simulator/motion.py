@@ -72,7 +72,8 @@ class MotionProfile:
         within = distance_m
         total = self._distances[-1]
         if self._period_s and total > 0.0:
-            laps = np.floor(distance_m / total)
+            # The end of a lap belongs to it: a lap that ends standing still reaches it before the next begins.
+            laps = np.maximum(np.ceil(distance_m / total) - 1.0, 0.0)
             within = distance_m - laps * total
         segment = np.clip(np.searchsorted(self._distances, within, side="left") - 1, 0, len(self._slopes) - 1)
         left = within - self._distances[segment]
