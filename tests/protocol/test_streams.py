@@ -162,7 +162,7 @@ def test_batch_equals_streaming(data: bytes, cuts: list[int], batch_cuts: list[i
 
 
 @given(STREAMS, CUTS, st.sampled_from([0x5A, 0xA5, 0xFF]))
-@example(b"\xa5", [], 0x5A)
+@example(b"\xa5\x5a\x00\xa5", [], 0x5A)
 @example(b"\xa5\x5a\x10\x02", [], 0xFF)
 def test_bytes_of_blocks_before_do_not_matter(data: bytes, cuts: list[int], filling: int) -> None:
     stream, batch = FrameDecoder(), BatchDecoder(4096)
