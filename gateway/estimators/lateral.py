@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.estimators.base import Revolution
+from gateway.estimators.base import AngleAverage, Conditions, Revolution
 from gateway.signal.lateral import (
     HIGHEST_ORDER,
     chord_row,
@@ -30,7 +30,7 @@ CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
 
 ORDERS: Final = trusted_orders(HIGHEST_ORDER)
 # Shorter contacts have no slope to speak of on the angle grid.
-LEAST_CONTACT_RAD: Final = 0.08
+_LEAST_CONTACT_RAD: Final = 0.08
 
 _SIZE: Final = 2 * len(ORDERS)
 _GRID: Final = 512
@@ -142,7 +142,25 @@ def lateral_record(revolution: Revolution, roll_rad: float) -> LateralRecord:
 
 def has_lateral(revolution: Revolution) -> bool:
     """Return whether the sensor has a lateral axis."""
-    return bool(np.isfinite(revolution.axes_mps2[LATERAL, 0]))
+    return not bool(np.isnan(revolution.axes_mps2[LATERAL]).all())
+
+
+def why_unusable(revolution: Revolution) -> str:
+    """Return why a revolution must not be averaged, or an empty string."""
+    if revolution.faults:
+        return "this revolution was not used: " + ", ".join(revolution.faults)
+    if not np.isfinite(revolution.axes_mps2[[LATERAL, RADIAL]]).all():
+        return "this revolution was not used: an axis is not finite"
+    if not (revolution.omega_radps > 0.0 and revolution.order_max >= 1):
+        return "this revolution was not used: its speed is not known or too high for the sampling"
+    return ""
+
+
+def contact_edges(average: AngleAverage, conditions: Conditions) -> tuple[float, float] | None:
+    """Return the contact edges that slopes are taken between; None without a contact or a radius."""
+    leading, trailing = average.leading_edge_rad, average.trailing_edge_rad
+    known = -math.pi < leading < trailing < math.pi and trailing - leading > _LEAST_CONTACT_RAD
+    return (leading, trailing) if known and conditions.radius_m > 0.0 else None
 
 
 def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: float) -> Slopes:

@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.estimators.lateral import (
     DEFINITIONS,
-    LEAST_CONTACT_RAD,
     ORDERS,
     LateralAverage,
+    contact_edges,
     edge_errors,
     has_lateral,
     slopes,
+    why_unusable,
 )
 from gateway.signal.average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.signal.roll_calibration import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
@@ -33,7 +34,6 @@ ROLL_NAME: Final = "sensor_roll_rad"
 SETTLED_REVOLUTIONS: Final = 8.0
 # Orders without which the peak is off by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
-
 
 _WHAT: Final = "plysteer + conicity"
 
@@ -106,13 +106,12 @@ class PlySteerEstimator:
         """
         if not has_lateral(revolution):
             return ()
-        if not revolution.faults:
+        unusable = why_unusable(revolution)
+        if not unusable:
             self._average.update(revolution)
-        if not self._average.effective_count:
-            return _all_invalid("no revolution without faults yet")
-        edges = (average.leading_edge_rad, average.trailing_edge_rad)
-        if not edges[1] - edges[0] > LEAST_CONTACT_RAD or not -math.pi < edges[0] < edges[1] < math.pi:
-            return _all_invalid("no contact edges yet")
+        edges = contact_edges(average, conditions)
+        if not self._average.effective_count or edges is None:
+            return _all_invalid(unusable or "no contact edges or no belt radius yet")
         record = self._average.record()
         found = slopes(record, edges, conditions.radius_m)
         roll = self._average.roll
@@ -121,7 +120,7 @@ class PlySteerEstimator:
         variance += np.square(found.rows @ record.along_m * MOUNTING_STD_RAD)
         edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
         variance += np.square(edge_errors(record, edges, edges_std, conditions.radius_m))
-        doubt = self._doubt(revolution, record.order_max)
+        doubt = unusable or self._doubt(record.order_max)
         note = f"{_WHAT}, orders {ORDERS.start} to {record.order_max}"
         estimates = [
             _estimate(name, float(value), math.sqrt(error), doubt, note)
@@ -129,10 +128,8 @@ class PlySteerEstimator:
         ]
         return (*estimates, _roll_estimate(roll))
 
-    def _doubt(self, revolution: Revolution, order_max: int) -> str:
+    def _doubt(self, order_max: int) -> str:
         """Return why the angle is provisional, or an empty string."""
-        if revolution.faults:
-            return "this revolution was not used: " + ", ".join(revolution.faults)
         if self._average.effective_count < SETTLED_REVOLUTIONS:
             return f"average of {self._average.effective_count:.0f} revolutions, settles at {SETTLED_REVOLUTIONS:.0f}"
         if order_max < ENOUGH_ORDERS:

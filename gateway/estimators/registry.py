@@ -12,6 +12,8 @@ from gateway.estimators.base import Estimator
 ESTIMATORS: Final[dict[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
     "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
+    "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
+    "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
 }
 
 DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "ring-paper")

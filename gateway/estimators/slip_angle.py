@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.estimators.lateral import (
     DEFINITIONS,
-    LEAST_CONTACT_RAD,
     ORDERS,
     LateralAverage,
+    contact_edges,
     has_lateral,
     lateral_record,
     slopes,
+    why_unusable,
 )
 from gateway.signal.lateral import lateral_waveform
 from gateway.signal.moments import RunningMoments
@@ -100,12 +101,13 @@ class SlipAngleEstimator:
         """
         if not has_lateral(revolution):
             return ()
-        if revolution.faults:
-            return self._invalid("this revolution was not used: " + ", ".join(revolution.faults))
+        unusable = why_unusable(revolution)
+        if unusable:
+            return self._invalid(unusable)
         self._reference.update(revolution)
-        edges = (average.leading_edge_rad, average.trailing_edge_rad)
-        if not edges[1] - edges[0] > LEAST_CONTACT_RAD or not -math.pi < edges[0] < edges[1] < math.pi:
-            return self._invalid("no contact edges yet")
+        edges = contact_edges(average, conditions)
+        if edges is None:
+            return self._invalid("no contact edges or no belt radius yet")
         # The roll tilt is the same in both, so its error leaves their difference.
         own = lateral_record(revolution, self._reference.roll.roll_rad)
         zero = self._reference.record()
