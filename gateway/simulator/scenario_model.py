@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import Field
@@ -176,20 +176,21 @@ def _filled(base: SectionT, own: SectionT) -> SectionT:
 def scenario_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield what is inconsistent between keys, on the raw document."""
     wheels = [item for item in _list(data.get("wheel")) if isinstance(item, Mapping)]
-    for name in ("position", "address"):
-        seen: set[object] = set()
-        for number, wheel in enumerate(wheels, 1):
-            value = wheel.get("position") if name == "position" else (wheel.get("hub", 0), wheel.get("wheel"))
-            if value in seen:
-                allowed = "another wheel has it already; each needs its own"
-                yield Fault(f"wheel[#{number}].{'position' if name == 'position' else 'wheel'}", show(value), allowed)
-            seen.add(value)
-    hubs = [hub.get("hub") for hub in _list(data.get("hub")) if isinstance(hub, Mapping)]
-    for hub in {hub for hub in hubs if hubs.count(hub) > 1}:
-        yield Fault("hub.hub", show(hub), "two tables describe this hub; keep one")
+    taken = "another wheel has it already; each needs its own"
+    yield from _repeated("wheel", "position", [show(wheel.get("position")) for wheel in wheels], taken)
+    addresses = [f"hub = {show(wheel.get('hub', 0))}, wheel = {show(wheel.get('wheel'))}" for wheel in wheels]
+    yield from _repeated("wheel", "wheel", addresses, taken)
+    hubs = [show(hub.get("hub")) for hub in _list(data.get("hub")) if isinstance(hub, Mapping)]
+    yield from _repeated("hub", "hub", hubs, "another table describes this hub; keep one")
     yield from _section_faults("", data, data)
     for number, wheel in enumerate(wheels, 1):
         yield from _section_faults(f"wheel[{wheel.get('position', f'#{number}')}].", wheel, data)
+
+
+def _repeated(table: str, key: str, values: Sequence[str], allowed: str) -> Iterator[Fault]:
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            yield Fault(f"{table}[#{index + 1}].{key}", value, allowed)
 
 
 def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -209,7 +210,8 @@ def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any
         allowed = f"allowed: more than 0, or below -radius_mm = {-radius:g} for an inner drum"
         yield Fault(f"{where}tire.drum_radius_mm", show(drum), allowed)
     speed = motion.get("speed_kmh")
-    if own["motion"].get("repeat") is True and isinstance(speed, list) and len(speed) > 1:
+    stated = _given(own["motion"], "repeat", "speed_kmh") and motion.get("repeat") is True
+    if stated and isinstance(speed, list) and len(speed) > 1:
         ends = [point[1] for point in (speed[0], speed[-1]) if isinstance(point, list) and len(point) == 2]
         if len(ends) == 2 and ends[0] != ends[1]:
             yield Fault(f"{where}motion.speed_kmh", show(speed), "repeated, it must end at the speed it begins with")

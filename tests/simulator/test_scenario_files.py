@@ -101,7 +101,7 @@ drum_radius_mm = -100.0
         "noise_mg_rthz: a list of 2 found",
         "the times do not rise",
         'pressure_kpa: "high" found',
-        "hub.hub: 3 found",
+        "hub[#2].hub: 3 found",
         "another wheel has it already",
         "drum_radius_mm: -100.0 found",
     ):
@@ -114,6 +114,20 @@ drum_radius_mm = -100.0
 def test_series_refuse_what_is_no_series(value: str) -> None:
     with pytest.raises(ConfigError, match="load_n"):
         parse_scenario(f"{WHEEL}load_n = {value}\n", "test")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "wheel = 3",
+        'wheel = ["a", "a"]',
+        "[[wheel]]\nposition = [1]\n[[wheel]]\nposition = [1]\nhub = {a = 1}",
+        "hub = 7",
+    ],
+)
+def test_wrong_types_are_faults_too(text: str) -> None:
+    with pytest.raises(ConfigError, match=r"test: (wheel|hub)"):
+        parse_scenario(text, "test")
 
 
 def test_bandwidth_beyond_the_rate_is_refused() -> None:
