@@ -132,7 +132,7 @@ class Pipeline:
         unwrapped = np.empty(len(ticks), np.int64)
         for number in np.unique(hubs).tolist():
             own = np.flatnonzero(hubs == number)
-            hub = self._hubs.setdefault((link, number), _Hub())
+            hub = self._known_hub(link, number)
             first = hub.unwrap(int(ticks[own[0]]))
             steps = np.diff(ticks[own].astype(np.uint32)).astype(np.int32).astype(np.int64)
             unwrapped[own] = first + np.concatenate(([0], np.cumsum(steps)))
@@ -156,7 +156,7 @@ class Pipeline:
         return results
 
     def _hub(self, link: str, frame: Frame) -> _Hub:
-        hub = self._hubs.setdefault((link, frame.hub), _Hub())
+        hub = self._known_hub(link, frame.hub)
         if isinstance(frame.message, Hello):
             if hub.boot_count is not None and hub.boot_count != frame.message.boot_count:
                 hub.restart()
@@ -164,6 +164,12 @@ class Pipeline:
                     if (of_link, of_hub) == (link, frame.hub):
                         wheel.restart()
             hub.boot_count = frame.message.boot_count
+        return hub
+
+    def _known_hub(self, link: str, number: int) -> _Hub:
+        hub = self._hubs.get((link, number))
+        if hub is None:
+            hub = self._hubs[(link, number)] = _Hub()
         return hub
 
     def _slow(self, link: str, frame: Frame, tick_us: int) -> None:

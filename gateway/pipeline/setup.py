@@ -19,6 +19,7 @@ class WheelSetup:
         pressure_pa: stated inflation pressure, used until the sensor reports one; None when unknown.
         pressure_std_pa: its standard error.
         temperature_degc: stated temperature, used until the sensor reports one.
+        sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
     """
 
     position: str
@@ -30,3 +31,4 @@ class WheelSetup:
     pressure_pa: float | None = None
     pressure_std_pa: float = 0.0
     temperature_degc: float | None = None
+    sensor_offset_m: float = 0.0

@@ -60,7 +60,7 @@ class WheelPipeline:
         self._environment: deque[tuple[int, Environment]] = deque(maxlen=_ENVIRONMENT_DEPTH)
         self._last: RevolutionResult | None = None
         self._samples = self._lost = self._saturated = self._revolutions = self._rejected = 0
-        self._overwritten_before = 0
+        self._overwritten_before = self._looked_at = 0
         self.blocks_before_hello = 0
 
     def hello(self, hello: Hello) -> None:
@@ -121,6 +121,7 @@ class WheelPipeline:
             return []
         if self._segmenter is None:
             ring.reset(first_sample)
+            self._looked_at = first_sample
             self._segmenter = Segmenter(layout.hello.rate_hz, first_sample)
         first = unwrap(ring.head, first_sample)
         step = first - ring.head
@@ -145,15 +146,13 @@ class WheelPipeline:
         for place, tick_us in enumerate(ticks_us):
             clock.stamp(first + place * block, tick_us)
         self._samples += len(counts)
-        limit = layout.hello.saturation_counts
-        if counts.max() >= limit or counts.min() <= -limit:
-            self._saturated += int(((counts >= limit) | (counts <= -limit)).any(axis=1).sum())
         results: list[RevolutionResult] = []
         # Never more at once than the ring can take without pushing out what the segmenter still needs.
         piece = ring.capacity - round(SEARCH_WINDOW_S * layout.hello.rate_hz) - 1
         for begin in range(0, len(counts), piece):
             ring.append(counts[begin : begin + piece], self._segmenter.oldest_needed)
             if self._segmenter.next_index <= ring.head:
+                self._count_saturated()
                 pairs = self._segmenter.advance(self._read_radial, ring.missing_between, ring.head)
                 results += [self._revolve(pair, host) for pair in pairs]
         return results
@@ -162,9 +161,22 @@ class WheelPipeline:
         """No more samples will come: complete what can be completed."""
         return self._finish_segment(host) if self._segmenter is not None else []
 
+    def _count_saturated(self) -> None:
+        """Look at the samples that came since the last look; once a revolution is cheaper than once a frame."""
+        ring, layout = self._ring, self._axes
+        assert ring is not None
+        assert layout is not None
+        fresh = ring.view(max(self._looked_at, ring.tail), ring.head)
+        self._looked_at = ring.head
+        limit = layout.hello.saturation_counts
+        if len(fresh) and (fresh.max() >= limit or fresh.min() <= -limit):
+            self._saturated += int(((fresh >= limit) | (fresh <= -limit)).any(axis=1).sum())
+
     def _begin_at(self, head: int) -> None:
         assert self._ring is not None
         assert self._axes is not None
+        self._count_saturated()
+        self._looked_at = head
         self._ring.reset(head)
         self._segmenter = Segmenter(self._axes.hello.rate_hz, head)
         self._clock = SampleClock(self._axes.hello.rate_hz)
@@ -173,6 +185,7 @@ class WheelPipeline:
         ring, segmenter = self._ring, self._segmenter
         assert ring is not None
         assert segmenter is not None
+        self._count_saturated()
         pairs = segmenter.finish(self._read_radial, ring.missing_between, ring.head)
         return [self._revolve(pair, host) for pair in pairs]
 
