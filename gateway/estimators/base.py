@@ -53,6 +53,8 @@ class Conditions:
         temperature_degc: inner-liner temperature, or None.
         load_std_n: one standard error of the load.
         pressure_std_pa: one standard error of the pressure.
+        radius_std_m: one standard error of the belt radius.
+        sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
     """
 
     radius_m: float
@@ -61,6 +63,8 @@ class Conditions:
     temperature_degc: float | None = None
     load_std_n: float = 0.0
     pressure_std_pa: float = 0.0
+    radius_std_m: float = 0.0
+    sensor_offset_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

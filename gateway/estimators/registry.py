@@ -12,6 +12,7 @@ from gateway.estimators.base import Estimator
 ESTIMATORS: Final[dict[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
     "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
+    "weak-form": "gateway.estimators.weak_form:WeakFormEstimator",
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
 }

@@ -1,0 +1,233 @@
+"""Which of the four numbers the data determine, and the estimates that say so.
+
+A standard error that knows only noise is wrong on a real tire: what repeats every revolution and is not the model's is
+averaged into the numbers. So estimators hand in two covariances: of noise, and of model error, which is how far the
+numbers move when the fit's residual is added back with its signs or phases drawn anew. A number is determined when it
+lies DETERMINED standard errors, of both together, from zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
+RATIOS: Final = ("Bs/Cw", "Rs/Cw", "Ts/Cw")
+_CW: Final = 1
+
+# Effective revolutions in the average from which estimates are called valid.
+SETTLED_REVOLUTIONS: Final = 8.0
+# Orders that are needed at least: tangential stiffness lives on orders up to 4, bending on orders up to 14 (95 % of
+# their sensitivity).
+LEAST_ORDERS: Final = 16
+
+DETERMINED: Final = 3.0
+# Bending below this share of Cw changes the shape within millimetres of the edges only, where a real tire has waves of
+# its own: it must be determined this many times better.
+_WEAK_BENDING: Final = 1e-3
+_WEAK_FACTOR: Final = 2.0
+# Correlations above this are told.
+_CONFOUNDED: Final = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class FittedNumbers:
+    """The four numbers as an estimator found them, in the order of NUMBERS.
+
+    Attributes:
+        values: (4,) 0 where on the bound.
+        free: (4,) False where the fit puts a number on its bound 0.
+        noise: (4, 4) covariance of what changes from revolution to revolution, and of the contact edges.
+        model: (4, 4) covariance of model error: residual added back.
+    """
+
+    values: FloatArray
+    free: BoolArray
+    noise: FloatArray
+    model: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Determination:
+    """How well the data determine the four numbers.
+
+    Attributes:
+        relative_error: (4,) standard error over value, noise and model; inf where on the bound.
+        model_share: (4,) share of the model error in the variance.
+        correlation: (4, 4) of noise and model error together; 0 where not free.
+        condition: of the correlation of the free numbers; 1 when they are independent.
+        determined: (4,) whether each is.
+    """
+
+    relative_error: FloatArray
+    model_share: FloatArray
+    correlation: FloatArray
+    condition: float
+    determined: BoolArray
+
+    def why_not(self, index: int) -> str:
+        """Return why a number is not determined, in words."""
+        error = self.relative_error[index]
+        if not math.isfinite(error):
+            return "not determined: the fit puts it at zero"
+        cause = "model error" if self.model_share[index] > 0.5 else "noise"
+        text = f"not determined: standard error {_percent(error)} of the value, most of it {cause}"
+        others = np.abs(self.correlation[index]) - np.eye(4)[index]
+        other = int(np.argmax(others))
+        if others[other] > _CONFOUNDED:
+            text += f"; correlated {self.correlation[index, other]:+.2f} with {NUMBERS[other]}"
+        return text
+
+
+def determination(fitted: FittedNumbers) -> Determination:
+    """Return how well the data determine each number."""
+    covariance = fitted.noise + fitted.model
+    variance = np.diagonal(covariance)
+    usable = fitted.free & np.isfinite(variance) & (fitted.values > 0.0)
+    std = np.sqrt(np.where(usable, np.maximum(variance, 0.0), 0.0))
+    relative = np.full(4, math.inf)
+    relative[usable] = std[usable] / fitted.values[usable]
+    known = usable & (std > 0.0)
+    scale = np.where(known, std, 1.0)
+    correlation = np.where(np.outer(known, known), covariance / np.outer(scale, scale), 0.0)
+    correlation[np.diag_indices(4)] = 1.0
+    eigenvalues = np.linalg.eigvalsh(correlation[np.ix_(known, known)]) if known.any() else np.ones(1)
+    share = np.where(known, np.diagonal(fitted.model) / np.square(scale), 0.0)
+    determined = relative * DETERMINED <= 1.0
+    if usable[0] and usable[_CW] and fitted.values[0] < _WEAK_BENDING * fitted.values[_CW]:
+        determined[0] = relative[0] * DETERMINED * _WEAK_FACTOR <= 1.0
+    return Determination(
+        relative, share, correlation, float(eigenvalues[-1] / max(float(eigenvalues[0]), 1e-300)), determined
+    )
+
+
+def number_estimates(fitted: FittedNumbers, conditions: Conditions, doubt: str, note: str = "") -> tuple[Estimate, ...]:
+    """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
+
+    Without load or pressure the four are invalid and the ratios stand, for all four are proportional to
+    Q / (p0 R^2); the relative errors of Q, p0 and R^2 are added to theirs.
+
+    Args:
+        fitted: the numbers; those of any load number when `conditions` lack load or pressure.
+        conditions: with their standard errors.
+        doubt: why the estimates are provisional, or empty.
+        note: what valid estimates rest on.
+    """
+    found = determination(fitted)
+    std = np.sqrt(np.maximum(np.diagonal(fitted.noise + fitted.model), 0.0))
+    missing = missing_conditions(conditions)
+    estimates = []
+    for i, name in enumerate(NUMBERS):
+        if missing:
+            estimates.append(invalid_estimate(name, missing))
+            continue
+        error = math.hypot(float(std[i]), fitted.values[i] * scale_error(conditions))
+        why_not = "" if found.determined[i] else found.why_not(i)
+        estimates.append(_estimate(name, fitted.values[i], error, why_not, doubt, note))
+    return (*estimates, *_ratios(fitted, found, doubt, note))
+
+
+def _ratios(fitted: FittedNumbers, found: Determination, doubt: str, note: str) -> list[Estimate]:
+    """Return the ratios to Cw with errors to first order."""
+    covariance = fitted.noise + fitted.model
+    cw = float(fitted.values[_CW])
+    estimates = []
+    for name, i in zip(RATIOS, (0, 2, 3), strict=True):
+        if not fitted.free[_CW] or not cw > 0.0:
+            estimates.append(invalid_estimate(name, "not determined: the fit puts Cw at zero"))
+            continue
+        ratio = fitted.values[i] / cw
+        gradient = np.zeros(4)
+        gradient[i], gradient[_CW] = 1.0 / cw, -ratio / cw
+        std = math.sqrt(max(0.0, float(gradient @ covariance @ gradient)))
+        fits = found.determined[i] if i == 0 else std * DETERMINED <= ratio
+        why_not = "" if fits else found.why_not(i)
+        estimates.append(_estimate(name, ratio, std, why_not, doubt, note))
+    return estimates
+
+
+def _estimate(name: str, value: float, std: float, why_not: str, doubt: str, note: str) -> Estimate:
+    if not (value > 0.0 and math.isfinite(std)):
+        return invalid_estimate(name, why_not or "not determined: the fit puts it at zero")
+    if why_not or doubt:
+        return Estimate(name, float(value), float(std), Status.PROVISIONAL, why_not or doubt)
+    return Estimate(name, float(value), float(std), Status.VALID, note)
+
+
+def load_number(conditions: Conditions) -> float:
+    """Return Q / (p0 R^2); 1 when load or pressure are not known, which gives the right ratios."""
+    if missing_conditions(conditions):
+        return 1.0
+    assert conditions.load_n is not None
+    assert conditions.pressure_pa is not None
+    return conditions.load_n / (conditions.pressure_pa * conditions.radius_m**2)
+
+
+def scale_error(conditions: Conditions) -> float:
+    """Return the relative standard error of Q / (p0 R^2), which is that of all four numbers."""
+    assert conditions.load_n is not None
+    assert conditions.pressure_pa is not None
+    return math.hypot(
+        conditions.load_std_n / conditions.load_n,
+        conditions.pressure_std_pa / conditions.pressure_pa,
+        2.0 * conditions.radius_std_m / conditions.radius_m,
+    )
+
+
+def missing_conditions(conditions: Conditions) -> str:
+    """Return what is missing for absolute numbers and how to supply it, or an empty string."""
+    missing = []
+    if not positive(conditions.load_n):
+        missing.append("load (set load_n of the wheel, or weight_kg of its axle, in the vehicle file)")
+    if not positive(conditions.pressure_pa):
+        missing.append("pressure (set pressure_kpa of the tire in the vehicle file, or let the sensor report it)")
+    return f"needs {' and '.join(missing)}; the ratios do not" if missing else ""
+
+
+def doubt_about(revolution: Revolution, average: AngleAverage) -> str:
+    """Return why estimates from the average are provisional, or an empty string."""
+    if revolution.faults:
+        return "this revolution was not used: " + ", ".join(revolution.faults)
+    if average.effective_count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
+        return f"average of {average.effective_count:.0f} revolutions, settles at {SETTLED_REVOLUTIONS:.0f}"
+    return ""
+
+
+def unusable(average: AngleAverage, conditions: Conditions) -> str:
+    """Return why no ring can be fitted to the average at all, or an empty string."""
+    orders = int(np.count_nonzero(np.isfinite(average.orders_mps2[1:])))
+    if orders < LEAST_ORDERS:
+        return f"only {orders} orders, {LEAST_ORDERS} are needed: sampling too slow for this speed"
+    if not 0.0 < 0.5 * (average.trailing_edge_rad - average.leading_edge_rad) < math.pi / 2.0:
+        return "no contact edges yet"
+    if not (positive(average.omega_radps) and positive(conditions.radius_m)):
+        return "angular speed or belt radius is not known"
+    return ""
+
+
+def invalid_estimate(name: str, reason: str) -> Estimate:
+    """Return an estimate that is none, and why."""
+    return Estimate(name, math.nan, math.nan, Status.INVALID, reason)
+
+
+def all_invalid(reason: str) -> tuple[Estimate, ...]:
+    """Return the four numbers and the ratios as invalid."""
+    return tuple(invalid_estimate(name, reason) for name in (*NUMBERS, *RATIOS))
+
+
+def positive(value: float | None) -> bool:
+    """Whether a value is known, finite and above 0."""
+    return value is not None and math.isfinite(value) and value > 0.0
+
+
+def _percent(value: float) -> str:
+    return f"{value:.0%}" if value < 10.0 else "beyond ten times"

@@ -1,0 +1,189 @@
+"""From radial waveforms to the four numbers by the weak form, with noise and model error: what live and batch share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimators.determination import FittedNumbers
+from gateway.estimators.weak_form_rows import ROWS, SENSITIVE_ORDERS, motion_begin
+from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance_alike
+from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, even_orders
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# Bands of orders [first, next) in which the residual, and the scatter, are taken as equally strong.
+BANDS: Final = (2, 4, 6, 9, 13, 18, 24, 31, 39, 48, SENSITIVE_ORDERS)
+_BAND_OF: Final = np.searchsorted(np.array(BANDS), np.arange(SENSITIVE_ORDERS), side="right").clip(1) - 1
+_BAND_SIZES: Final[FloatArray] = np.bincount(_BAND_OF).astype(np.float64)
+# No order is taken as known better than this share of the mean: resampling and rounding are worse.
+_LEAST_STD: Final = 1e-6
+
+_BLOCK: Final = 32
+
+
+@dataclass(frozen=True, slots=True)
+class WaveformFits:
+    """The four numbers of b waveforms at load number Q / (p0 R^2) = 1; all scale with it.
+
+    Attributes:
+        values: (b, 4) Bs, Cw, Rs, Ts; NaN where a waveform describes no belt.
+        free: (b, 4) False where a number is held at 0.
+        noise: (b, 4, 4) covariance of the errors stated for the orders.
+        model: (b, 4, 4) covariance of model error.
+        deflection: (b,) of the belt in the contact, over R; does not scale with the load number.
+        misfit: (b,) chi-square of the balance over its degrees of freedom.
+    """
+
+    values: FloatArray
+    free: BoolArray
+    noise: FloatArray
+    model: FloatArray
+    deflection: FloatArray
+    misfit: FloatArray
+
+    def numbers(self, index: int, load_number: float) -> FittedNumbers:
+        """Return one waveform's numbers at a load number."""
+        square = load_number**2
+        return FittedNumbers(
+            self.values[index] * load_number,
+            self.free[index],
+            self.noise[index] * square,
+            self.model[index] * square,
+        )
+
+    def load_n(self, width_m: float, pressure_pa: float, radius_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return the load that a known belt-tension width asks for, and its standard error, (b,) each, N.
+
+        Cw is width over radius, and in proportion to the load the rows give it: no other number needs to be known.
+        """
+        cw = np.where(self.free[:, 1], self.values[:, 1], math.nan)
+        load = width_m / radius_m / cw * pressure_pa * radius_m**2
+        return load, load * np.sqrt(self.noise[:, 1, 1] + self.model[:, 1, 1]) / cw
+
+
+def curvature_of(
+    radial_mps2: FloatArray, centre_rad: FloatArray | float, offset: float, max_order: int = MAX_ORDER
+) -> tuple[FloatArray, FloatArray]:
+    """Return the cosine orders of kappa R about the contact's centre, (b, MAX_ORDER + 1), and the signal's means, (b,).
+
+    Args:
+        radial_mps2: (b, n) radial waveforms on the angle grid, gravity removed, steady value included.
+        centre_rad: (b,) middle of the contact.
+        offset: sensor offset below the neutral layer, over the belt radius.
+        max_order: highest order that the sampling carries.
+    """
+    orders = even_orders(radial_mps2, centre_rad, max_order)
+    return curvature_orders(orders, offset), orders[:, 0]
+
+
+def relative_std(order_std_mps2: FloatArray, mean_mps2: float, orders: FloatArray, max_order: int) -> FloatArray:
+    """Return standard errors of the relative signal's orders, smoothed by band, (SENSITIVE_ORDERS,).
+
+    Few revolutions know the scatter of one order poorly, that of a band well. What the sampling does not carry is
+    unknown by as much as the last band that it carries is large.
+
+    Args:
+        order_std_mps2: (SENSITIVE_ORDERS,) measured standard errors; NaN where not known.
+        mean_mps2: mean of the signal.
+        orders: (MAX_ORDER + 1,) relative orders.
+        max_order: highest order carried.
+    """
+    variance = np.square(order_std_mps2 / mean_mps2)
+    known = np.isfinite(variance)
+    counts = np.bincount(_BAND_OF[known], minlength=len(_BAND_SIZES))
+    sums = np.bincount(_BAND_OF[known], variance[known], minlength=len(_BAND_SIZES))
+    overall = float(sums.sum() / max(counts.sum(), 1))
+    by_band = np.where(counts > 0, sums / np.maximum(counts, 1), overall)
+    std: FloatArray = np.sqrt(by_band[_BAND_OF])
+    if max_order < SENSITIVE_ORDERS - 1:
+        last = orders[max(2, max_order - 7) : max_order + 1]
+        std[max_order + 1 :] = np.maximum(std[max_order + 1 :], math.sqrt(float(np.square(last).mean())))
+    return np.maximum(std, _LEAST_STD)
+
+
+def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
+    """Return the numbers of a solution with their covariances.
+
+    Noise: the orders' standard errors through the response of the numbers. Model error: the least correction of the
+    orders that lets the balance hold, its sign drawn anew order by order and its size band by band, through the same
+    response; less what noise alone would leave.
+
+    Args:
+        solution: of b waveforms.
+        order_std: (b or 1, SENSITIVE_ORDERS) standard errors of the relative signal's orders.
+    """
+    response = solution.response[:, :4]
+    weighted = response * order_std[:, np.newaxis, :]
+    noise = weighted @ weighted.transpose(0, 2, 1)
+    edges = np.array(BANDS[:-1])
+    power = np.add.reduceat(np.square(solution.correction)[:, BANDS[0] :], edges - BANDS[0], axis=1)
+    sizes = np.diff(np.array(BANDS))
+    # The fit has taken UNKNOWNS of the rows' freedom out of the residual.
+    excess = np.maximum(1.0 - 1.0 / np.maximum(solution.misfit, 1.0), 0.0) * (ROWS + 1) / FREEDOM
+    size = np.sqrt(power / sizes * excess[:, np.newaxis])
+    drawn = np.zeros((len(size), SENSITIVE_ORDERS))
+    drawn[:, BANDS[0] :] = np.repeat(size, sizes, axis=1)
+    moved = response * drawn[:, np.newaxis, :]
+    shape = (len(size), 4, 4)
+    return WaveformFits(
+        values=solution.unknowns[:, :4],
+        free=solution.free[:, :4],
+        noise=np.broadcast_to(noise, shape),
+        model=moved @ moved.transpose(0, 2, 1),
+        deflection=solution.unknowns[:, 5],
+        misfit=solution.misfit,
+    )
+
+
+def fit_waveforms(
+    radial_mps2: FloatArray,
+    order_std_mps2: FloatArray,
+    centre_rad: FloatArray,
+    half_angle_rad: FloatArray,
+    *,
+    offset: float = 0.0,
+    max_order: int = MAX_ORDER,
+) -> WaveformFits:
+    """Fit many waveforms of one tire, such as averages along a recording.
+
+    Waveforms of nearly the same contact angle share the weights of their mean, which costs a quarter of fitting each by
+    itself and does not move the numbers beyond second order.
+
+    Args:
+        radial_mps2: (b, n) waveforms on the angle grid, gravity removed, steady value included.
+        order_std_mps2: (SENSITIVE_ORDERS,) standard error of each order of one waveform.
+        centre_rad: (b,) middle of the contact.
+        half_angle_rad: (b,) half of the contact angle.
+        offset: sensor offset below the neutral layer, over the belt radius.
+        max_order: highest order that the sampling carries.
+    """
+    count = len(radial_mps2)
+    fits = WaveformFits(
+        values=np.full((count, 4), math.nan),
+        free=np.zeros((count, 4), dtype=np.bool_),
+        noise=np.full((count, 4, 4), math.nan),
+        model=np.full((count, 4, 4), math.nan),
+        deflection=np.full(count, math.nan),
+        misfit=np.full(count, math.nan),
+    )
+    orders, means = curvature_of(radial_mps2, centre_rad, offset, max_order)
+    usable = np.isfinite(orders).all(axis=1) & (half_angle_rad > 0.0) & (half_angle_rad < 0.5 * math.pi)
+    begins = np.array([motion_begin(angle) if good else -1 for angle, good in zip(half_angle_rad, usable, strict=True)])
+    for begin in np.unique(begins[usable]):
+        alike = np.flatnonzero(begins == begin)
+        for first in range(0, len(alike), _BLOCK):
+            block = alike[first : first + _BLOCK]
+            std = relative_std(order_std_mps2, float(means[block].mean()), orders[block].mean(axis=0), max_order)
+            try:
+                found = fits_of(solve_balance_alike(orders[block], int(begin), std), std[np.newaxis])
+            except np.linalg.LinAlgError:
+                continue
+            for field in ("values", "free", "noise", "model", "deflection", "misfit"):
+                getattr(fits, field)[block] = getattr(found, field)
+    return fits

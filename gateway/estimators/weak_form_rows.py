@@ -1,0 +1,210 @@
+"""The exact balance of a rolling belt as rows that are linear in the four numbers.
+
+Virtual work of a geometrically exact belt on an elastic sidewall, for virtual rotations phi of its tangent that vanish
+in the contact (docs/estimators.md has the derivation). Such a motion neither stretches the belt nor moves it on the
+road: tension, belt inertia, contact pressure, contact shear and tread drop out. What is left, over p0 R^2:
+
+    Bs int (psi' - 1) phi' - int n . (F - tension x) phi = 0,  F(theta) = - int_theta^pi f,
+    f = -Cw n_out + Rs u_r e_r + Ts u_t e_t
+
+The tension is the belt's at theta = pi; it holds the belt closed. One more row, the vertical balance, carries the
+load: 2 int_0^pi f . y = Q / (p0 R^2). Everything per waveform, on the half circle of `belt_shape`; u contains the
+deflection y0 of the belt in the contact, in which the rows are linear as well.
+
+Unknowns, in this order everywhere: Bs, Cw, Rs, Ts, tension / (p0 R^2), y0 / R. None of them can be negative.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.physics.belt_shape import (
+    ALONG,
+    ANGLES_RAD,
+    COSINES,
+    HALF_STEPS,
+    RADIAL,
+    STEP_RAD,
+    TRAPEZOID,
+    BeltShape,
+    integrate_from_zero,
+)
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+# Virtual rotations sin(j pi (theta - theta_c) / (pi - theta_c)), j = 1 to ROWS.
+ROWS: Final = 24
+# The virtual motion begins this far outside the contact's edge, which is known to some milliradians only.
+CLEARANCE_RAD: Final = 0.02
+UNKNOWNS: Final = 6
+# The rows' covariance needs less than the rows: every second grid point, and orders up to 60.
+STRIDE: Final = 2
+SENSITIVE_ORDERS: Final = 61
+_COARSE_COSINES: Final[FloatArray] = COSINES[::STRIDE, :SENSITIVE_ORDERS] * (STRIDE * TRAPEZOID[::STRIDE, np.newaxis])
+
+
+class VirtualMotion(NamedTuple):
+    """Virtual rotations on the free part of the half circle, first point `begin`.
+
+    Attributes:
+        begin: index of theta_c on the half circle.
+        rotation: (ROWS, m) phi.
+        slope: (ROWS, m) its derivative.
+        weights: (m,) Simpson's rule.
+    """
+
+    begin: int
+    rotation: FloatArray
+    slope: FloatArray
+    weights: FloatArray
+
+
+@lru_cache(maxsize=64)
+def virtual_motion(begin: int) -> VirtualMotion:
+    """Return the virtual rotations that begin at grid index `begin`, HALF_STEPS - begin being even."""
+    angle = ANGLES_RAD[begin:] - ANGLES_RAD[begin]
+    order = np.arange(1, ROWS + 1)[:, np.newaxis] * (math.pi / angle[-1])
+    weights = np.full(len(angle), 2.0 * STEP_RAD / 3.0)
+    weights[1::2] *= 2.0
+    weights[[0, -1]] *= 0.5
+    return VirtualMotion(begin, np.sin(order * angle), order * np.cos(order * angle), weights)
+
+
+def motion_begin(half_angle_rad: float) -> int:
+    """Return the grid index where the virtual motion begins for a contact of this half angle."""
+    begin = math.ceil((half_angle_rad + CLEARANCE_RAD) / STEP_RAD)
+    return begin + (HALF_STEPS - begin) % 2
+
+
+@dataclass(frozen=True, slots=True)
+class BalanceRows:
+    """Rows of the balance of each waveform: row = constant @ numbers + y0 * rise @ numbers.
+
+    Attributes:
+        shape: the belts.
+        motion: the virtual motion.
+        constant: (b, ROWS + 1, 5) factors of Bs, Cw, Rs, Ts, tension; the last row is the vertical balance.
+        rise: (b, ROWS + 1, 5) what a deflection of 1 adds to them.
+        forces: (b, 3, m) F of Cw, Rs and Ts on the half circle, without deflection.
+    """
+
+    shape: BeltShape
+    motion: VirtualMotion
+    constant: FloatArray
+    rise: FloatArray
+    forces: ComplexArray
+
+
+def balance_rows(shape: BeltShape, begin: int) -> BalanceRows:
+    """Return the rows of belts (b waveforms) for a virtual motion that begins at `begin`."""
+    motion = virtual_motion(begin)
+    count = len(shape.orders)
+    normal = 1j * shape.tangent
+    moved = shape.position - RADIAL
+    radial_pull = _dot(moved, RADIAL) * RADIAL
+    pulls = np.stack([radial_pull, moved - radial_pull], axis=1)
+    forces = np.empty((count, 3, HALF_STEPS + 1), dtype=np.complex128)
+    # Pressure: f = n = 1j times the tangent, whose integral the position is.
+    forces[:, 0] = 1j * (shape.position - shape.position[:, -1:])
+    integral = 1j * integrate_from_zero(-1j * pulls)
+    forces[:, 1:] = integral - integral[..., -1:]
+    free = slice(begin, None)
+    # Integrands of phi: F . n of Cw, Rs, Ts, tension, and of Rs, Ts per deflection.
+    integrands = np.empty((count, 6, len(motion.weights)))
+    integrands[:, :3] = _dot(forces[..., free], normal[:, np.newaxis, free])
+    integrands[:, 3] = -normal.real[:, free]
+    integrands[:, 4:] = _dot(_RISE_FORCES[:, free], normal[:, np.newaxis, free])
+    by_rotation = (integrands * motion.weights) @ motion.rotation.T
+    bend = ((shape.curvature[:, free] - 1.0) * motion.weights) @ motion.slope.T
+    constant = np.zeros((count, ROWS + 1, 5))
+    rise = np.zeros((count, ROWS + 1, 5))
+    constant[:, :ROWS, 0] = bend
+    constant[:, :ROWS, 1:] = -by_rotation[:, :4].transpose(0, 2, 1)
+    rise[:, :ROWS, 2:4] = -by_rotation[:, 4:].transpose(0, 2, 1)
+    constant[:, ROWS, 2:4] = 2.0 * pulls.imag @ TRAPEZOID
+    rise[:, ROWS, 2:4] = 2.0 * _RISE_PULLS.imag @ TRAPEZOID
+    return BalanceRows(shape, motion, constant, rise, forces)
+
+
+def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
+    """Return the derivative of the rows at `unknowns` (b, 6) by the cosine orders of the relative signal.
+
+    The adjoint of curvature -> angle -> position -> balance, with the closure of the belt and the calibration by the
+    mean taken along.
+
+    Returns:
+        (b, ROWS + 1, SENSITIVE_ORDERS); column 0 is the derivative by the relative error of the mean.
+    """
+    shape, motion = rows.shape, rows.motion
+    coarse = slice(None, None, STRIDE)
+    free = slice(motion.begin // STRIDE, None)
+    rotation, slope = motion.rotation[:, coarse], motion.slope[:, coarse]
+    bs, cw, rs, ts, tension, deflection = unknowns.T[:, :, np.newaxis]
+    tangent = shape.tangent[:, coarse]
+    force = cw * rows.forces[:, 0, coarse] + rs * rows.forces[:, 1, coarse] + ts * rows.forces[:, 2, coarse] - tension
+    force += deflection * (rs * _RISE_FORCES[0, coarse] + ts * _RISE_FORCES[1, coarse])
+    axial = _dot(tangent, force)
+    # Components: tangent (c, s), normal (-s, c), undeformed outward (q, -p), undeformed along (p, q).
+    c, s = tangent.real[:, np.newaxis], tangent.imag[:, np.newaxis]
+    p, q = ALONG.real[coarse], ALONG.imag[coarse]
+    bs, cw, rs, ts = (number[..., np.newaxis] for number in (bs, cw, rs, ts))
+    # Virtual displacement eta = int n phi, 0 in the contact; the last row's is vertical.
+    x, y = np.zeros((2, len(tangent), ROWS + 1, len(p)))
+    x[:, :ROWS, free] = _running(-s[..., free] * rotation)
+    y[:, :ROWS, free] = _running(c[..., free] * rotation)
+    y[:, ROWS] = 2.0
+    # By the angle: what the sidewall's forces on eta do as the belt beyond the point moves along its normal there,
+    radial = (rs - ts) * (q * x - p * y)
+    by_angle = c * _remaining(ts * y - radial * p)
+    by_angle -= s * _remaining(ts * x + radial * q)
+    # the pressure turning, and the axial force turning.
+    by_angle[:, :ROWS] -= (cw * (c * x + s * y))[:, :ROWS]
+    by_angle[:, :ROWS, free] += axial[:, np.newaxis, free] * rotation
+    by_curvature = _remaining(by_angle)
+    by_curvature[:, :ROWS, free] += bs * slope
+    by_order: FloatArray = by_curvature @ _COARSE_COSINES
+    closing = _remaining(np.sin(shape.angle_rad[:, coarse])) @ _COARSE_COSINES
+    by_order -= by_order[:, :, 1:2] * (closing / closing[:, 1:2])[:, np.newaxis, :]
+    by_order[:, :, 1] = 0.0
+    by_order[:, :, 0] = -(by_order[:, :, 2:] @ shape.orders[:, 2:SENSITIVE_ORDERS, np.newaxis])[..., 0]
+    return by_order
+
+
+def _dot(left: ComplexArray, right: ComplexArray) -> FloatArray:
+    """Scalar product of plane vectors."""
+    product: FloatArray = left.real * right.real + left.imag * right.imag
+    return product
+
+
+def _running(values: FloatArray) -> FloatArray:
+    """Integral from the first point of the coarse grid, trapezoidal."""
+    total: FloatArray = np.cumsum(values, axis=-1)
+    total -= 0.5 * values
+    total -= 0.5 * values[..., :1]
+    total *= STRIDE * STEP_RAD
+    return total
+
+
+def _remaining(values: FloatArray) -> FloatArray:
+    """Integral from each point of the coarse grid to the last, trapezoidal."""
+    total = _running(values)
+    return total[..., -1:] - total
+
+
+_RISE_PULLS: Final[ComplexArray] = np.stack([RADIAL.imag * RADIAL, ALONG.imag * ALONG])
+
+
+def _rise_forces() -> ComplexArray:
+    integral = 1j * integrate_from_zero(-1j * _RISE_PULLS)
+    forces: ComplexArray = integral - integral[..., -1:]
+    return forces
+
+
+_RISE_FORCES: Final[ComplexArray] = _rise_forces()

@@ -1,0 +1,241 @@
+"""Solution of the belt's balance for the four numbers: least squares with errors in the rows' own factors.
+
+The rows hold for the true shape; the signal has errors. So the orders are corrected as little as possible, in terms of
+their errors, until all rows can hold (the Gauss-Helmert model): rows and their sensitivity are taken at the corrected
+orders, and the rows are weighted with the covariance that the orders' errors give them. Taking them at the orders as
+measured instead makes bending too small by the square of the errors (docs/estimators.md).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimators.bounded_fit import fit_nonnegative
+from gateway.estimators.weak_form_rows import (
+    ROWS,
+    SENSITIVE_ORDERS,
+    UNKNOWNS,
+    BalanceRows,
+    balance_rows,
+    row_sensitivity,
+)
+from gateway.physics.belt_shape import belt_shape
+from gateway.physics.constants import TABLE_3_NUMBERS
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# Table 3's tire carries 5000 N at 2.1 bar and a belt radius of 0.32 m.
+_TABLE_3_LOAD_NUMBER: Final = 0.2325
+# Unknowns are counted in these, so that all are about 1 for a car tire at load number 1.
+UNITS: Final[FloatArray] = np.array(
+    [*(np.array([*TABLE_3_NUMBERS, 0.18]) / _TABLE_3_LOAD_NUMBER), 0.08],
+)
+# Rows beyond the unknowns.
+FREEDOM: Final = ROWS + 1 - UNKNOWNS
+
+COLD_PASSES: Final = 4
+_GAUSS_NEWTON_STEPS: Final = 5
+_CONVERGED: Final = 1e-5
+# An unknown below this share of its unit is on its bound.
+_ZERO: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class WeakFormSolution:
+    """Solutions of b waveforms at load number 1: numbers and tension are proportional to Q / (p0 R^2).
+
+    Attributes:
+        unknowns: (b, 6) Bs, Cw, Rs, Ts, tension, deflection.
+        free: (b, 6) False where an unknown is held at 0.
+        response: (b or 1, 6, SENSITIVE_ORDERS) derivative of the unknowns by the orders of the relative signal.
+        correction: (b, SENSITIVE_ORDERS) least change of the orders, in terms of their errors, that lets all rows hold.
+        misfit: (b,) its size squared, in terms of the errors, over FREEDOM: about 1 when errors are as stated.
+    """
+
+    unknowns: FloatArray
+    free: BoolArray
+    response: FloatArray
+    correction: FloatArray
+    misfit: FloatArray
+
+    def select(self, index: int) -> Self:
+        """Return one waveform's solution."""
+        own = slice(index, index + 1)
+        response = self.response if len(self.response) == 1 else self.response[own]
+        return type(self)(self.unknowns[own], self.free[own], response, self.correction[own], self.misfit[own])
+
+
+@dataclass(frozen=True, slots=True)
+class _Weights:
+    """Rows' sensitivity to the orders, the orders' variance, and the Cholesky factor of the rows' covariance."""
+
+    sensitivity: FloatArray
+    variance: FloatArray
+    factor: FloatArray
+
+
+def solve_balance(
+    orders: FloatArray,
+    begin: int,
+    order_std: FloatArray,
+    start: WeakFormSolution | None = None,
+    passes: int = COLD_PASSES,
+) -> WeakFormSolution:
+    """Solve the balance of b waveforms, each with its own weights.
+
+    Args:
+        orders: (b, MAX_ORDER + 1) cosine orders of kappa R, order 0 being 1.
+        begin: grid index where the virtual motion begins.
+        order_std: (b, SENSITIVE_ORDERS) standard errors of the relative signal's orders, all positive.
+        start: a solution of nearly the same waveforms; None starts from the ring of Table 3.
+        passes: at least 1; one does from a start, and a cold solution needs COLD_PASSES where the errors are large.
+
+    Raises:
+        numpy.linalg.LinAlgError: the orders describe no belt.
+    """
+    rows = balance_rows(belt_shape(orders if start is None else _corrected(orders, start.correction)), begin)
+    solution = start
+    for _ in range(passes):
+        if solution is not None and solution is not start:
+            rows = balance_rows(belt_shape(_corrected(orders, solution.correction)), begin)
+        unknowns = _cold_start(rows) if solution is None else solution.unknowns
+        solution = _solve_at(orders, rows, unknowns, _weights(rows, unknowns, order_std))
+    assert solution is not None
+    return solution
+
+
+def solve_balance_alike(orders: FloatArray, begin: int, order_std: FloatArray) -> WeakFormSolution:
+    """Solve the balance of b waveforms that differ little, with the weights and the correction of their mean.
+
+    Args:
+        orders: (b, MAX_ORDER + 1) cosine orders of kappa R, order 0 being 1.
+        begin: grid index where the virtual motion begins.
+        order_std: (SENSITIVE_ORDERS,) standard errors of one waveform's orders, all positive.
+
+    Raises:
+        numpy.linalg.LinAlgError: the orders describe no belt.
+    """
+    mean = orders.mean(axis=0, keepdims=True)
+    common = solve_balance(mean, begin, order_std[np.newaxis])
+    at = balance_rows(belt_shape(_corrected(mean, common.correction)), begin)
+    weights = _weights(at, common.unknowns, order_std[np.newaxis])
+    rows = balance_rows(belt_shape(_corrected(orders, common.correction)), begin)
+    return _solve_at(orders, rows, np.repeat(common.unknowns, len(orders), axis=0), weights)
+
+
+def _corrected(orders: FloatArray, correction: FloatArray) -> FloatArray:
+    """Return the orders with their correction; order 0, which is 1, has none."""
+    corrected = orders.copy()
+    corrected[:, 1:SENSITIVE_ORDERS] += correction[:, 1:]
+    return corrected
+
+
+def _weights(rows: BalanceRows, unknowns: FloatArray, order_std: FloatArray) -> _Weights:
+    sensitivity = row_sensitivity(rows, unknowns)
+    weighted = sensitivity * order_std[:, np.newaxis, :]
+    covariance: FloatArray = weighted @ weighted.transpose(0, 2, 1)
+    factor: FloatArray = np.linalg.cholesky(covariance)
+    return _Weights(sensitivity, np.square(order_std), factor)
+
+
+def _cold_start(rows: BalanceRows) -> FloatArray:
+    """Table 3's numbers, the deflection that carries the load with them, the tension that fits best."""
+    start = np.tile(UNITS, (len(rows.constant), 1))
+    numbers = start[:, :4, np.newaxis]
+    constant = (rows.constant[..., :4] @ numbers)[..., 0]
+    rise = (rows.rise[..., :4] @ numbers)[..., 0]
+    start[:, 5] = np.maximum((1.0 - constant[:, ROWS]) / rise[:, ROWS], 0.0)
+    values = constant[:, :ROWS] + start[:, 5:] * rise[:, :ROWS]
+    tension = rows.constant[:, :ROWS, 4]
+    start[:, 4] = np.maximum(-np.sum(tension * values, axis=1) / np.sum(np.square(tension), axis=1), 0.0)
+    return start
+
+
+def _solve_at(orders: FloatArray, rows: BalanceRows, start: FloatArray, weights: _Weights) -> WeakFormSolution:
+    """Solve with rows taken at `rows.shape.orders`, which differ from `orders` by the last correction."""
+    change = (orders - rows.shape.orders)[:, :SENSITIVE_ORDERS]
+    change[:, :2] = 0.0  # order 0 is 1 and order 1 is the closure's
+    target = -weights.sensitivity @ change[..., np.newaxis]
+    target[:, ROWS] += 1.0
+    whitened = np.linalg.solve(weights.factor, np.concatenate([rows.constant, rows.rise, target], axis=2))
+    unknowns, free, jacobian, residual = _solve_whitened(whitened, start)
+    inverse = _inverse(jacobian, free)
+    # Back through the weights: whitened rows to unknowns, and the residual to the change of orders that explains it.
+    both = np.concatenate([inverse, residual[:, np.newaxis]], axis=1).transpose(0, 2, 1)
+    back = np.linalg.solve(weights.factor.transpose(0, 2, 1), both).transpose(0, 2, 1) @ weights.sensitivity
+    return WeakFormSolution(
+        unknowns=unknowns,
+        free=free,
+        response=-back[:, :UNKNOWNS],
+        correction=-back[:, UNKNOWNS] * weights.variance,
+        misfit=np.sum(np.square(residual), axis=1) / FREEDOM,
+    )
+
+
+def _solve_whitened(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray]:
+    """Minimise the sum of squares of whitened rows; return unknowns, free ones, Jacobian and residual at the end.
+
+    Gauss-Newton for all waveforms at once; a bounded fit one by one where that fails or ends below zero.
+    """
+    here = start
+    size = np.full(len(here), math.inf)
+    for _ in range(_GAUSS_NEWTON_STEPS):
+        jacobian, residual = _linearised(whitened, here)
+        scaled = jacobian * UNITS
+        transposed = scaled.transpose(0, 2, 1)
+        try:
+            step = np.linalg.solve(transposed @ scaled, transposed @ residual[..., np.newaxis])[..., 0]
+        except np.linalg.LinAlgError:
+            break
+        here = here - step * UNITS
+        size = np.abs(step).max(axis=1)
+        if not size.max() > _CONVERGED:
+            break
+    free = np.ones(here.shape, dtype=np.bool_)
+    for index in np.flatnonzero(~((here > 0.0).all(axis=1) & (size <= _CONVERGED))):
+        here[index], free[index] = _solve_bounded(whitened[index], start[index])
+    jacobian, residual = _linearised(whitened, here)
+    return here, free, jacobian, residual
+
+
+def _linearised(whitened: FloatArray, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the Jacobian (..., ROWS + 1, 6) and the residual (..., ROWS + 1) of the whitened rows."""
+    linear, deflection = unknowns[..., np.newaxis, :5], unknowns[..., 5]
+    constant, rise, target = whitened[..., :5], whitened[..., 5:10], whitened[..., 10]
+    factors = constant + rise * deflection[..., np.newaxis, np.newaxis]
+    by_deflection = np.sum(rise * linear, axis=-1)
+    jacobian = np.concatenate([factors, by_deflection[..., np.newaxis]], axis=-1)
+    return jacobian, np.sum(factors * linear, axis=-1) - target
+
+
+def _solve_bounded(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Solve one waveform with all unknowns at least 0."""
+    target = whitened[:, 10]
+
+    def model(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        jacobian, residual = _linearised(whitened, parameters * UNITS)
+        return residual + target, jacobian * UNITS
+
+    # What was left on its bound gets a chance to come off it.
+    first = np.clip(np.nan_to_num(start / UNITS, nan=1.0), 0.01, 100.0)
+    fit = fit_nonnegative(model, target, first, tolerance=1e-6)
+    free = fit.parameters > _ZERO
+    return np.where(free, fit.parameters, 0.0) * UNITS, free
+
+
+def _inverse(jacobian: FloatArray, free: BoolArray) -> FloatArray:
+    """Return what turns whitened rows into unknowns, (b, 6, ROWS + 1); zero for unknowns that are not free."""
+    scaled = jacobian * (UNITS * free[:, np.newaxis, :])
+    transposed = scaled.transpose(0, 2, 1)
+    normal = transposed @ scaled
+    # 1 on the diagonal of what is held at 0, and a trace of ridge, so that there is an inverse always.
+    diagonal = 1e-14 * np.trace(normal, axis1=1, axis2=2)[:, np.newaxis] + ~free
+    normal += diagonal[..., np.newaxis] * np.eye(UNKNOWNS)
+    inverse: FloatArray = np.linalg.solve(normal, transposed) * UNITS[:, np.newaxis]
+    return inverse
