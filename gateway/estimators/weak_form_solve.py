@@ -140,20 +140,20 @@ def _weights(rows: BalanceRows, unknowns: FloatArray, order_std: FloatArray) -> 
     sensitivity = row_sensitivity(rows, unknowns)
     weighted = sensitivity * order_std[:, np.newaxis, :]
     covariance: FloatArray = weighted @ weighted.transpose(0, 2, 1)
-    factor: FloatArray = np.linalg.cholesky(covariance)
-    return _Weights(sensitivity, np.square(order_std), factor)
+    return _Weights(sensitivity, np.square(order_std), np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
 
 
 def _cold_start(rows: BalanceRows) -> FloatArray:
-    """Table 3's numbers, the deflection that carries the load with them, the tension that fits best."""
-    start = np.tile(UNITS, (len(rows.constant), 1))
-    numbers = start[:, :4, np.newaxis]
-    constant = (rows.constant[..., :4] @ numbers)[..., 0]
-    rise = (rows.rise[..., :4] @ numbers)[..., 0]
-    start[:, 5] = np.maximum((1.0 - constant[:, ROWS]) / rise[:, ROWS], 0.0)
-    values = constant[:, :ROWS] + start[:, 5:] * rise[:, :ROWS]
-    tension = rows.constant[:, :ROWS, 4]
-    start[:, 4] = np.maximum(-np.sum(tension * values, axis=1) / np.sum(np.square(tension), axis=1), 0.0)
+    """Table 3's numbers with the deflection and tension that fit the shape best, scaled to the load."""
+    numbers = UNITS[:4]
+    constant, rise = rows.constant[..., :4] @ numbers, rows.rise[..., :4] @ numbers
+    factors = np.stack([rise[:, :ROWS], rows.constant[:, :ROWS, 4]], axis=2)
+    transposed = factors.transpose(0, 2, 1)
+    fitted = np.linalg.solve(transposed @ factors, -transposed @ constant[:, :ROWS, np.newaxis])[..., 0]
+    start = np.tile(UNITS, (len(constant), 1))
+    start[:, 4:] = np.maximum(fitted[:, ::-1], 0.1 * UNITS[4:])
+    scale = constant[:, ROWS] + start[:, 5] * rise[:, ROWS]
+    start[:, :5] /= np.clip(scale, 0.1, 10.0)[:, np.newaxis]
     return start
 
 
