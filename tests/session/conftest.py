@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+import threading
+
+import numpy as np
+import pytest
+
+from gateway.clock import ManualClock
+from gateway.config.load import parse_vehicle
+from gateway.io.source import open_source
+
+
+def values_of(value):
+    """Everything of a result as comparable values, arrays bit by bit."""
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    if isinstance(value, float) and math.isnan(value):
+        return "nan"
+    if dataclasses.is_dataclass(value):
+        return tuple(values_of(getattr(value, field.name)) for field in dataclasses.fields(value))
+    return tuple(values_of(item) for item in value) if isinstance(value, tuple) else value
+
+
+@pytest.fixture(scope="session")
+def by_wheel():
+    def sort(results):
+        wheels = {}
+        for result in results:
+            wheels.setdefault(result.position, []).append(values_of(result))
+        return wheels
+
+    return sort
+
+
+@pytest.fixture(scope="session")
+def demo():
+    """Items of four simulated wheels on a slightly bad link, and their vehicle."""
+    source = open_source(
+        "sim:demo?speed=max&duration=4&seed=3&fault=flip:rate=0.005;drop:rate=0.005;duplicate:rate=0.005",
+        ManualClock(),
+    )
+    return list(source.items(threading.Event())), parse_vehicle(source.vehicle_toml, "demo")

@@ -1,0 +1,159 @@
+"""The synchronous session: what is recorded replays to the same results, and a failing disk does not end it."""
+
+from __future__ import annotations
+
+import json
+import threading
+
+import pytest
+from mcap.reader import make_reader
+
+from gateway.clock import ManualClock
+from gateway.errors import RecordingError
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, open_source
+from gateway.recording.reader import RecordingReader
+from gateway.recording.writer import RecordingWriter
+from gateway.session.batch import estimate_items
+from gateway.session.core import SessionCore
+
+
+def run(items, vehicle, recorder=None):
+    core = SessionCore(vehicle, recorder=recorder)
+    results = [result for item in items for result in core.take(item)]
+    return results + core.finish(), core
+
+
+@pytest.fixture(scope="module")
+def recorded(demo, tmp_path_factory):
+    items, vehicle = demo
+    path = tmp_path_factory.mktemp("session") / "demo.mcap"
+    recorder = RecordingWriter(path, start_ns=items[0].host_ns, vehicle_toml=vehicle.to_toml(), sources=["sim:demo"])
+    results, core = run(items, vehicle, recorder)
+    return path, results, core
+
+
+def test_live_replay_and_batch_agree_to_the_bit(demo, recorded, by_wheel):
+    items, vehicle = demo
+    path, live, core = recorded
+    assert len(live) > 80
+    source = open_source(f"replay:{path}?speed=max", ManualClock())
+    again = list(source.items(threading.Event()))
+    assert b"".join(item.data for item in again if isinstance(item, Chunk)) == b"".join(
+        item.data for item in items if isinstance(item, Chunk)
+    )
+    replayed, _ = run(again, vehicle)
+    assert by_wheel(replayed) == by_wheel(live)
+    batch = []
+    counters = estimate_items(RecordingReader(path), vehicle, batch.append)
+    assert by_wheel(batch) == by_wheel(live)
+    (link,) = core.snapshot(0.0).links
+    (counted,) = counters.values()
+    assert (counted.frames, counted.lost, counted.crc_errors) == (link.frames, link.frames_lost, link.crc_errors)
+    assert link.frames_lost > 0
+    assert link.crc_errors > 0
+
+
+def test_the_stock_reader_finds_topics_to_plot(recorded):
+    path, live, _ = recorded
+    rows = {}
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            if channel.message_encoding == "json":
+                payload = json.loads(message.data)
+                assert set(payload) <= set(json.loads(schema.data)["properties"]) | set(payload)
+                rows.setdefault(channel.topic, []).append(payload)
+    for position in ("FL", "FR", "RL", "RR"):
+        of_wheel = [result for result in live if result.position == position]
+        assert len(rows[f"/wheel/{position}/revolution"]) == len(of_wheel)
+        assert {"speed_mps", "speed_mps_std", "Cw", "Cw_std", "Cw_status"} <= set(
+            rows[f"/wheel/{position}/revolution"][-1]
+        )
+        assert len(rows[f"/wheel/{position}/waveform"][0]["radial_mps2"]) == 256
+        assert rows[f"/wheel/{position}/environment"][0]["pressure_pa"] > 1e5
+    assert rows["/hub/0/hello"][0]["rate_hz"] == 9600.0
+    assert rows["/hub/0/status"]
+
+
+class FullDisk:
+    """Behaves like a recorder on a disk that fills up after some writes."""
+
+    path, size_bytes = "full.mcap", 12345
+
+    def __init__(self, room):
+        self.room = room
+        self.closed = False
+
+    def write(self, item):
+        self.room -= 1
+        if self.room < 0:
+            raise RecordingError("cannot write 'full.mcap': No space left on device", "Free some space.")
+
+    def write_topic(self, topic, host_ns, payload):
+        self.write(None)
+
+    def tick(self, now_ns):
+        pass
+
+    def close(self):
+        self.closed = True
+
+
+def test_a_full_disk_stops_the_recording_not_the_estimates(demo, by_wheel):
+    items, vehicle = demo
+    recorder = FullDisk(100)
+    results, core = run(items, vehicle, recorder)
+    assert by_wheel(results) == by_wheel(run(items, vehicle)[0])
+    assert recorder.closed
+    assert "No space left" in core.recording_fault
+    assert any("RECORDING STOPPED" in notice and "Free some space" in notice for notice in core.snapshot(0.0).notices)
+
+
+def test_marks_and_link_events_are_recorded_and_told(demo, tmp_path):
+    items, vehicle = demo
+    told = []
+    recorder = RecordingWriter(tmp_path / "marks.mcap", start_ns=items[0].host_ns)
+    core = SessionCore(vehicle, recorder=recorder)
+    core.on_notice = told.append
+    at = items[5].host_ns
+    events = [
+        LinkEvent("user", at, LinkEventKind.MARK, "curb hit"),
+        LinkEvent("sim:demo", at, LinkEventKind.LOST, "unplugged"),
+    ]
+    for item in (*items[:5], *events):
+        core.take(item)
+    assert not core.snapshot(0.0).links[0].connected
+    assert any("link is down" in alarm.text for alarm in core.snapshot(0.0).alarms)
+    core.finish()
+    assert any("curb hit" in text for text in told)
+    assert any("unplugged" in text for text in told)
+    kept = [item for item in RecordingReader(tmp_path / "marks.mcap").items() if isinstance(item, LinkEvent)]
+    assert [(event.kind, event.text) for event in kept if event.kind in (LinkEventKind.MARK, LinkEventKind.LOST)] == [
+        (LinkEventKind.MARK, "curb hit"),
+        (LinkEventKind.LOST, "unplugged"),
+    ]
+
+
+def test_thresholds_become_alarms(demo):
+    items, vehicle = demo
+    strict = vehicle.model_copy(
+        update={
+            "thresholds": vehicle.thresholds.model_copy(
+                update={"pressure_min_kpa": 300.0, "speed_max_kmh": 20.0, "frame_loss_max_percent": 0.1}
+            )
+        }
+    )
+    core = SessionCore(strict)
+    for item in items:
+        core.take(item)
+    texts = {f"{alarm.position} {alarm.name}" for alarm in core.snapshot(0.0).alarms}
+    assert {"FL pressure", "FL speed", "RR pressure", "sim:demo loss"} <= texts
+
+
+def test_without_configuration_the_assumed_radius_is_told(demo):
+    items, _ = demo
+    told = []
+    core = SessionCore(None)
+    core.on_notice = told.append
+    results = [result for item in items for result in core.take(item)]
+    assert {result.position for result in results} == {f"hub0.wheel{i}" for i in range(4)}
+    assert sum("320 mm assumed" in text for text in told) == 4
