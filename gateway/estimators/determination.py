@@ -74,9 +74,9 @@ class Determination:
     condition: float
     determined: BoolArray
 
-    def why_not(self, index: int) -> str:
-        """Return why a number is not determined, in words."""
-        error = self.relative_error[index]
+    def why_not(self, index: int, relative_error: float | None = None) -> str:
+        """Return why a number, or its ratio to Cw of that relative error, is not determined, in words."""
+        error = self.relative_error[index] if relative_error is None else relative_error
         if not math.isfinite(error):
             return "not determined: the fit puts it at zero"
         cause = "model error" if self.model_share[index] > 0.5 else "noise"
@@ -150,7 +150,7 @@ def _ratios(fitted: FittedNumbers, found: Determination, doubt: str, note: str) 
         gradient[i], gradient[_CW] = 1.0 / cw, -ratio / cw
         std = math.sqrt(max(0.0, float(gradient @ covariance @ gradient)))
         fits = found.determined[i] if i == 0 else std * DETERMINED <= ratio
-        why_not = "" if fits else found.why_not(i)
+        why_not = "" if fits else found.why_not(i, std / ratio if fitted.free[i] else math.inf)
         estimates.append(_estimate(name, ratio, std, why_not, doubt, note))
     return estimates
 

@@ -165,7 +165,7 @@ def _solve_at(orders: FloatArray, rows: BalanceRows, start: FloatArray, weights:
     target[:, ROWS] += 1.0
     whitened = np.linalg.solve(weights.factor, np.concatenate([rows.constant, rows.rise, target], axis=2))
     unknowns, free, jacobian, residual = _solve_whitened(whitened, start)
-    inverse = _inverse(jacobian, free)
+    inverse = _inverse(jacobian)
     # Back through the weights: whitened rows to unknowns, and the residual to the change of orders that explains it.
     both = np.concatenate([inverse, residual[:, np.newaxis]], axis=1).transpose(0, 2, 1)
     back = np.linalg.solve(weights.factor.transpose(0, 2, 1), both).transpose(0, 2, 1) @ weights.sensitivity
@@ -229,13 +229,15 @@ def _solve_bounded(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray,
     return np.where(free, fit.parameters, 0.0) * UNITS, free
 
 
-def _inverse(jacobian: FloatArray, free: BoolArray) -> FloatArray:
-    """Return what turns whitened rows into unknowns, (b, 6, ROWS + 1); zero for unknowns that are not free."""
-    scaled = jacobian * (UNITS * free[:, np.newaxis, :])
+def _inverse(jacobian: FloatArray) -> FloatArray:
+    """Return what turns whitened rows into unknowns, (b, 6, ROWS + 1), all of them free.
+
+    An unknown on its bound is not known to be 0: the others' errors contain what it may be.
+    """
+    scaled = jacobian * UNITS
     transposed = scaled.transpose(0, 2, 1)
     normal = transposed @ scaled
-    # 1 on the diagonal of what is held at 0, and a trace of ridge, so that there is an inverse always.
-    diagonal = 1e-14 * np.trace(normal, axis1=1, axis2=2)[:, np.newaxis] + ~free
-    normal += diagonal[..., np.newaxis] * np.eye(UNKNOWNS)
+    # A trace of ridge, so that there is an inverse always.
+    normal += (1e-14 * np.trace(normal, axis1=1, axis2=2))[:, np.newaxis, np.newaxis] * np.eye(UNKNOWNS)
     inverse: FloatArray = np.linalg.solve(normal, transposed) * UNITS[:, np.newaxis]
     return inverse
