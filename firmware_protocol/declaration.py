@@ -54,7 +54,7 @@ MAX_SAMPLES: Final = (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // 2
 
 HEADER: Final = c.Struct(
     "sync" / c.Const(wire.SYNC) * "A5 5A",
-    "version" / c.Int8ul * "major << 4 | minor; minor is that in which the layout of this frame appeared",
+    "version" / c.Int8ul * "16 * major + minor; minor is the version in which the layout of this frame appeared",
     "type" / c.Int8ul * "what the payload is",
     "length" / Limited(c.Int8ul, 0, wire.MAX_PAYLOAD_BYTES) * "bytes of the payload",
     "hub" / c.Int8ul * "number of the hub on its link",
@@ -72,7 +72,7 @@ FRAME: Final = c.Struct(
 HELLO: Final = c.Struct(
     "protocol_major" / c.Int8ul * "major version the firmware speaks",
     "protocol_minor" / c.Int8ul * "minor version the firmware speaks",
-    "firmware_major" / c.Int8ul * "version of the firmware",
+    "firmware_major" / c.Int8ul * "version of the firmware, for people to read",
     "firmware_minor" / c.Int8ul * "",
     "firmware_patch" / c.Int16ul * "",
     "axes" / AXES * "axis mask: bit 0 circumferential, 1 lateral, 2 radial",
@@ -94,7 +94,7 @@ HELLO: Final = c.Struct(
 SAMPLES: Final = c.Struct(
     "first_sample" / c.Int32ul * "running number of the first sample, wraps; samples never sent are counted too",
     "axes" / AXES * "axis mask",
-    "n" / Limited(c.Int8ul, 1, MAX_SAMPLES) * "samples in this block",
+    "n" / Limited(c.Int8ul, 1, MAX_SAMPLES) * "samples in this block; 109, 54 or 36 fit with 1, 2 or 3 axes",
     "counts"
     / c.Array(lambda this: this.n * this.axes.bit_count(), c.Int16sl)
     * "n rows, each the channels of one sample in ascending bit order of the axis mask",

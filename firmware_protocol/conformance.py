@@ -1,0 +1,291 @@
+"""Test vectors: frames with their fields, and streams with what a decoder must find in them.
+
+Built from the declaration, not from the codec that they test. What a stream must give is stated by hand.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from firmware_protocol import wire
+from firmware_protocol.declaration import PAYLOADS, WireFrame, build, build_raw
+from firmware_protocol.messages import HUB_ITSELF, MessageType
+
+_F32: Final = np.float32
+
+
+def _f32(*values: float) -> list[float]:
+    return [float(_F32(value)) for value in values]
+
+
+def _hello(**changes: Any) -> dict[str, Any]:
+    fields = {
+        "protocol_major": wire.VERSION_MAJOR,
+        "protocol_minor": wire.VERSION_MINOR,
+        "firmware_major": 2,
+        "firmware_minor": 7,
+        "firmware_patch": 300,
+        "axes": 0b111,
+        "coupling": 0,
+        "hub_id": 0x0123456789ABCDEF,
+        "sensor_id": 0x0000A001,
+        "boot_count": 41,
+        "rate_hz": 9600.0,
+        "highpass_hz": 0.0,
+        "range_mps2": _f32(4000.0, 2000.0, 4000.0),
+        "scale_mps2": _f32(0.125, -0.0625, 0.122583125),
+        "offset_counts": _f32(-3.5, 0.0, 12.25),
+        "saturation_counts": 32000,
+    }
+    return fields | changes
+
+
+def _samples(first_sample: int, axes: int, n: int, values: list[int] | None = None) -> dict[str, Any]:
+    channels = axes.bit_count()
+    counts = values or [(row * 257 + channel * 1000) % 65536 - 32768 for row in range(n) for channel in range(channels)]
+    return {"first_sample": first_sample, "axes": axes, "n": n, "counts": counts}
+
+
+def _environment(pressure_pa: int = 235_000, temperature_cdegc: int = 3150, supply_mv: int = 2987) -> dict[str, Any]:
+    return {"pressure_pa": pressure_pa, "temperature_cdegc": temperature_cdegc, "supply_mv": supply_mv}
+
+
+def _status(battery_percent: int, rssi_dbm: int) -> dict[str, Any]:
+    return {
+        "uptime_s": 86_400,
+        "frames_sent": 4_000_000_000,
+        "frames_dropped": 12,
+        "samples_dropped": 432,
+        "link_retries": 99,
+        "supply_uw": 1_250_000,
+        "supply_mv": 12_012,
+        "battery_percent": battery_percent,
+        "rssi_dbm": rssi_dbm,
+    }
+
+
+_SMALL: Final = {"first_sample": 0, "axes": 0b100, "n": 2, "counts": [-2, 300]}
+
+EXAMPLE: Final = WireFrame(MessageType.SAMPLES, 0, 3, 7, 1_000_000, _SMALL | {"first_sample": 9600})
+"""The worked example of the specification."""
+
+_FRAMES: Final[dict[str, WireFrame]] = {
+    "worked example of the specification": EXAMPLE,
+    "hello, DC, three axes": WireFrame(MessageType.HELLO, 0, 0, 0, 1500, _hello()),
+    "hello, AC, radial only": WireFrame(
+        MessageType.HELLO,
+        255,
+        254,
+        1,
+        2,
+        _hello(axes=0b100, coupling=1, highpass_hz=2.5, rate_hz=25600.0, saturation_counts=32768),
+    ),
+    "samples, three axes, as many as fit": WireFrame(
+        MessageType.SAMPLES, 0, 1, 12345, 67890, _samples(444_384, 0b111, 36)
+    ),
+    "samples, radial axis, as many as fit": WireFrame(MessageType.SAMPLES, 0, 2, 5, 6, _samples(7, 0b100, 109)),
+    "samples, two axes, one sample": WireFrame(MessageType.SAMPLES, 1, 0, 5, 6, _samples(1, 0b101, 1)),
+    "samples, extreme counts": WireFrame(
+        MessageType.SAMPLES, 0, 0, 9, 9, _samples(2**32 - 2, 0b010, 4, [-32768, 32767, -1, 0])
+    ),
+    "environment": WireFrame(MessageType.ENVIRONMENT, 0, 3, 8, 9, _environment()),
+    "environment, below zero": WireFrame(MessageType.ENVIRONMENT, 0, 3, 9, 10, _environment(-1200, -2755, 0)),
+    "environment, nothing available": WireFrame(
+        MessageType.ENVIRONMENT, 0, 3, 10, 11, _environment(wire.NONE_I32, wire.NONE_I16, wire.NONE_U16)
+    ),
+    "hub status": WireFrame(MessageType.HUB_STATUS, 0, HUB_ITSELF, 77, 5, _status(87, -71)),
+    "hub status, no battery, wired": WireFrame(
+        MessageType.HUB_STATUS, 0, HUB_ITSELF, 78, 6, _status(wire.NONE_U8, wire.NONE_I8)
+    ),
+    "time sync, tick wrapped": WireFrame(
+        MessageType.TIME_SYNC, 0, HUB_ITSELF, 79, 5, {"hub_us": 3 * 2**32 + 5, "host_ns": 1_700_000_000_123_456_789}
+    ),
+    "log text": WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 80, 7, {"level": 2, "text": "Sensor zu heiß".encode()}),
+    "log text, empty": WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 81, 8, {"level": 0, "text": b""}),
+    "log text, as long as fits": WireFrame(MessageType.LOG_TEXT, 0, 0, 82, 8, {"level": 3, "text": b"x" * 223}),
+    "counter and tick before they wrap": WireFrame(MessageType.ENVIRONMENT, 0, 0, 2**32 - 1, 2**32 - 1, _environment()),
+    "counter and tick after they wrapped": WireFrame(MessageType.ENVIRONMENT, 0, 0, 0, 249, _environment()),
+}
+
+
+def _at(seq: int, wheel: int = 0, tick_us: int = 100) -> WireFrame:
+    return WireFrame(MessageType.SAMPLES, 0, wheel, seq, tick_us, _SMALL)
+
+
+def _raw(seq: int, payload: bytes, type_: int = 0x77, **header: int) -> bytes:
+    return build_raw(payload, WireFrame(type_, 0, 0, seq, 100, {}), **header)
+
+
+def _flip(data: bytes, place: int) -> bytes:
+    return data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
+
+
+def _stream(
+    name: str, parts: list[bytes | WireFrame], inside: list[WireFrame] | None = None, **counters: int
+) -> dict[str, Any]:
+    """Return a stream of raw bytes and delivered frames; `inside` are frames delivered from within raw bytes."""
+    delivered = [part for part in parts if isinstance(part, WireFrame)] + (inside or [])
+    data = b"".join(part if isinstance(part, bytes) else build(part) for part in parts)
+    return {
+        "name": name,
+        "hex": data.hex(),
+        "frames": [dict(zip(WireFrame._fields, frame[:5], strict=False)) for frame in delivered],
+        "counters": dict.fromkeys(_COUNTERS, 0) | {"intact": len(delivered)} | counters,
+    }
+
+
+_COUNTERS: Final = (
+    "intact",
+    "crc_errors",
+    "noise_bytes",
+    "truncated",
+    "bad_payload",
+    "unknown_type",
+    "other_major",
+    "newer_minor",
+    "unknown_flags",
+    "lost",
+    "duplicates",
+    "reordered",
+    "restarts",
+)
+
+
+def _streams() -> list[dict[str, Any]]:
+    size = len(build(_at(0)))
+    hello = WireFrame(MessageType.HELLO, 0, 0, 0, 50, _hello())
+    rebooted = hello._replace(payload=_hello(boot_count=42))
+    environment = WireFrame(MessageType.ENVIRONMENT, 0, 0, 5, 5, _environment())
+    inner = build(_at(9, wheel=9))
+    return [
+        _stream("frames back to back", [hello, _at(1), _at(2), _at(3)]),
+        _stream("noise between frames", [b"\x00\xff noise", _at(1), b"\xa5", _at(2), b"\x5a\xa5\xa5"], noise_bytes=12),
+        _stream(
+            "one bit wrong: only this frame is lost",
+            [_at(1), _flip(build(_at(2)), 18), _at(3)],
+            crc_errors=1,
+            noise_bytes=size,
+            lost=1,
+        ),
+        _stream(
+            "a byte missing: the next frame is found inside the length claimed",
+            [_at(1), build(_at(2))[:-1], _at(3)],
+            crc_errors=1,
+            noise_bytes=size - 1,
+            lost=1,
+        ),
+        _stream(
+            "a false header whose length reaches over a frame",
+            [bytes.fromhex("a55a100210"), _at(1), bytes(40)],
+            crc_errors=1,
+            noise_bytes=45,
+        ),
+        _stream("a length that no frame has", [bytes.fromhex("a55a1002e1"), _at(1)], noise_bytes=5),
+        _stream(
+            "unknown type, skipped by its length", [_at(1), _raw(2, b"\xa5\x5a?"), _at(3)], intact=3, unknown_type=1
+        ),
+        _stream(
+            "newer minor version, skipped by its length",
+            [_at(1), _raw(2, inner, MessageType.SAMPLES, version=0x11), _at(3)],
+            intact=3,
+            newer_minor=1,
+        ),
+        _stream(
+            "other major version: its counter is not looked at",
+            [_at(1), _raw(900, b"?", MessageType.SAMPLES, version=0x20), _at(2)],
+            intact=3,
+            other_major=1,
+        ),
+        _stream(
+            "unknown flag", [_at(1), _raw(2, b"?", MessageType.SAMPLES, flags=1), _at(3)], intact=3, unknown_flags=1
+        ),
+        _stream(
+            "payload of a wrong length",
+            [_at(1), _raw(2, b"???", MessageType.ENVIRONMENT), _at(3)],
+            intact=3,
+            bad_payload=1,
+        ),
+        _stream(
+            "a frame inside a log text is text",
+            [WireFrame(MessageType.LOG_TEXT, 0, 0, 1, 1, {"level": 1, "text": inner}), _at(2)],
+        ),
+        _stream(
+            "a frame inside a damaged log text is a frame",
+            [_flip(build(WireFrame(MessageType.LOG_TEXT, 0, 0, 1, 1, {"level": 1, "text": inner})), 16)],
+            [_at(9, wheel=9)],
+            crc_errors=1,
+            noise_bytes=21,
+        ),
+        _stream("counters wrap", [_at(2**32 - 2), _at(2**32 - 1), _at(0), _at(1)]),
+        _stream("ticks wrap", [_at(1, tick_us=2**32 - 3750), _at(2, tick_us=0), _at(3, tick_us=3750)]),
+        _stream("a gap", [_at(1), _at(5)], lost=3),
+        _stream("sources have counters of their own", [_at(1), _at(7, wheel=1), _at(2), _at(9, wheel=1)], lost=1),
+        _stream(
+            "a duplicate is not delivered",
+            [_at(1), _at(2), build(_at(1)), build(_at(2)), _at(3)],
+            intact=5,
+            duplicates=2,
+        ),
+        _stream("a late frame is not lost", [_at(1), _at(4), _at(3)], lost=1, reordered=1),
+        _stream("late across the wrap", [_at(2**32 - 1), _at(1), _at(0)], reordered=1),
+        _stream("a counter far back is a restart", [_at(1000), _at(1001), _at(0), _at(1)], restarts=1),
+        _stream(
+            "another boot count restarts every source of the hub, however few frames it sent",
+            [hello, environment, _at(0, wheel=1), rebooted, _at(0, wheel=1)],
+            lost=4,
+            restarts=2,
+        ),
+        _stream("the end cuts a frame off", [_at(1), build(_at(2))[:-3]], truncated=1, noise_bytes=size - 3),
+        _stream("a frame behind a header cut off", [b"\xa5\x5a\x10\x02\xe0", _at(1)], truncated=1, noise_bytes=5),
+    ]
+
+
+def make_vectors() -> dict[str, str]:
+    """Return the vector files by name, as JSON text."""
+    frames = [{"name": name, **_plain(frame._asdict()), "hex": build(frame).hex()} for name, frame in _FRAMES.items()]
+    refused = [
+        {"name": name, "type": int(type_), "payload_hex": payload.hex()} for name, type_, payload in _refused_payloads()
+    ]
+    protocol = f"{wire.VERSION_MAJOR}.{wire.VERSION_MINOR}"
+    return {
+        "frames.json": _json({"protocol": protocol, "frames": frames, "refused_payloads": refused}),
+        "streams.json": _json({"protocol": protocol, "streams": _streams()}),
+    }
+
+
+def _refused_payloads() -> list[tuple[str, MessageType, bytes]]:
+    hello = bytearray(PAYLOADS[MessageType.HELLO].build(_hello()))
+    status = bytearray(PAYLOADS[MessageType.HUB_STATUS].build(_status(87, -71)))
+    return [
+        ("hello without axes", MessageType.HELLO, bytes(hello[:6] + b"\0" + hello[7:])),
+        ("hello with a rate that is no number", MessageType.HELLO, bytes(hello[:24] + b"\0\0\xc0\x7f" + hello[28:])),
+        ("samples without samples", MessageType.SAMPLES, bytes.fromhex("000000000700")),
+        ("samples with more samples than announced", MessageType.SAMPLES, bytes.fromhex("00000000040100000000")),
+        ("samples of a fourth axis", MessageType.SAMPLES, bytes.fromhex("0000000008010000")),
+        ("battery at 101 %", MessageType.HUB_STATUS, bytes(status[:26] + b"\x65" + status[27:])),
+        ("log text without a level", MessageType.LOG_TEXT, b""),
+    ]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _plain(inner) for name, inner in value.items()}
+    if isinstance(value, bytes):
+        return value.decode()
+    return int(value) if isinstance(value, MessageType) else value
+
+
+def _json(content: Mapping[str, Any]) -> str:
+    """Return JSON with one line per vector, so that a changed vector is a changed line."""
+    parts = []
+    for name, value in content.items():
+        if isinstance(value, list):
+            lines = ",\n".join(json.dumps(item, ensure_ascii=False) for item in value)
+            parts.append(f'"{name}": [\n{lines}\n]')
+        else:
+            parts.append(f'"{name}": {json.dumps(value)}')
+    return "{\n" + ",\n".join(parts) + "\n}\n"
