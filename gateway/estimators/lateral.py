@@ -34,6 +34,8 @@ _LEAST_CONTACT_RAD: Final = 0.08
 
 _SIZE: Final = 2 * len(ORDERS)
 _GRID: Final = 512
+_ANGLES: Final = angle_grid(_GRID)
+_ANGLES.setflags(write=False)
 
 
 class LateralRecord(NamedTuple):
@@ -96,7 +98,8 @@ class LateralAverage:
     def update(self, revolution: Revolution) -> LateralRecord:
         """Take a revolution in; return it by itself, corrected with the tilt known now."""
         axes = revolution.axes_mps2
-        self.roll.update(float(axes[LATERAL].mean()), float(axes[RADIAL].mean()))
+        if not revolution.ac_coupled:
+            self.roll.update(float(axes[LATERAL].mean()), float(axes[RADIAL].mean()))
         roll_rad = self.roll.roll_rad
         record = lateral_record(revolution, roll_rad)
         self._order_max = max(self._order_max, record.order_max)
@@ -166,21 +169,22 @@ def contact_edges(average: AngleAverage, conditions: Conditions) -> tuple[float,
 def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: float) -> Slopes:
     """Return the slopes between two contact edges.
 
-    peak: the steepest slope of either sign. first_half: mean slope from the leading edge to the contact's middle.
-    adhesion_line: least-squares line through the lateral displacement over the stretch around the peak in which the
-    slope keeps its sign, as one would lay a ruler on the rising part of the plotted deformation.
+    peak: the steepest slope that has the sign of the least-squares line through the whole contact. first_half: mean
+    slope from the leading edge to the contact's middle. adhesion_line: least-squares line through the lateral
+    displacement over the stretch around the peak in which the slope keeps its sign, as one would lay a ruler on the
+    rising part of the plotted deformation.
     """
     leading, trailing = edges_rad
-    angles = angle_grid(_GRID)
-    slope = streamline_slope(record.lateral_m, ORDERS, radius_m, _GRID)
-    inside = np.flatnonzero((angles > leading) & (angles < trailing))
-    steep = int(inside[np.abs(slope[inside]).argmax()])
-    peak = float(np.clip(_vertex(angles, np.abs(slope), steep), leading, trailing))
-    same = np.sign(slope) == np.sign(slope[steep])
-    before = np.flatnonzero(~same[inside[0] : steep])
-    after = np.flatnonzero(~same[steep : inside[-1] + 1])
-    first = leading if not len(before) else _zero(angles, slope, int(inside[0] + before[-1]))
+    angles = _ANGLES
+    sign = np.sign(line_row(leading, trailing, ORDERS, radius_m) @ record.lateral_m) or 1.0
+    slope = sign * streamline_slope(record.lateral_m, ORDERS, radius_m, _GRID)
+    start, end = np.searchsorted(angles, edges_rad)
+    steep = int(start + slope[start:end].argmax())
+    before = np.flatnonzero(slope[start:steep] <= 0.0)
+    after = np.flatnonzero(slope[steep:end] <= 0.0)
+    first = leading if not len(before) else _zero(angles, slope, int(start + before[-1]))
     last = trailing if not len(after) else _zero(angles, slope, int(steep + after[0] - 1))
+    peak = min(max(_vertex(angles, slope, steep), leading), trailing)
     rows = np.stack(
         [
             slope_row(peak, ORDERS, radius_m),
@@ -192,17 +196,26 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
 
 
 def edge_errors(
-    record: LateralRecord, edges_rad: tuple[float, float], edges_std_rad: tuple[float, float], radius_m: float
+    record: LateralRecord,
+    found: Slopes,
+    edges_rad: tuple[float, float],
+    edges_std_rad: tuple[float, float],
+    radius_m: float,
 ) -> FloatArray:
-    """Return what the contact edges' standard errors do to the three slopes, (3,) rad."""
-    base = slopes(record, edges_rad, radius_m).values_rad
+    """Return what the contact edges' standard errors do to the three slopes, (3,) rad.
+
+    The peak does not depend on them, the adhesion line only where an edge cuts it short.
+    """
     total = np.zeros(len(DEFINITIONS))
     for edge, std in enumerate(edges_std_rad):
         if not (math.isfinite(std) and std > 0.0):
             continue
-        moved = list(edges_rad)
-        moved[edge] += std
-        total += np.square(slopes(record, (moved[0], moved[1]), radius_m).values_rad - base)
+        leading, trailing = edges_rad[0] + std * (edge == 0), edges_rad[1] + std * (edge == 1)
+        chord = chord_row(leading, 0.5 * (leading + trailing), ORDERS, radius_m) @ record.lateral_m
+        total[1] += (chord - found.values_rad[1]) ** 2
+        if found.stretch_rad[edge] == edges_rad[edge]:
+            stretch = (leading, found.stretch_rad[1]) if edge == 0 else (found.stretch_rad[0], trailing)
+            total[2] += (line_row(*stretch, ORDERS, radius_m) @ record.lateral_m - found.values_rad[2]) ** 2
     return np.sqrt(total)
 
 

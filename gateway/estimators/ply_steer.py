@@ -22,7 +22,6 @@ from gateway.estimators.lateral import (
     slopes,
     why_unusable,
 )
-from gateway.signal.average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.signal.roll_calibration import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
 
 FloatArray = NDArray[np.float64]
@@ -30,6 +29,8 @@ FloatArray = NDArray[np.float64]
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
 ROLL_NAME: Final = "sensor_roll_rad"
 
+# Memory of the average: ply steer changes with load, pressure and temperature only.
+HORIZON_REVOLUTIONS: Final = 100.0
 # Effective revolutions in the average from which the angle is called valid.
 SETTLED_REVOLUTIONS: Final = 8.0
 # Orders without which the peak is off by more than 0.01 deg.
@@ -57,8 +58,9 @@ def separate_plysteer_conicity(
 ) -> Separated:
     """Tell ply steer from conicity by the same quantity rolling forward and in reverse.
 
-    Quantities are slopes, side forces or whole deformations over the angle in the direction of travel. The lateral axis
-    must be fixed to the tire: the car is driven backwards, the tire is not turned round on the rim (then swap the
+    Quantities are first-half slopes, side forces or whole deformations over the angle in the direction of travel; peak
+    and adhesion line lie elsewhere on every shape, so their halves do not add up. The lateral axis must be fixed to the
+    tire: the car is driven backwards, the tire is not turned round on the rim (then swap the
     roles: what changes sign on the vehicle's axis is conicity).
 
     Args:
@@ -76,7 +78,7 @@ class PlySteerEstimator:
     """Ply steer angle of the running average; nothing when the sensor has no lateral axis."""
 
     def __init__(
-        self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = DEFAULT_HORIZON_REVOLUTIONS
+        self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = HORIZON_REVOLUTIONS
     ) -> None:
         """Start empty.
 
@@ -115,11 +117,11 @@ class PlySteerEstimator:
         record = self._average.record()
         found = slopes(record, edges, conditions.radius_m)
         roll = self._average.roll
-        variance = np.einsum("ij,jk,ik->i", found.rows, record.covariance, found.rows)
+        variance = np.sum((found.rows @ record.covariance) * found.rows, axis=1)
         variance += np.square(found.rows @ record.radial_m * roll.roll_std_rad)
         variance += np.square(found.rows @ record.along_m * MOUNTING_STD_RAD)
         edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
-        variance += np.square(edge_errors(record, edges, edges_std, conditions.radius_m))
+        variance += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
         doubt = unusable or self._doubt(record.order_max)
         note = f"{_WHAT}, orders {ORDERS.start} to {record.order_max}"
         estimates = [

@@ -12,6 +12,7 @@ slope of the streamline is then a row times x, and its variance is row C row'.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -39,52 +40,51 @@ def lateral_coefficients(waveforms: FloatArray, orders: range) -> FloatArray:
     Cosines first, then sines; in the unit of the waveforms.
     """
     n = waveforms.shape[-1]
-    spectrum = np.fft.rfft(waveforms, axis=-1)[..., orders.start : orders.stop] * (_signs(orders) * 2.0 / n)
+    spectrum = np.fft.rfft(waveforms, axis=-1)[..., orders.start : orders.stop] * (_signs(orders) * (2.0 / n))
     return np.concatenate([spectrum.real, -spectrum.imag], axis=-1)
-
-
-def deformation(coefficients_m: FloatArray, orders: range, n: int) -> FloatArray:
-    """Return y on the angle grid, (n,) m, without its unknown mean (Eq. 21)."""
-    number = np.arange(orders.start, orders.stop)
-    return _synthesis(coefficients_m, orders, -1.0 / number**2, n)
-
-
-def streamline_slope(coefficients_m: FloatArray, orders: range, radius_m: float, n: int) -> FloatArray:
-    """Return dy/ds on the angle grid, (n,) rad."""
-    number = np.arange(orders.start, orders.stop)
-    return _synthesis(coefficients_m, orders, 1.0 / (1j * number * radius_m), n)
 
 
 def lateral_waveform(coefficients_m: FloatArray, orders: range, n: int) -> FloatArray:
     """Return the waveform of the trusted orders on the angle grid, (n,), in the unit of the coefficients."""
-    return _synthesis(coefficients_m, orders, np.ones(len(orders)), n)
+    return _synthesis(_complex(coefficients_m), orders, n)
+
+
+def deformation(coefficients_m: FloatArray, orders: range, n: int) -> FloatArray:
+    """Return y on the angle grid, (n,) m, without its unknown mean (Eq. 21)."""
+    return _synthesis(-_complex(coefficients_m) / _numbers(orders) ** 2, orders, n)
+
+
+def streamline_slope(coefficients_m: FloatArray, orders: range, radius_m: float, n: int) -> FloatArray:
+    """Return dy/ds on the angle grid, (n,) rad."""
+    return _synthesis(_complex(coefficients_m) / (1j * radius_m * _numbers(orders)), orders, n)
 
 
 def slope_row(angle_rad: float, orders: range, radius_m: float) -> FloatArray:
     """Return the row that gives the slope at an angle, (2 k,) 1/m."""
-    n = np.arange(orders.start, orders.stop, dtype=np.float64)
-    result: FloatArray = np.concatenate([np.sin(n * angle_rad), -np.cos(n * angle_rad)]) / (np.tile(n, 2) * radius_m)
+    n = _numbers(orders)
+    weight = 1.0 / (n * radius_m)
+    result: FloatArray = np.concatenate([np.sin(n * angle_rad) * weight, -np.cos(n * angle_rad) * weight])
     return result
 
 
 def chord_row(first_rad: float, last_rad: float, orders: range, radius_m: float) -> FloatArray:
     """Return the row that gives the mean slope between two angles, (2 k,) 1/m."""
-    n = np.arange(orders.start, orders.stop, dtype=np.float64)
-    span = radius_m * (last_rad - first_rad)
-    rise = np.concatenate([np.cos(n * first_rad) - np.cos(n * last_rad), np.sin(n * first_rad) - np.sin(n * last_rad)])
-    result: FloatArray = rise / (np.tile(n * n, 2) * span)
+    n = _numbers(orders)
+    weight = 1.0 / (n * n * radius_m * (last_rad - first_rad))
+    first, last = n * first_rad, n * last_rad
+    cosine, sine = np.cos(first) - np.cos(last), np.sin(first) - np.sin(last)
+    result: FloatArray = np.concatenate([cosine * weight, sine * weight])
     return result
 
 
 def line_row(first_rad: float, last_rad: float, orders: range, radius_m: float) -> FloatArray:
     """Return the row that gives the slope of the least-squares line through y between two angles, (2 k,) 1/m."""
-    n = np.arange(orders.start, orders.stop, dtype=np.float64)
-    half, middle = 0.5 * (last_rad - first_rad), 0.5 * (last_rad + first_rad)
-    # int t sin(n t) dt over -half..half; that of t cos(n t) is zero. Over int t^2 dt it is the line's slope.
-    moment = 2.0 * (np.sin(n * half) - n * half * np.cos(n * half)) / n**2
-    weight = moment / (2.0 / 3.0 * half**3)
-    line = np.concatenate([np.sin(n * middle) * weight, -np.cos(n * middle) * weight])
-    result: FloatArray = line / (np.tile(n * n, 2) * radius_m)
+    n = _numbers(orders)
+    half, middle = n * (0.5 * (last_rad - first_rad)), n * (0.5 * (last_rad + first_rad))
+    # The line's slope is int t y dt / int t^2 dt over t from the middle; int t sin(n t) dt = 2 (sin - x cos) / n^2 at
+    # x = n times half the span, and the cosine's is zero.
+    weight = 3.0 * n * (np.sin(half) - half * np.cos(half)) / (half**3 * n**2 * radius_m)
+    result: FloatArray = np.concatenate([np.sin(middle) * weight, -np.cos(middle) * weight])
     return result
 
 
@@ -98,17 +98,30 @@ def remove_roll(lateral: FloatArray, radial: FloatArray, roll_rad: float) -> Flo
     return result
 
 
-def _synthesis(coefficients: FloatArray, orders: range, factors: NDArray[np.generic], n: int) -> FloatArray:
-    """Return the waveform of coefficients, each order times a complex factor."""
-    k = len(orders)
+def _complex(coefficients: FloatArray) -> NDArray[np.complex128]:
+    """Return c - i s."""
+    k = len(coefficients) // 2
+    result: NDArray[np.complex128] = coefficients[:k] - 1j * coefficients[k:]
+    return result
+
+
+def _synthesis(coefficients: NDArray[np.complex128], orders: range, n: int) -> FloatArray:
+    """Return the waveform of complex coefficients c - i s."""
     spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)
-    spectrum[orders.start : orders.stop] = (
-        (coefficients[:k] - 1j * coefficients[k:]) * factors * (_signs(orders) * n / 2.0)
-    )
+    spectrum[orders.start : orders.stop] = coefficients * (_signs(orders) * (n / 2.0))
     return np.fft.irfft(spectrum, n=n)
 
 
+@lru_cache(maxsize=64)
+def _numbers(orders: range) -> FloatArray:
+    numbers = np.arange(orders.start, orders.stop, dtype=np.float64)
+    numbers.setflags(write=False)
+    return numbers
+
+
+@lru_cache(maxsize=64)
 def _signs(orders: range) -> FloatArray:
-    """The grid starts at -pi."""
-    result: FloatArray = np.where(np.arange(orders.start, orders.stop) % 2, -1.0, 1.0)
-    return result
+    """The grid starts at -pi, so odd orders change sign."""
+    signs: FloatArray = np.where(_numbers(orders) % 2, -1.0, 1.0)
+    signs.setflags(write=False)
+    return signs

@@ -45,6 +45,7 @@ class RollCalibration:
         self._information = np.zeros((2, 2))
         self._weighted = np.zeros(2)
         self.count = 0
+        self._roll_rad, self._roll_std_rad, self._offset_mps2 = 0.0, MOUNTING_STD_RAD, 0.0
 
     def update(self, mean_lateral_mps2: float, mean_radial_mps2: float) -> None:
         """Take in the means of one revolution as measured; a radial mean that is not positive (AC) is left out."""
@@ -54,23 +55,24 @@ class RollCalibration:
         self._information = self._keep * self._information + np.outer(row, row)
         self._weighted = self._keep * self._weighted + row * (mean_lateral_mps2 / REVOLUTION_STD_MPS2)
         self.count += 1
+        (aa, ab), (_, bb) = self._information + self._prior
+        determinant = aa * bb - ab * ab
+        a, b = self._weighted
+        self._roll_rad = math.atan((bb * a - ab * b) / determinant)
+        self._roll_std_rad = math.sqrt(bb / determinant)
+        self._offset_mps2 = float((aa * b - ab * a) / determinant)
 
     @property
     def roll_rad(self) -> float:
         """Best estimate of the tilt; 0 before the first revolution."""
-        return math.atan(self._solution()[0]) if self.count else 0.0
+        return self._roll_rad
 
     @property
     def roll_std_rad(self) -> float:
         """One standard error of the tilt."""
-        if not self.count:
-            return MOUNTING_STD_RAD
-        return float(math.sqrt(np.linalg.inv(self._information + self._prior)[0, 0]))
+        return self._roll_std_rad
 
     @property
     def offset_mps2(self) -> float:
         """Best estimate of the constant in the lateral mean."""
-        return float(self._solution()[1])
-
-    def _solution(self) -> FloatArray:
-        return np.asarray(np.linalg.solve(self._information + self._prior, self._weighted), dtype=np.float64)
+        return self._offset_mps2

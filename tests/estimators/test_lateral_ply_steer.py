@@ -1,0 +1,236 @@
+"""The ply steer estimator on tires whose equations it does not know, through the wheel's pipeline."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from firmware_protocol.messages import Coupling
+from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.lateral import lateral_record, slopes
+from gateway.estimators.ply_steer import NAMES, ROLL_NAME, PlySteerEstimator, separate_plysteer_conicity
+from gateway.estimators.registry import make_estimator
+from gateway.physics.lateral_belt import LateralBelt, LateralSolution
+from gateway.physics.rolling_ring import RingSolution
+from tests.estimators.revolution_data import settled
+from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
+
+CONDITIONS = Conditions(RADIUS_M)
+# Noise that dithers the 16-bit steps of 0.6 m/s^2 and is else negligible.
+QUIET = Sensor(noise_mg=1.0)
+
+
+def true_deg(ring: RingSolution, shape: LateralSolution) -> np.ndarray:
+    """Peak, first half and adhesion line from the belt's shape, by finite differences and polyfit."""
+    fine = np.linspace(ring.leading_edge_rad, ring.trailing_edge_rad, 2001)
+    y = np.interp(fine, shape.theta_rad, shape.y_m)
+    slope = np.interp(fine, shape.theta_rad, shape.slope_rad)
+    sign = np.sign(np.polyfit(fine, y, 1)[0])
+    steep = int((sign * slope).argmax())
+    same = sign * slope > 0
+    first = 0 if same[:steep].all() else int(np.flatnonzero(~same[:steep])[-1]) + 1
+    last = len(fine) if same[steep:].all() else steep + int(np.flatnonzero(~same[steep:])[0])
+    half = (y[1000] - y[0]) / (RADIUS_M * (fine[1000] - fine[0]))
+    line = np.polyfit(RADIUS_M * fine[first:last], y[first:last], 1)[0]
+    return np.degrees([slope[steep], half, line])
+
+
+@lru_cache(maxsize=32)
+def rolled(
+    ring: RingSolution,
+    belt: LateralBelt = LateralBelt(),  # noqa: B008 - frozen
+    sensor: Sensor = QUIET,
+    count: int = 15,
+    acceleration_mps2: float = 0.0,
+) -> tuple[Revolution, ...]:
+    values = samples(ring, [(count, lateral(ring, belt))], sensor, acceleration_mps2=acceleration_mps2)
+    return tuple(r.revolution for r in through_pipeline(values, sensor) if not r.revolution.faults)
+
+
+def estimate(revolutions: Sequence[Revolution], estimator: PlySteerEstimator | None = None) -> dict[str, Estimate]:
+    estimator = estimator or PlySteerEstimator()
+    average = settled(revolutions[0])
+    found: tuple[Estimate, ...] = ()
+    for revolution in revolutions:
+        found = estimator.update(revolution, average, CONDITIONS)
+    return {e.name: e for e in found}
+
+
+def angles_deg(found: dict[str, Estimate]) -> np.ndarray:
+    return np.degrees([found[name].value for name in NAMES])
+
+
+@pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
+@pytest.mark.parametrize("pressure_pa", [1.7e5, 2.5e5])
+def test_angles_are_those_of_the_belt(load_n: float, pressure_pa: float) -> None:
+    ring = radial(load_n, pressure_pa)
+    found = estimate(rolled(ring))
+    # Bench: rms 0.002 deg over the grid, largest 0.007 (first half, which the edges' error reaches).
+    assert angles_deg(found) == pytest.approx(true_deg(ring, lateral(ring)), abs=0.009)
+    assert all(found[name].status is Status.VALID for name in NAMES)
+
+
+@pytest.mark.parametrize(
+    "belt",
+    [
+        LateralBelt(bending_stiffness_nm2=4e3),
+        LateralBelt(sidewall_stiffness_npm2=1.3e5, tread_stiffness_npm2=1.2e7),
+        LateralBelt(coupling_length_m=-2e-3),
+    ],
+)
+def test_other_belts_are_measured_as_well(belt: LateralBelt) -> None:
+    ring = radial()
+    assert angles_deg(estimate(rolled(ring, belt))) == pytest.approx(true_deg(ring, lateral(ring, belt)), abs=0.008)
+
+
+def test_roll_tilt_calibrates_itself_away() -> None:
+    straight = estimate(rolled(radial()))
+    for degrees in (-2.0, 2.0):
+        tilted = estimate(rolled(radial(), sensor=replace(QUIET, roll_rad=math.radians(degrees))))
+        assert math.degrees(tilted[ROLL_NAME].value) == pytest.approx(degrees, abs=0.02)
+        assert angles_deg(tilted) == pytest.approx(angles_deg(straight), abs=0.005)
+        assert tilted[ROLL_NAME].status is Status.VALID
+    # Left alone it would be a gross error.
+    raw = rolled(radial(), sensor=replace(QUIET, roll_rad=math.radians(2.0)))[0]
+    edges = (raw.leading_edge_rad, raw.trailing_edge_rad)
+    left = np.degrees(slopes(lateral_record(raw, 0.0), edges, RADIUS_M).values_rad)
+    assert np.abs(left - angles_deg(straight)).max() > 0.1
+
+
+def test_offset_camber_and_yaw_stay_within_the_stated_error() -> None:
+    straight = angles_deg(estimate(rolled(radial())))
+    for sensor in (
+        replace(QUIET, lateral_offset_mps2=1.0),
+        replace(QUIET, camber_rad=math.radians(3)),
+        replace(QUIET, yaw_rad=math.radians(1)),
+    ):
+        found = estimate(rolled(radial(), sensor=sensor))
+        stated = np.degrees([found[name].std for name in NAMES])
+        assert np.all(np.abs(angles_deg(found) - straight) < 1.5 * stated)
+        assert np.all(stated < 0.02)
+
+
+def test_unknown_offset_is_found_from_a_change_of_speed() -> None:
+    sensor = replace(QUIET, lateral_offset_mps2=9.8, roll_rad=0.02)
+    ring = radial()
+    both: list[Revolution] = []
+    for speed in (50.0, 100.0):
+        values = samples(ring, [(40, lateral(ring))], sensor, speed_kmh=speed)
+        both += [r.revolution for r in through_pipeline(values, sensor) if not r.revolution.faults]
+    found = estimate(both, PlySteerEstimator(offset_std_mps2=15.0))
+    assert found[ROLL_NAME].value == pytest.approx(0.02, abs=1e-3)
+    assert angles_deg(found) == pytest.approx(true_deg(ring, lateral(ring)), abs=0.012)
+
+
+def test_speeding_up_changes_nothing() -> None:
+    fast = estimate(rolled(radial(), count=20, acceleration_mps2=3.0))
+    assert angles_deg(fast) == pytest.approx(angles_deg(estimate(rolled(radial()))), abs=0.004)
+
+
+def test_scatter_is_near_the_bound_and_the_stated_noise_is_honest() -> None:
+    sensor = Sensor(noise_mg=15.0)
+    revolutions = rolled(radial(), sensor=sensor, count=120)
+    ring = radial()
+    records = [lateral_record(r, 0.0) for r in revolutions]
+    edges = (ring.leading_edge_rad, ring.trailing_edge_rad)
+    rows = slopes(records[0], edges, RADIUS_M).rows
+    bound = 15e-3 * 9.80665 / math.sqrt(revolutions[0].period_s) / revolutions[0].omega_radps ** 2
+    scatter = np.std([rows @ record.lateral_m for record in records], axis=0, ddof=1)
+    assert scatter == pytest.approx(np.linalg.norm(rows, axis=1) * bound, rel=0.25)
+    # The estimate's own figure for it, apart from mounting and edges.
+    estimator = PlySteerEstimator()
+    estimate(revolutions, estimator)
+    record = estimator._average.record()
+    stated = np.sqrt(np.sum((rows @ record.covariance) * rows, axis=1))
+    assert stated == pytest.approx(scatter / math.sqrt(len(revolutions)), rel=0.3)
+
+
+def test_reason_names_what_one_direction_cannot_tell() -> None:
+    found = estimate(rolled(radial()))
+    for name in NAMES:
+        assert "plysteer + conicity" in found[name].reason
+        assert "orders 1 to 40" in found[name].reason
+    values = [found[name].value for name in NAMES]
+    assert len({round(math.degrees(value), 2) for value in values}) == 3  # the definitions differ, and are told apart
+
+
+def test_first_revolutions_and_faults_are_provisional() -> None:
+    revolutions = rolled(radial())
+    assert estimate(revolutions[:3])[NAMES[0]].status is Status.PROVISIONAL
+    estimator = PlySteerEstimator()
+    before = estimate(revolutions, estimator)
+    bad = replace(revolutions[0], faults=("lost",), axes_mps2=revolutions[0].axes_mps2 * 3)
+    after = estimate([bad], estimator)
+    assert after[NAMES[0]].value == before[NAMES[0]].value
+    assert after[NAMES[0]].status is Status.PROVISIONAL
+    assert "lost" in after[NAMES[0]].reason
+
+
+def test_ac_coupling_leaves_the_tilt_in_the_error() -> None:
+    values = samples(radial(), [(15, lateral(radial()))], QUIET)
+    values = values - values.mean(axis=0)
+    revolutions = [r.revolution for r in through_pipeline(values, QUIET, coupling=Coupling.AC)]
+    found = estimate([r for r in revolutions if not r.faults])
+    assert found[ROLL_NAME].status is Status.INVALID
+    assert found[NAMES[0]].status is Status.PROVISIONAL
+    assert "roll tilt" in found[NAMES[0]].reason
+    assert math.degrees(found[NAMES[0]].std) > 0.04
+
+
+def test_nothing_is_said_without_a_lateral_axis() -> None:
+    values = samples(radial(), [(4, lateral(radial()))], QUIET)
+    for name in ("ply-steer", "slip-angle"):
+        results = through_pipeline(values, QUIET, [name], axes=0b101)
+        assert results
+        assert all(r.estimates == () for r in results)
+
+
+def test_numbers_that_are_not_finite_are_refused() -> None:
+    good = rolled(radial())[0]
+    for name in ("ply-steer", "slip-angle"):
+        estimator = make_estimator(name)
+        axes = good.axes_mps2.copy()
+        axes[1, 5] = np.nan
+        for bad in (
+            replace(good, axes_mps2=axes),
+            replace(good, omega_radps=math.nan),
+            replace(good, order_max=0),
+        ):
+            for found in estimator.update(bad, settled(good), CONDITIONS):
+                assert found.status is Status.INVALID
+                assert math.isnan(found.value)
+                assert found.reason
+        no_contact = replace(settled(good), leading_edge_rad=math.nan)
+        assert all(e.status is Status.INVALID for e in estimator.update(good, no_contact, CONDITIONS))
+        no_radius = estimator.update(good, settled(good), Conditions(math.nan))
+        assert all(e.status is Status.INVALID for e in no_radius)
+
+
+def test_reset_forgets() -> None:
+    estimator = PlySteerEstimator()
+    first = estimate(rolled(radial())[:5], estimator)
+    estimate(rolled(radial(), LateralBelt(coupling_length_m=-2e-3)), estimator)
+    estimator.reset()
+    assert estimate(rolled(radial())[:5], estimator) == first
+
+
+def test_both_directions_separate_plysteer_from_conicity() -> None:
+    """Rolling in reverse is the mirror image: the coupling changes sign, the cone stays."""
+    ring = radial()
+    cone = LateralBelt(conicity_rad=0.02)
+    forward = angles_deg(estimate(rolled(ring, cone)))
+    reverse = angles_deg(estimate(rolled(ring, replace(cone, coupling_length_m=-cone.coupling_length_m))))
+    apart = separate_plysteer_conicity(forward, reverse, 0.003, 0.004)
+    # The mean over a fixed half adds up; peak and adhesion line lie elsewhere on every shape and do not.
+    assert apart.plysteer[1] == pytest.approx(true_deg(ring, lateral(ring))[1], abs=0.01)
+    only_cone = true_deg(ring, lateral(ring, replace(cone, coupling_length_m=0.0)))
+    assert apart.conicity[1] == pytest.approx(only_cone[1], abs=0.01)
+    assert apart.std == pytest.approx(0.0025)
+    # One direction alone holds the sum.
+    assert forward[1] == pytest.approx(apart.plysteer[1] + apart.conicity[1])
+    assert abs(apart.conicity[1]) > 0.005
