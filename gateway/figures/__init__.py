@@ -1,0 +1,1 @@
+"""Figures of the papers, redrawn from the models and estimators of this project."""
