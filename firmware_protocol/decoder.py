@@ -12,6 +12,7 @@ import numpy as np
 from firmware_protocol import wire
 from firmware_protocol.codec import DECODERS, SAMPLE_DTYPE, SAMPLE_LAYOUTS, decode_payload
 from firmware_protocol.counters import LinkCounters
+from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import Frame, Hello, Message, MessageType, SampleBlock
 from firmware_protocol.sequence import COUNTER_MASK
 from firmware_protocol.tracking import LinkTracker
@@ -66,20 +67,21 @@ class FrameDecoder:
             return frames
         sources = self._sources
         start = wanted = 0
-        # Sample frames of a known source, back to back and in order, are settled here; `_step` knows everything else.
-        while size - start >= _SAMPLES_LEAST:
-            if size - start < _MAX_FRAME:
-                total = _OVERHEAD + buffer[start + _LENGTH_OFFSET]
-                if size - start < total <= _MAX_FRAME and buffer.startswith(_SYNC, start):
-                    wanted = total
-                    break
-            word, length, key, flags, seq, tick_us, first_sample, axes_n = _unpack_start(buffer, start)
-            layout = SAMPLE_LAYOUTS[axes_n]
-            if word == _SAMPLES_WORD and length == layout[0] and not flags:
-                end = start + _OVERHEAD + length
-                if crc32(buffer[start:end]) == _RESIDUE:
+        # Sample frames of a known source, back to back and in order, are settled here, all others below.
+        while start < size:
+            left = size - start
+            if left >= _SAMPLES_LEAST:
+                if left < _MAX_FRAME:
+                    total = _OVERHEAD + buffer[start + _LENGTH_OFFSET]
+                    if left < total <= _MAX_FRAME and buffer.startswith(_SYNC, start):
+                        wanted = total
+                        break
+                word, length, key, flags, seq, tick_us, first_sample, axes_n = _unpack_start(buffer, start)
+                layout = SAMPLE_LAYOUTS[axes_n]
+                if word == _SAMPLES_WORD and length == layout[0] and not flags:
+                    end = start + _OVERHEAD + length
                     source = sources.get(key)
-                    if source is not None and seq == source.expected:
+                    if source is not None and seq == source.expected and crc32(buffer[start:end]) == _RESIDUE:
                         source.expected = seq + 1 & COUNTER_MASK
                         source.counters.frames += 1
                         counts = _new_array(layout[1], SAMPLE_DTYPE, buffer, start + _SAMPLES_OFFSET)
@@ -87,13 +89,14 @@ class FrameDecoder:
                         frames.append(_new_tuple(Frame, (_SAMPLES, key & 0xFF, key >> 8, seq, tick_us, block)))
                         start = end
                         continue
-            after = self._step(buffer, start, frames)
-            if after == start:
+            noise_start = start
+            start, end, crc_errors = next_frame(buffer, start)
+            self.counters.noise_bytes += start - noise_start
+            self.counters.crc_errors += crc_errors
+            if not end:
                 break
-            start = after
-        else:
-            while start < size and (after := self._step(buffer, start, frames)) != start:
-                start = after
+            self._read(buffer, start, end, frames)
+            start = end
         self._tail = buffer[start:]
         self._wanted = wanted
         return frames
@@ -108,40 +111,13 @@ class FrameDecoder:
             frames += self.feed(rest)
         return frames
 
-    def _step(self, buffer: bytes, start: int, frames: list[Frame]) -> int:
-        """Parse from `start` past one candidate or stretch of noise; return where to go on, `start` to wait."""
-        counters = self.counters
-        at = start if buffer.startswith(wire.SYNC, start) else buffer.find(wire.SYNC, start)
-        if at < 0:
-            at = len(buffer) - buffer.endswith(wire.SYNC[:1])
-        if at > start:
-            counters.noise_bytes += at - start
-            return at
-        if at + wire.LENGTH_KNOWN_BYTES > len(buffer):
-            return at
-        length = buffer[at + wire.LENGTH_OFFSET]
-        end = at + _OVERHEAD + length
-        if length > wire.MAX_PAYLOAD_BYTES:
-            counters.noise_bytes += 1
-            return at + 1
-        if end > len(buffer):
-            return at
-        if crc32(buffer[at:end]) != _RESIDUE:
-            counters.crc_errors += 1
-            counters.noise_bytes += 1
-            return at + 1
-        frame = self._read(buffer, at, end)
-        if frame is not None:
-            frames.append(frame)
-        return end
-
-    def _read(self, buffer: bytes, at: int, end: int) -> Frame | None:
-        """Return the intact frame at `at`, or None when it is to be skipped, and count it."""
+    def _read(self, buffer: bytes, at: int, end: int, frames: list[Frame]) -> None:
+        """Count the intact frame at `at`, and append it unless it is to be skipped."""
         version, type_, _, key, flags, seq, tick_us = _HEADER.unpack_from(buffer, at)
         counters = self.counters
         if version >> 4 != wire.VERSION_MAJOR:
             counters.other_major += 1
-            return None
+            return
         readable = version <= wire.VERSION_BYTE and not flags & ~wire.KNOWN_FLAGS
         message: Message | None = None
         if readable and type_ in DECODERS:
@@ -152,11 +128,11 @@ class FrameDecoder:
         # Whatever it says, the frame arrived: its counter is looked at first.
         source = self._tracker.source(key)
         if not source.accept(seq):
-            return None
+            return
         if message is not None:
             source.counters.frames += 1
-            return Frame(type_, key & 0xFF, key >> 8, seq, tick_us, message)
-        if version > wire.VERSION_BYTE:
+            frames.append(Frame(type_, key & 0xFF, key >> 8, seq, tick_us, message))
+        elif version > wire.VERSION_BYTE:
             counters.newer_minor += 1
         elif not readable:
             counters.unknown_flags += 1
@@ -164,4 +140,3 @@ class FrameDecoder:
             counters.unknown_type += 1
         else:
             counters.bad_payload += 1
-        return None

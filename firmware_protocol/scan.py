@@ -3,12 +3,11 @@
 Most candidates (sync bytes and a possible length) of a stream follow each other without a gap. Runs of frames of one
 length are checked by a single CRC over several of them: an intact frame leaves the CRC in a state that depends on its
 length alone, so the CRC of r such frames back to back is a constant. Only where candidates overlap does it matter which
-of them the parser would visit, and only there is the stream walked candidate by candidate.
+of them the parser would visit; where most do, the block is parsed in the plain way instead.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from functools import cache
 from typing import Final, NamedTuple
 from zlib import crc32
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol import wire
 from firmware_protocol.codec import encode_raw
+from firmware_protocol.framing import next_frame
 
 MAX_GROUP: Final = 64
 """Most frames checked by one CRC."""
@@ -26,10 +26,11 @@ LOOKAHEAD_BYTES: Final = wire.MAX_FRAME_BYTES
 
 _BAD: Final = 0
 _GOOD: Final = 1
-_UNKNOWN: Final = 2
-_INCOMPLETE: Final = 3
-_NOT_VISITED: Final = 4
+_INCOMPLETE: Final = 2
+_NOT_VISITED: Final = 3
 _CHUNK: Final = 1 << 14
+# Share of candidates that overlap the next above which going through them one by one is quicker.
+_DENSE: Final = 0.25
 
 Bytes = NDArray[np.uint8]
 Indices = NDArray[np.int64]
@@ -64,17 +65,15 @@ def scan(buffer: Bytes, size: int, *, final: bool, group: int) -> Scan:
         group: frames to check by one CRC, 1 to MAX_GROUP; only the speed depends on it.
     """
     start, end = _candidates(buffer, size)
-    state = np.full(len(start), _UNKNOWN, np.uint8)
-    state[end > size] = _INCOMPLETE
     overlaps = np.zeros(len(start), np.bool_)
     overlaps[:-1] = start[1:] < end[:-1]
-    wanted = state == _UNKNOWN
-    if overlaps.any():
-        wanted &= _in_the_open(start, end, overlaps)
-    check = np.flatnonzero(wanted)
-    state[check] = _check(buffer, start[check], end[check], group)
-    decide = np.flatnonzero((overlaps & (state == _GOOD)) | (state > _GOOD))
-    truncated, pending = _walk(buffer, start, end, state, decide, final=final) if len(decide) else (0, None)
+    if np.count_nonzero(overlaps) > _DENSE * len(start):
+        return _scan_plainly(buffer[:size].tobytes(), final=final)
+    state = np.full(len(start), _INCOMPLETE, np.uint8)
+    complete = np.flatnonzero(end <= size)
+    state[complete] = _check(buffer, start[complete], end[complete], group)
+    decide = np.flatnonzero((overlaps & (state == _GOOD)) | (state == _INCOMPLETE))
+    truncated, pending = _walk(start, end, state, decide, final=final) if len(decide) else (0, None)
 
     good = np.flatnonzero(state == _GOOD)
     start, end = start[good], end[good]
@@ -104,22 +103,6 @@ def _candidates(buffer: Bytes, size: int) -> tuple[Indices, Indices]:
     end[np.searchsorted(start, size - wire.LENGTH_OFFSET) :] = size + 1
     possible = end - start <= wire.MAX_FRAME_BYTES
     return (start, end) if possible.all() else (start[possible], end[possible])
-
-
-def _in_the_open(start: Indices, end: Indices, overlaps: Flags) -> Flags:
-    """Return the candidates worth checking at once: those not inside one that ends exactly where another begins.
-
-    This is a guess at where the parser will go, to save checking what lies inside payloads; the walk puts it right.
-    """
-    trusted = np.zeros(len(start), np.bool_)
-    trusted[:-1] = end[:-1] == start[1:]
-    doubtful = np.flatnonzero(overlaps)
-    follower = np.minimum(np.searchsorted(start, end[doubtful]), len(start) - 1)
-    trusted[doubtful] = start[follower] == end[doubtful]
-    reach = np.maximum.accumulate(np.where(trusted, end, 0))
-    in_the_open = np.ones(len(start), np.bool_)
-    in_the_open[1:] = start[1:] >= reach[:-1]
-    return in_the_open
 
 
 def _check(buffer: Bytes, start: Indices, end: Indices, group: int) -> Flags:
@@ -169,39 +152,52 @@ def _back_to_back() -> NDArray[np.uint32]:
 
 
 def _walk(
-    buffer: Bytes, start: Indices, end: Indices, state: NDArray[np.uint8], decide: Indices, *, final: bool
+    start: Indices, end: Indices, state: NDArray[np.uint8], decide: Indices, *, final: bool
 ) -> tuple[int, int | None]:
-    """Visit, as the streaming parser would, the candidates at which the way on is not plain; settle `state` by that.
+    """Visit, as the parser would, the candidates at which the way on is not plain; settle `state` by that.
 
     Args:
-        buffer: the block.
         start: offsets of all candidates.
         end: their ends.
         state: of each; afterwards candidates that the parser jumps over or never reaches are _NOT_VISITED.
-        decide: indices of the candidates that are good and overlap the next, are not checked, or are incomplete.
+        decide: indices of the candidates that are good and overlap the next, or are incomplete.
         final: whether incomplete candidates will stay so.
 
     Returns:
         Number of truncated frames, and the offset of the candidate that waits for more bytes, if any.
     """
-    view = buffer.data
     followers = np.searchsorted(start, end[decide]).tolist()
-    indices, starts, ends = decide.tolist(), start[decide].tolist(), end[decide].tolist()
-    states = state[decide].tolist()
-    truncated = at = 0
-    while at < len(indices):
-        here = states[at]
-        if here == _INCOMPLETE:
-            if not final:
-                state[indices[at] :] = _NOT_VISITED
-                return truncated, starts[at]
-            truncated += 1
-        elif here == _GOOD or crc32(view[starts[at] : ends[at]]) == wire.CRC_RESIDUE:
-            state[indices[at]] = _GOOD
-            state[indices[at] + 1 : followers[at]] = _NOT_VISITED
-            at = bisect_left(indices, followers[at], at + 1)
+    visited = 0
+    truncated = 0
+    for index, follower, is_good in zip(decide.tolist(), followers, (state[decide] == _GOOD).tolist(), strict=True):
+        if index < visited:
             continue
+        if is_good:
+            state[index + 1 : follower] = _NOT_VISITED
+            visited = follower
+        elif final:
+            truncated += 1
         else:
-            state[indices[at]] = _BAD
-        at += 1
+            state[index:] = _NOT_VISITED
+            return truncated, int(start[index])
     return truncated, None
+
+
+def _scan_plainly(block: bytes, *, final: bool) -> Scan:
+    """Parse frame by frame: where candidates crowd inside each other, the parser visits few of them."""
+    starts: list[int] = []
+    ends: list[int] = []
+    crc_errors = truncated = at = 0
+    while True:
+        at, end, errors = next_frame(block, at)
+        crc_errors += errors
+        if end:
+            starts.append(at)
+            ends.append(end)
+            at = end
+        elif final and at < len(block):
+            truncated += at + 1 < len(block)
+            at += 1
+        else:
+            start = np.array(starts, np.int64)
+            return Scan(start, np.array(ends, np.int64) - start, crc_errors, truncated, at)

@@ -1,0 +1,37 @@
+"""The rule by which frames are found in bytes, in its plain form."""
+
+from __future__ import annotations
+
+from typing import Final
+from zlib import crc32
+
+from firmware_protocol import wire
+
+_SYNC: Final = wire.SYNC
+_HALF_SYNC: Final = wire.SYNC[:1]
+
+
+def next_frame(buffer: bytes, start: int) -> tuple[int, int, int]:
+    """Find the next intact frame at or after `start`.
+
+    Returns:
+        Its start; its end, or 0 when what begins at the start returned, if anything, needs more bytes; and the number
+        of candidates passed over because of a bad CRC.
+    """
+    size = len(buffer)
+    crc_errors = 0
+    while True:
+        at = buffer.find(_SYNC, start)
+        if at < 0:
+            return size - buffer.endswith(_HALF_SYNC, start), 0, crc_errors
+        if at + wire.LENGTH_KNOWN_BYTES > size:
+            return at, 0, crc_errors
+        length = buffer[at + wire.LENGTH_OFFSET]
+        if length <= wire.MAX_PAYLOAD_BYTES:
+            end = at + wire.OVERHEAD_BYTES + length
+            if end > size:
+                return at, 0, crc_errors
+            if crc32(buffer[at:end]) == wire.CRC_RESIDUE:
+                return at, end, crc_errors
+            crc_errors += 1
+        start = at + 1
