@@ -216,7 +216,7 @@ class SessionCore:
             frames_lost=counters.lost,
             duplicates=counters.duplicates,
             reordered=counters.reordered,
-            skipped=counters.unknown_type + counters.other_major + counters.newer_minor + counters.unknown_flags,
+            skipped=counters.skipped,
             latency_s=self._pipeline.latency_s(name),
             queue_dropped=dict(link.queue_dropped),
             battery_percent=status.battery_percent if status is not None else None,

@@ -1,0 +1,243 @@
+"""The command as a user runs it: real processes, files and pseudo-terminals."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import tty
+from pathlib import Path
+
+import pytest
+
+from gateway.io.source import Chunk
+from gateway.recording.reader import RecordingReader
+from gateway.simulator.faults import parse_faults
+from gateway.simulator.scenario import load_scenario, vehicle_toml
+from gateway.simulator.simulation import simulate
+
+MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+MAP = Path(__file__).parents[2] / "examples" / "innerliner_drum_80kmh.map.toml"
+TIMEOUT_S = 90
+
+
+def treadlink(*arguments, cwd=None, check=True):
+    done = subprocess.run(
+        [sys.executable, "-m", "gateway.cli", *map(str, arguments)],
+        capture_output=True, text=True, cwd=cwd, timeout=TIMEOUT_S, check=False,
+    )  # fmt: skip
+    if check:
+        assert done.returncode == 0, done.stderr + done.stdout
+    return done
+
+
+def rows_of(path):
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        row.pop("recording")
+    return sorted(rows, key=lambda row: (row["position"], int(row["revolution"])))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """A recording made by `treadlink live` from the simulator, and what it printed."""
+    path = tmp_path_factory.mktemp("cli") / "lab.mcap"
+    done = treadlink("live", "sim:lab?speed=max&duration=8", "--plain", "--record", path)
+    return path, done.stdout
+
+
+def test_live_prints_a_line_a_revolution_and_ends_with_a_summary(recording):
+    path, printed = recording
+    assert "km/h" in next(line for line in printed.splitlines() if not line.startswith("#"))
+    assert "revolutions" in printed
+    assert f"recording: {path}" in printed
+    assert f"treadlink replay {path}" in printed
+    assert "Cw" in printed
+
+
+def test_replay_prints_the_same_lines(recording):
+    path, printed = recording
+    again = treadlink("replay", path, "--speed", "max", "--plain").stdout
+
+    def of_wheels(text):
+        return [line for line in text.splitlines() if line.startswith("W1 ") and "±" in line]
+
+    assert of_wheels(again) == of_wheels(printed)
+    assert len(of_wheels(again)) > 40
+
+
+def test_estimate_gives_tables_and_the_same_from_another_run(recording, tmp_path):
+    path, _ = recording
+    treadlink(
+        "estimate", path, "--csv", tmp_path / "a.csv", "--json", tmp_path / "a.jsonl", "--parquet", tmp_path / "a.pq"
+    )
+    treadlink("estimate", path, "--csv", tmp_path / "b.csv")
+    rows = rows_of(tmp_path / "a.csv")
+    assert rows == rows_of(tmp_path / "b.csv")
+    assert len(rows) > 40
+    assert abs(float(rows[-1]["speed_mps"]) * 3.6 - 65.0) < 0.1
+    assert float(rows[-1]["speed_mps_std"]) > 0
+    lines = (tmp_path / "a.jsonl").read_text().splitlines()
+    assert len(lines) == len(rows)
+    assert json.loads(lines[0])["position"] == rows[0]["position"]
+    again = treadlink("estimate", path, "--csv", tmp_path / "a.csv", check=False)
+    assert again.returncode == 1
+    assert "--force" in again.stderr
+
+
+def test_the_measured_recording_comes_out_as_revolutions(tmp_path):
+    if not MEASURED.exists():
+        pytest.skip(f"the measured recording is not at {MEASURED}")
+    treadlink("import", MEASURED, "--map", MAP, "--out", tmp_path / "drum.mcap")
+    treadlink("estimate", tmp_path / "drum.mcap", "--csv", tmp_path / "drum.csv")
+    rows = rows_of(tmp_path / "drum.csv")
+    assert len(rows) == 5
+    for row in rows:
+        # 2268 samples a revolution at 25.6 kHz and 0.30 m, contact about 20.9 deg between the half levels
+        assert float(row["speed_mps"]) * 3.6 == pytest.approx(76.6, abs=0.5)
+        assert 0.15 < float(row["trailing_edge_rad"]) < 0.25
+        assert -0.25 < float(row["leading_edge_rad"]) < -0.15
+        assert row["Cw_status"] == "invalid"
+        assert "load" in row["Cw_reason"]
+
+
+class Hub:
+    """A hub on a real pseudo-terminal, played by the simulator."""
+
+    def __init__(self, scenario, duration_s, faults=(), seed=2):
+        self.master, self.slave = os.openpty()
+        tty.setraw(self.slave)
+        self.port = os.ttyname(self.slave)
+        self.faults = tuple(parse_faults(faults, seed))
+        self.simulation = simulate(load_scenario(scenario), seed=seed, duration_s=duration_s, faults=self.faults)
+        self.sent = b""
+
+    def play(self):
+        """Write everything; the pseudo-terminal's small buffer paces it."""
+        for chunk in self.simulation.chunks("pty", 0):
+            self.sent += chunk.data
+            view = memoryview(chunk.data)
+            while view:
+                view = view[os.write(self.master, view) :]
+
+    def unplug(self):
+        os.close(self.slave)
+        os.close(self.master)
+
+
+def test_a_bad_serial_link_loses_only_what_is_damaged_and_counts_all_of_it(tmp_path):
+    hub = Hub("demo", 6.0, ["flip:rate=0.01", "drop:rate=0.01"])
+    clean = b"".join(c.data for c in simulate(load_scenario("demo"), seed=2, duration_s=6.0).chunks("pty", 0))
+    config = tmp_path / "vehicle.toml"
+    config.write_text(vehicle_toml(load_scenario("demo")))
+    process = subprocess.Popen(
+        [
+            sys.executable, "-m", "gateway.cli", "record", f"serial://{hub.port}?baudrate=921600",
+            "--config", config, "--out", tmp_path / "pty.mcap",
+        ],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        # The recorder says so when the port is open; before that the terminal would swallow bytes.
+        assert any("is open" in line for line in iter(process.stderr.readline, ""))
+        hub.play()
+        # everything is in the recording when its last bytes are
+        wait_until_recorded(tmp_path / "pty.mcap", len(hub.sent))
+        process.send_signal(signal.SIGINT)
+        printed, _ = process.communicate(timeout=TIMEOUT_S)
+    finally:
+        process.kill()
+        hub.unplug()
+    recorded = b"".join(item.data for item in RecordingReader(tmp_path / "pty.mcap").items() if isinstance(item, Chunk))
+    assert recorded == hub.sent
+    from firmware_protocol.decoder import FrameDecoder
+
+    reference, decoder = FrameDecoder(), FrameDecoder()
+    every = reference.feed(clean) + reference.finish()
+    arrived = decoder.feed(recorded) + decoder.finish()
+    flipped = sum(fault.counts.frames_hit for fault in hub.faults if fault.kind == "flip")
+    dropped = sum(fault.counts.frames_hit for fault in hub.faults if fault.kind == "drop")
+    assert flipped > 30
+    assert dropped > 30
+    keys = {(frame.hub, frame.wheel, frame.seq) for frame in every}
+    got = {(frame.hub, frame.wheel, frame.seq) for frame in arrived}
+    assert got <= keys
+    assert len(keys) - len(got) == flipped + dropped
+    # a loss is counted when a later frame of the same source shows it; at most the last of each can be missing
+    assert flipped + dropped - 9 <= decoder.counters.lost <= flipped + dropped
+    assert f"{decoder.counters.lost} lost" in printed
+
+
+def wait_until_recorded(path: Path, size: int) -> None:
+    """Wait, bounded, until the recording holds `size` link bytes."""
+    ticker = threading.Event()
+    for _ in range(TIMEOUT_S * 10):
+        ticker.wait(0.1)
+        if path.exists():
+            held = sum(len(item.data) for item in RecordingReader(path).items() if isinstance(item, Chunk))
+            if held >= size:
+                return
+    raise AssertionError(f"{path} never held {size} bytes")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("live", "sreial:///dev/ttyUSB0"), ("unknown source", "serial:")),
+        (("live", "serial:///dev/ttyNOSUCH0", "--plain"), ("ttyNOSUCH0",)),
+        (("live", "sim:nosuch"), ("nosuch", "demo")),
+        (("replay", "nosuch.mcap"), ("nosuch.mcap",)),
+        (("estimate", "nosuch.mcap"), ("nosuch.mcap", "Check the path")),
+        (("live", "sim:demo", "--config", "nosuch.toml"), ("nosuch.toml",)),
+        (("live", "sim:demo?speed=fast"), ("speed", "fast")),
+    ],
+)
+def test_a_wrong_call_names_the_thing_and_the_remedy(arguments, words, tmp_path):
+    done = treadlink(*arguments, cwd=tmp_path, check=False)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    for word in words:
+        assert word in done.stderr
+
+
+def test_recording_over_a_file_is_refused(recording, tmp_path):
+    path, _ = recording
+    before = path.read_bytes()
+    done = treadlink("live", "sim:lab?speed=max&duration=1", "--plain", "--record", path, check=False)
+    assert done.returncode == 1
+    assert "exists" in done.stderr
+    assert path.read_bytes() == before
+
+
+def test_every_command_has_help():
+    from gateway.cli import COMMANDS
+
+    for name in COMMANDS:
+        done = treadlink(name, "--help")
+        assert "Usage" in done.stdout
+        assert len(done.stdout) > 200
+
+
+def test_interrupt_ends_a_live_session_with_its_summary(tmp_path):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gateway.cli", "live", "sim:lab", "--plain", "--record", tmp_path / "i.mcap"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        seen = 0
+        for line in iter(process.stdout.readline, ""):
+            seen += "±" in line
+            if seen >= 5:
+                break
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate(timeout=TIMEOUT_S)
+    finally:
+        process.kill()
+    assert process.returncode == 0, errors
+    assert "recording:" in rest
+    assert RecordingReader(tmp_path / "i.mcap").info.finished
