@@ -17,7 +17,7 @@ ESTIMATORS: Final[dict[str, str]] = {
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
 }
 
-DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "ring-paper")
+DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "ring-paper", "ply-steer")
 
 
 def make_estimator(name: str) -> Estimator:
