@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from firmware_protocol import wire
-from firmware_protocol.declaration import MAX_F32, MAX_SAMPLES, PAYLOADS, PURPOSES
+from firmware_protocol.checks import MAX_F32
+from firmware_protocol.declaration import MAX_SAMPLES, PAYLOADS, PURPOSES
 from firmware_protocol.layout import Field, fields
 from firmware_protocol.messages import Axis, Coupling, LogLevel, MessageType
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from typing import Final, NoReturn
+from typing import Final
 from zlib import crc32
 
 import numpy as np
 
 from firmware_protocol import wire
+from firmware_protocol.checks import fixed, integer, real, reject, triple
 from firmware_protocol.messages import (
     Coupling,
     Environment,
@@ -53,7 +54,6 @@ _U8: Final = 0xFF
 _U16: Final = 0xFFFF
 _U32: Final = 0xFFFF_FFFF
 _U64: Final = 0xFFFF_FFFF_FFFF_FFFF
-_MAX_F32: Final = float(np.finfo(np.float32).max)
 _INF: Final = math.inf
 
 
@@ -65,7 +65,7 @@ def encode_frame(frame: Frame) -> bytes:
     """
     type_, encode = _ENCODERS[type(frame.message)]
     if frame.type != type_:
-        _reject("type", frame.type, f"{type_:d} for {type(frame.message).__name__}")
+        reject("type", frame.type, f"{type_:d} for {type(frame.message).__name__}")
     return encode_raw(type_, encode(frame.message), frame.hub, frame.wheel, frame.seq, frame.tick_us)
 
 
@@ -86,7 +86,7 @@ def encode_raw(
         ValueError: a value does not fit; the message names the field.
     """
     if len(payload) > wire.MAX_PAYLOAD_BYTES:
-        _reject("length of the payload", len(payload), f"at most {wire.MAX_PAYLOAD_BYTES}")
+        reject("length of the payload", len(payload), f"at most {wire.MAX_PAYLOAD_BYTES}")
     try:
         header = _HEADER.pack(wire.SYNC, version, type_, len(payload), hub, wheel, flags, seq, tick_us)
     except struct.error:
@@ -99,7 +99,7 @@ def encode_raw(
             ("seq", seq, _U32),
             ("tick_us", tick_us, _U32),
         ):
-            _integer(name, value, 0, top)
+            integer(name, value, 0, top)
         raise
     body = header + payload
     return body + _CRC.pack(crc32(body))
@@ -129,22 +129,22 @@ def decode_payload(type_: int, payload: bytes) -> Message:
 def _encode_hello(message: Hello) -> bytes:
     major, minor, patch = message.firmware
     return _HELLO.pack(
-        _integer("protocol_major", message.protocol_major, 0, _U8),
-        _integer("protocol_minor", message.protocol_minor, 0, _U8),
-        _integer("firmware major", major, 0, _U8),
-        _integer("firmware minor", minor, 0, _U8),
-        _integer("firmware patch", patch, 0, _U16),
-        _integer("axes", message.axes, 1, wire.ALL_AXES),
-        _integer("coupling", message.coupling, 0, max(Coupling)),
-        _integer("hub_id", message.hub_id, 0, _U64),
-        _integer("sensor_id", message.sensor_id, 0, _U32),
-        _integer("boot_count", message.boot_count, 0, _U32),
-        _real("rate_hz", message.rate_hz, wire.MIN_RATE_HZ, wire.MAX_RATE_HZ),
-        _real("highpass_hz", message.highpass_hz, 0.0, _INF),
-        *_triple("range_mps2", message.range_mps2, 0.0),
-        *_triple("scale_mps2", message.scale_mps2, -_INF),
-        *_triple("offset_counts", message.offset_counts, -_INF),
-        _integer("saturation_counts", message.saturation_counts, 1, wire.MAX_SATURATION_COUNTS),
+        integer("protocol_major", message.protocol_major, 0, _U8),
+        integer("protocol_minor", message.protocol_minor, 0, _U8),
+        integer("firmware major", major, 0, _U8),
+        integer("firmware minor", minor, 0, _U8),
+        integer("firmware patch", patch, 0, _U16),
+        integer("axes", message.axes, 1, wire.ALL_AXES),
+        integer("coupling", message.coupling, 0, max(Coupling)),
+        integer("hub_id", message.hub_id, 0, _U64),
+        integer("sensor_id", message.sensor_id, 0, _U32),
+        integer("boot_count", message.boot_count, 0, _U32),
+        real("rate_hz", message.rate_hz, wire.MIN_RATE_HZ, wire.MAX_RATE_HZ),
+        real("highpass_hz", message.highpass_hz, 0.0, _INF),
+        *triple("range_mps2", message.range_mps2, 0.0),
+        *triple("scale_mps2", message.scale_mps2, -_INF),
+        *triple("offset_counts", message.offset_counts, -_INF),
+        integer("saturation_counts", message.saturation_counts, 1, wire.MAX_SATURATION_COUNTS),
     )
 
 
@@ -186,13 +186,13 @@ def _encode_samples(message: SampleBlock) -> bytes:
     if counts.dtype != SAMPLE_DTYPE:
         exact = counts.astype(SAMPLE_DTYPE)
         if not np.array_equal(exact, counts):
-            _reject("counts", counts.dtype, "whole numbers of 16 bit")
+            reject("counts", counts.dtype, "whole numbers of 16 bit")
         counts = exact
-    channels = CHANNELS[_integer("axes", message.axes, 1, wire.ALL_AXES)]
+    channels = CHANNELS[integer("axes", message.axes, 1, wire.ALL_AXES)]
     most = (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // (SAMPLE_DTYPE.itemsize * channels)
     if counts.ndim != 2 or counts.shape[1] != channels or not 1 <= len(counts) <= most:
-        _reject("shape of counts", counts.shape, f"(1 to {most}, {channels})")
-    head = _SAMPLES.pack(_integer("first_sample", message.first_sample, 0, _U32), message.axes, len(counts))
+        reject("shape of counts", counts.shape, f"(1 to {most}, {channels})")
+    head = _SAMPLES.pack(integer("first_sample", message.first_sample, 0, _U32), message.axes, len(counts))
     return head + counts.tobytes()
 
 
@@ -210,9 +210,9 @@ def _decode_samples(payload: bytes) -> SampleBlock:
 
 def _encode_environment(message: Environment) -> bytes:
     return _ENVIRONMENT.pack(
-        _fixed("pressure_pa", message.pressure_pa, 1, wire.NONE_I32 + 1, -(wire.NONE_I32 + 1), wire.NONE_I32),
-        _fixed("temperature_degc", message.temperature_degc, 100, wire.NONE_I16 + 1, 0x7FFF, wire.NONE_I16),
-        _fixed("supply_v", message.supply_v, 1000, 0, wire.NONE_U16 - 1, wire.NONE_U16),
+        fixed("pressure_pa", message.pressure_pa, 1, wire.NONE_I32 + 1, -(wire.NONE_I32 + 1), wire.NONE_I32),
+        fixed("temperature_degc", message.temperature_degc, 100, wire.NONE_I16 + 1, 0x7FFF, wire.NONE_I16),
+        fixed("supply_v", message.supply_v, 1000, 0, wire.NONE_U16 - 1, wire.NONE_U16),
     )
 
 
@@ -229,15 +229,15 @@ def _decode_environment(payload: bytes) -> Environment:
 def _encode_hub_status(message: HubStatus) -> bytes:
     battery, rssi = message.battery_percent, message.rssi_dbm
     return _HUB_STATUS.pack(
-        _integer("uptime_s", message.uptime_s, 0, _U32),
-        _integer("frames_sent", message.frames_sent, 0, _U32),
-        _integer("frames_dropped", message.frames_dropped, 0, _U32),
-        _integer("samples_dropped", message.samples_dropped, 0, _U32),
-        _integer("link_retries", message.link_retries, 0, _U32),
-        _fixed("supply_w", message.supply_w, 1_000_000, 0, _U32),
-        _fixed("supply_v", message.supply_v, 1000, 0, _U16),
-        wire.NONE_U8 if battery is None else _integer("battery_percent", battery, 0, wire.MAX_BATTERY_PERCENT),
-        wire.NONE_I8 if rssi is None else _integer("rssi_dbm", rssi, wire.NONE_I8 + 1, 0x7F),
+        integer("uptime_s", message.uptime_s, 0, _U32),
+        integer("frames_sent", message.frames_sent, 0, _U32),
+        integer("frames_dropped", message.frames_dropped, 0, _U32),
+        integer("samples_dropped", message.samples_dropped, 0, _U32),
+        integer("link_retries", message.link_retries, 0, _U32),
+        fixed("supply_w", message.supply_w, 1_000_000, 0, _U32),
+        fixed("supply_v", message.supply_v, 1000, 0, _U16),
+        wire.NONE_U8 if battery is None else integer("battery_percent", battery, 0, wire.MAX_BATTERY_PERCENT),
+        wire.NONE_I8 if rssi is None else integer("rssi_dbm", rssi, wire.NONE_I8 + 1, 0x7F),
     )
 
 
@@ -260,7 +260,7 @@ def _decode_hub_status(payload: bytes) -> HubStatus:
 
 
 def _encode_time_sync(message: TimeSync) -> bytes:
-    return _TIME_SYNC.pack(_integer("hub_us", message.hub_us, 0, _U64), _integer("host_ns", message.host_ns, 0, _U64))
+    return _TIME_SYNC.pack(integer("hub_us", message.hub_us, 0, _U64), integer("host_ns", message.host_ns, 0, _U64))
 
 
 def _decode_time_sync(payload: bytes) -> TimeSync:
@@ -271,8 +271,8 @@ def _decode_time_sync(payload: bytes) -> TimeSync:
 def _encode_log_text(message: LogText) -> bytes:
     text = message.text.encode()
     if len(text) >= wire.MAX_PAYLOAD_BYTES:
-        _reject("length of text", len(text), f"at most {wire.MAX_PAYLOAD_BYTES - 1} bytes of UTF-8")
-    return bytes((_integer("level", message.level, 0, _U8),)) + text
+        reject("length of text", len(text), f"at most {wire.MAX_PAYLOAD_BYTES - 1} bytes of UTF-8")
+    return bytes((integer("level", message.level, 0, _U8),)) + text
 
 
 def _decode_log_text(payload: bytes) -> LogText:
@@ -307,38 +307,6 @@ FIXED_LENGTHS: Final[dict[int, int]] = {
 """Types of which every payload of this length is valid, whatever it holds."""
 
 
-def _reject(name: str, value: object, allowed: str) -> NoReturn:
-    raise ValueError(f"{name} is {value}; allowed: {allowed}")
-
-
 def _require_length(what: str, payload: bytes, length: int) -> None:
     if len(payload) != length:
         raise ValueError(f"{what} payload has {len(payload)} bytes, its layout {length}")
-
-
-def _integer(name: str, value: int, low: int, high: int) -> int:
-    if not low <= value <= high or value != int(value):
-        _reject(name, value, f"whole numbers {low} to {high}")
-    return int(value)
-
-
-def _real(name: str, value: float, low: float, high: float) -> float:
-    if not (low <= value <= high and abs(value) <= _MAX_F32):
-        _reject(name, value, f"{low:g} to {high:g}")
-    return value
-
-
-def _triple(name: str, values: tuple[float, float, float], low: float) -> tuple[float, float, float]:
-    if len(values) != 3:
-        _reject(name, values, "three values, one per axis")
-    first, second, third = (_real(name, value, low, _INF) for value in values)
-    return first, second, third
-
-
-def _fixed(name: str, value: float | None, per_unit: int, low: int, high: int, none: int | None = None) -> int:
-    """Return `value` as a fixed-point number of `per_unit` steps a unit, or the sentinel for None."""
-    if value is None and none is not None:
-        return none
-    if value is None or not low - 0.5 <= value * per_unit <= high + 0.5:
-        _reject(name, value, f"{low / per_unit:g} to {high / per_unit:g}")
-    return min(max(round(value * per_unit), low), high)

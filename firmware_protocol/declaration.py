@@ -14,6 +14,7 @@ import construct as c
 import numpy as np
 
 from firmware_protocol import wire
+from firmware_protocol.checks import MAX_F32
 from firmware_protocol.messages import (
     Coupling,
     Environment,
@@ -26,8 +27,6 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
-
-MAX_F32: Final = float(np.finfo(np.float32).max)
 
 
 class Limited(c.Validator):  # type: ignore[misc]

@@ -6,8 +6,9 @@ import re
 from collections.abc import Iterable, Iterator
 
 from firmware_protocol import wire
+from firmware_protocol.checks import MAX_F32
 from firmware_protocol.conformance import EXAMPLE
-from firmware_protocol.declaration import HEADER, MAX_F32, PAYLOADS, PURPOSES, build
+from firmware_protocol.declaration import HEADER, PAYLOADS, PURPOSES, build
 from firmware_protocol.layout import Field, fields
 from firmware_protocol.messages import MessageType
 

@@ -67,7 +67,7 @@ class SourceTracker:
 
 
 class LinkTracker:
-    """Counter state of all sources of a link: at most 65,536 sources and 256 hubs, about 30 MB at the very worst."""
+    """Counter state of all sources of a link: 65,536 sources and 256 hubs at the very worst, 25 MB."""
 
     def __init__(self) -> None:
         self.counters = LinkCounters()

@@ -1,0 +1,45 @@
+"""Range checks of encoded values; what they raise names the field."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NoReturn
+
+MAX_F32: Final = (2 - 2**-23) * 2.0**127
+"""Greatest 32-bit float."""
+
+
+def reject(name: str, value: object, allowed: str) -> NoReturn:
+    """Raise the error that names a field, its value and what is allowed."""
+    raise ValueError(f"{name} is {value}; allowed: {allowed}")
+
+
+def integer(name: str, value: int, low: int, high: int) -> int:
+    """Return `value` if it is a whole number in range."""
+    if not low <= value <= high or value != int(value):
+        reject(name, value, f"whole numbers {low} to {high}")
+    return int(value)
+
+
+def real(name: str, value: float, low: float, high: float) -> float:
+    """Return `value` if it is in range and a 32-bit float can hold it."""
+    if not (low <= value <= high and abs(value) <= MAX_F32):
+        reject(name, value, f"{low:g} to {high:g}")
+    return value
+
+
+def triple(name: str, values: tuple[float, float, float], low: float) -> tuple[float, float, float]:
+    """Return three values, one per axis, if each is at least `low` and a 32-bit float can hold it."""
+    if len(values) != 3:
+        reject(name, values, "three values, one per axis")
+    first, second, third = (real(name, value, low, math.inf) for value in values)
+    return first, second, third
+
+
+def fixed(name: str, value: float | None, per_unit: int, low: int, high: int, none: int | None = None) -> int:
+    """Return `value` as a fixed-point number of `per_unit` steps a unit, or the sentinel for None."""
+    if value is None and none is not None:
+        return none
+    if value is None or not low - 0.5 <= value * per_unit <= high + 0.5:
+        reject(name, value, f"{low / per_unit:g} to {high / per_unit:g}")
+    return min(max(round(value * per_unit), low), high)
