@@ -37,7 +37,7 @@ class LateralBelt:
         sidewall_stiffness_npm2: ky, lateral sidewall stiffness per length of belt.
         tread_stiffness_npm2: cy, lateral tread stiffness per length of belt.
         friction: mu between tread and road.
-        conicity_rad: half angle of the cone that the belt is part of; flattened, it curves in its plane by conicity / R.
+        conicity_rad: half angle of the cone the belt is part of; flattened, it curves in its plane by conicity / R.
     """
 
     coupling_length_m: float = 1.2e-3
