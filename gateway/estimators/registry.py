@@ -13,6 +13,7 @@ ESTIMATORS: Final[dict[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
     "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
     "weak-form": "gateway.estimators.weak_form:WeakFormEstimator",
+    "forward": "gateway.estimators.forward:ForwardEstimator",
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
 }

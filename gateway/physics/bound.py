@@ -165,11 +165,11 @@ def waveform_sensitivity(
 
 
 def waveform_orders(waveform: FloatArray, max_order: int) -> ComplexArray:
-    """Return coefficients c_n - i s_n, n = 0 to max_order, of a curve (n,) over theta = -pi + 2 pi i / n."""
-    n = len(waveform)
-    spectrum = np.fft.rfft(waveform)[: max_order + 1] * (2.0 / n)
-    spectrum[0] *= 0.5
-    spectrum[1::2] *= -1.0
+    """Return coefficients c_n - i s_n, n = 0 to max_order, of curves (..., n) over theta = -pi + 2 pi i / n."""
+    n = waveform.shape[-1]
+    spectrum = np.fft.rfft(waveform, axis=-1)[..., : max_order + 1] * (2.0 / n)
+    spectrum[..., 0] *= 0.5
+    spectrum[..., 1::2] *= -1.0
     result: ComplexArray = spectrum
     return result
 

@@ -1,0 +1,288 @@
+"""Fit of the forward model to an averaged waveform: Gauss-Newton with priors, weighted by noise and model error.
+
+Orders are weighted with the inverse of their variance, of noise plus model error. Model error is what the fit leaves
+beyond noise, band of orders by band, and is found along the way: a waveform that the model cannot follow gets a flat
+weight, one that it can follow the noise's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimators.forward_model import (
+    NOMINAL_LOAD_NUMBER,
+    PRIOR_MEAN,
+    PRIOR_STD,
+    SIZE,
+    ForwardModel,
+    ForwardSolution,
+    P,
+    stacked,
+)
+from gateway.estimators.forward_start import begin_waves, cold_start, place_centre
+from gateway.physics.rolling_ring import RingNotConvergedError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+BoolArray = NDArray[np.bool_]
+
+# Largest change of a parameter in one step, in these units.
+_REACH: Final[FloatArray] = np.minimum(np.where(np.arange(SIZE) < P.DAMPING, 0.5, 0.5 * PRIOR_STD), 2.0)
+
+# Bands of orders [first, next) of equal model error.
+BANDS: Final = (0, 2, 5, 8, 12, 17, 23, 30, 38, 47, 57, 68, 80, 94, 110, 128)
+MAX_ORDER: Final = 110
+# Order 1 of the signal is gravity's and the hub's.
+_LEFT_OUT: Final = 1
+# No order is known better than this share of the mean: resampling, rounding, and what is left of the grid's error.
+_LEAST_STD: Final = 2e-6
+# Model error before the first look at the data, as a share of the mean.
+_FIRST_ERROR: Final = 0.02
+# A band's own model error counts as known from its degrees of freedom, the overall one as from this many.
+_POOLED: Final = 2.0
+
+# Gauss-Newton step at which the packets' orders are looked for: the ring is in place by then.
+_WAVES_FROM: Final = 3
+# Amplitude over its standard error from which a packet has an order.
+_DISTINCT: Final = 3.0
+# Model error of the mean, which only the gain has to follow.
+_MEAN_ERROR: Final = 1e-4
+# A packet lost in the noise has no order and no decay to settle on.
+_SETTLES: Final[BoolArray] = np.array(
+    [place not in (P.BEFORE_ORDER, P.BEFORE_DECAY, P.AFTER_ORDER, P.AFTER_DECAY) for place in P]
+)
+
+_MAX_STEPS: Final = 40
+# Largest step over the parameters' standard errors that counts as converged.
+_CONVERGED: Final = 0.1
+_HALVINGS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class ForwardFit:
+    """Where the fit ended.
+
+    Attributes:
+        solution: the model there.
+        model_orders: (m,) its orders, freed from the grid's error.
+        residual: (m,) complex, data minus model, shares of the data's mean.
+        noise: (SIZE, SIZE) covariance of the parameters from the noise of the orders.
+        model: (SIZE, SIZE) covariance from model error (the residual by bands, signs drawn anew) and priors.
+        misfit: mean square of the residual over its noise; about 1 when the model is right.
+        half_angle_gradient: (SIZE,) derivative of the contact's half angle by the parameters.
+        steps: of Gauss-Newton.
+        converged: False when the steps ran out first.
+    """
+
+    solution: ForwardSolution
+    model_orders: ComplexArray
+    residual: ComplexArray
+    noise: FloatArray
+    model: FloatArray
+    misfit: float
+    half_angle_gradient: FloatArray
+    steps: int
+    converged: bool
+
+    @property
+    def parameters(self) -> FloatArray:
+        """The fitted vector."""
+        return self.solution.parameters
+
+    def numbers(self, load_number: float) -> FloatArray:
+        """Return Bs, Cw, Rs, Ts at a load number Q / (p0 R^2), (4,)."""
+        numbers = self.solution.ring.numbers
+        result: FloatArray = np.array(numbers) * (load_number / NOMINAL_LOAD_NUMBER)
+        return result
+
+    @property
+    def left_over(self) -> float:
+        """Rms of what is left over from order 2 on, as a share of the signal's."""
+        left, all_of_it = (float(np.sum(np.abs(orders[2:]) ** 2)) for orders in (self.residual, self.data))
+        return math.sqrt(left / all_of_it)
+
+    @property
+    def data(self) -> ComplexArray:
+        """The orders that were fitted."""
+        return self.model_orders + self.residual
+
+    def half_angle_std_rad(self) -> float:
+        """Return the standard error of the contact's half angle."""
+        return math.sqrt(float(self.half_angle_gradient @ (self.noise + self.model) @ self.half_angle_gradient))
+
+
+def fit_forward(
+    orders: ComplexArray,
+    order_std: FloatArray,
+    half_angle_rad: float,
+    model: ForwardModel,
+    *,
+    start: FloatArray | None = None,
+    use_mean: bool = True,
+) -> ForwardFit | None:
+    """Fit the model to the orders of an averaged waveform.
+
+    Args:
+        orders: (m,) coefficients c - i s over R omega^2, orders 0 to model.max_order.
+        order_std: (m,) standard error of one real coefficient, positive.
+        half_angle_rad: of the contact as seen in the waveform, for a cold start.
+        model: what is not fitted.
+        start: (SIZE,) parameters of a fit of nearly the same waveform; None starts from Table 3's tire.
+        use_mean: False where the sensor does not pass the steady value.
+
+    Returns:
+        The fit; None when the ring has no equilibrium anywhere near the data.
+    """
+    variance = np.square(np.maximum(order_std, _LEAST_STD))
+    variance[0] *= 0.5
+    used = np.ones(len(orders), dtype=np.bool_)
+    used[_LEFT_OUT] = False
+    used[0] = use_mean
+    free = np.ones(SIZE, dtype=np.bool_)
+    free[P.SHEAR] = model.shear
+    try:
+        here = model.solve(cold_start(model, half_angle_rad) if start is None else start.copy())
+        if start is None:
+            here = place_centre(model, here, orders)
+        correction = model.refined(here) - here.orders
+        error = np.full(len(orders), _FIRST_ERROR**2)
+        size = math.inf
+        for step in range(1, _MAX_STEPS + 1):
+            if start is None and step == _WAVES_FROM:
+                here = begin_waves(model, here, orders - here.orders - correction, variance + error, used)
+            residual = orders - here.orders - correction
+            rows = np.where(free[:, np.newaxis], model.derivatives(here)[0], 0.0)
+            normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
+            error = _model_error(residual, variance, _leverage(rows, normal, variance + error, used), used)
+            normal, gradient = _normal(rows, residual, variance + error, used, here.parameters)
+            posterior = np.linalg.inv(normal)
+            std = np.sqrt(np.diagonal(posterior))
+            change = _limited(np.where(free, posterior @ gradient, 0.0))
+            size = float(np.max(np.abs(change) / std, where=_SETTLES, initial=0.0))
+            there = _move(model, here, change, orders - correction, variance + error, used)
+            if there is None:
+                break
+            here = there
+            free = _distinct(here.parameters, std, free)
+            if size < _CONVERGED and (start is not None or step > _WAVES_FROM):
+                break
+            if size < 1.0:
+                correction = model.refined(here) - here.orders
+        fine = model.refined(here)
+        derivatives, half_angle_gradient = model.derivatives(here)
+        rows = np.where(free[:, np.newaxis], derivatives, 0.0)
+    except (RingNotConvergedError, ValueError, np.linalg.LinAlgError):
+        return None
+    residual = np.where(used, orders - fine, 0.0)
+    normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
+    posterior = np.linalg.inv(normal)
+    weight = np.where(used, 1.0 / (variance + error), 0.0)
+    response = posterior @ stacked(rows)
+    by_noise = response * np.tile(weight * np.sqrt(variance), 2)
+    by_model = response * np.tile(weight * np.sqrt(error), 2)
+    by_prior = posterior / PRIOR_STD
+    return ForwardFit(
+        solution=here,
+        model_orders=fine,
+        residual=residual,
+        noise=by_noise @ by_noise.T,
+        model=by_model @ by_model.T + by_prior @ by_prior.T,
+        misfit=float(np.mean(np.abs(residual[used]) ** 2 / (2.0 * variance[used]))),
+        half_angle_gradient=half_angle_gradient,
+        steps=step,
+        converged=size < 1.0,
+    )
+
+
+def _limited(change: FloatArray) -> FloatArray:
+    """Keep a step within reach: the ring's parameters together, the packets' each by itself."""
+    ring = change[: P.BEFORE_COSINE] / _REACH[: P.BEFORE_COSINE]
+    limited = np.clip(change, -_REACH, _REACH)
+    limited[: P.BEFORE_COSINE] = change[: P.BEFORE_COSINE] / max(1.0, float(np.abs(ring).max()))
+    return limited
+
+
+def _distinct(parameters: FloatArray, std: FloatArray, free: BoolArray) -> BoolArray:
+    """Hold order and decay of a packet that does not stand out of the noise."""
+    result = free.copy()
+    for first in (P.BEFORE_COSINE, P.AFTER_COSINE):
+        amplitude = math.hypot(parameters[first], parameters[first + 1])
+        result[first + 2 : first + 4] = amplitude > _DISTINCT * max(std[first], std[first + 1])
+    return result
+
+
+def _move(
+    model: ForwardModel,
+    here: ForwardSolution,
+    change: FloatArray,
+    data: ComplexArray,
+    variance: FloatArray,
+    used: BoolArray,
+) -> ForwardSolution | None:
+    """Take the step, or a part of it that makes the fit better; None when none does."""
+    before = _cost(here, data, variance, used)
+    for _ in range(_HALVINGS + 1):
+        try:
+            there = model.solve(here.parameters + change, here.ring)
+        except RingNotConvergedError:
+            change = 0.25 * change
+            continue
+        if _cost(there, data, variance, used) <= before * (1.0 + 1e-9):
+            return there
+        change = 0.4 * change
+    return None
+
+
+def _cost(at: ForwardSolution, data: ComplexArray, variance: FloatArray, used: BoolArray) -> float:
+    misfit = np.abs(data - at.orders)[used] ** 2 / variance[used]
+    return float(misfit.sum() + np.sum(np.square((at.parameters - PRIOR_MEAN) / PRIOR_STD)))
+
+
+def _normal(
+    rows: ComplexArray,
+    residual: ComplexArray,
+    variance: FloatArray,
+    used: BoolArray,
+    parameters: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the normal matrix and the gradient, priors included."""
+    weight = np.where(used, 1.0 / np.sqrt(variance), 0.0)
+    jacobian = stacked(rows * weight)
+    normal = jacobian @ jacobian.T + np.diag(PRIOR_STD**-2.0)
+    gradient = jacobian @ stacked(residual * weight) - (parameters - PRIOR_MEAN) / PRIOR_STD**2
+    return normal, gradient
+
+
+def _leverage(rows: ComplexArray, normal: FloatArray, variance: FloatArray, used: BoolArray) -> FloatArray:
+    """Return the share of each order's own two coefficients in their fit, (m,), 0 to 2."""
+    weight = np.where(used, 1.0 / np.sqrt(variance), 0.0)
+    size = len(variance)
+    jacobian = stacked(rows * weight)
+    diagonal = np.sum(jacobian * np.linalg.solve(normal, jacobian), axis=0)
+    result: FloatArray = diagonal[:size] + diagonal[size:]
+    return result
+
+
+def _model_error(residual: ComplexArray, variance: FloatArray, leverage: FloatArray, used: BoolArray) -> FloatArray:
+    """Return the variance of model error of one coefficient of each order, (m,).
+
+    The residual's power beyond noise over the degrees of freedom that the fit has left in the band. A band that the
+    fit can follow whatever it holds tells little about itself, so it borrows from all bands.
+    """
+    shaped = used.copy()
+    shaped[0] = False
+    power = np.where(shaped, np.abs(residual) ** 2, 0.0)
+    freedom = np.where(shaped, np.maximum(2.0 - leverage, 0.0), 0.0)
+    begins = [begin for begin in BANDS if begin < len(variance)]
+    of_band = np.add.reduceat(np.stack([power, freedom, np.where(shaped, variance, 0.0) * freedom]), begins, axis=1)
+    overall = max(float(of_band[0].sum() - of_band[2].sum()) / max(float(of_band[1].sum()), 1.0), 0.0)
+    excess = (np.maximum(of_band[0] - of_band[2], 0.0) + _POOLED * overall) / (of_band[1] + _POOLED)
+    error: FloatArray = np.repeat(excess, np.diff([*begins, len(variance)]))
+    # The mean is the gain's, which absorbs what is wrong with it.
+    error[0] = _MEAN_ERROR**2
+    return error

@@ -1,0 +1,183 @@
+"""The forward estimator against exact rings that it has to find, and against what it must not claim."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.estimators.base import Conditions, Estimate, Status
+from gateway.estimators.forward import SHAPE, ForwardEstimator
+from gateway.estimators.forward_fit import ForwardFit, fit_forward
+from gateway.estimators.forward_model import PRIOR_MEAN, ForwardModel, P
+from gateway.estimators.forward_waves import packet_basis
+from gateway.physics.bound import waveform_orders
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring_waves import EdgeWaves
+from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
+from tests.exact_ring_data import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, solution
+
+OMEGA = omega_at(65.0)
+# 5 mg/rtHz after a hundred revolutions, over R omega^2.
+STD = 0.147 / 1019.0 / 10.0
+MAX_ORDER = 60
+
+
+def solved(ring: RingParameters = BASE_RING, load_n: float = 5000.0, **options: float) -> RingSolution:
+    return solve_rolling_ring(ring, load_n, PRESSURE_PA, OMEGA, nodes=1440, **options)
+
+
+def fit(ring: RingSolution, *, waves: EdgeWaves | None = None, std: float = STD, seed: int = 1) -> ForwardFit:
+    wave = ring.sensor.radial_m / RADIUS_M
+    if waves is not None:
+        wave = wave + waves.radial(ring.theta_rad, ring.leading_edge_rad, ring.trailing_edge_rad)
+    rng = np.random.default_rng(seed)
+    size = MAX_ORDER + 1
+    orders = waveform_orders(wave, MAX_ORDER) + std * (rng.normal(size=size) + 1j * rng.normal(size=size))
+    orders[0] = orders[0].real
+    found = fit_forward(orders, np.full(size, std), 1.03 * ring.half_angle_rad, ForwardModel(MAX_ORDER, shear=True))
+    assert found is not None
+    assert found.converged
+    return found
+
+
+def assert_all(condition: np.ndarray, message: str = "") -> None:
+    assert bool(np.all(condition)), message
+
+
+def check(found: ForwardFit, ring: RingSolution, percent: tuple[float, float, float, float]) -> None:
+    numbers = found.numbers(ring.load_n / (ring.pressure_pa * RADIUS_M**2))
+    std = np.sqrt(np.diagonal(found.noise + found.model))[:4]
+    error = np.log(numbers / np.array(ring.numbers))
+    assert_all(np.abs(error) < 3.0 * std + 0.001, f"{error} against {std}")
+    assert_all(100.0 * std < np.array(percent), f"standard errors {std}")
+
+
+SMALL = (0.3, 0.7, 0.7, 4.0)
+
+
+@pytest.mark.parametrize("load_n", [2000.0, 8000.0])
+def test_finds_the_numbers_at_any_load(load_n: float) -> None:
+    ring = solved(load_n=load_n)
+    found = fit(ring)
+    check(found, ring, SMALL)
+    assert found.solution.half_angle_rad == pytest.approx(ring.half_angle_rad, rel=2e-3)
+    assert 0.5 < found.misfit < 1.6
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"sidewall_stiffening_pm": 5.0},
+        {"extension_stiffness_n": 5e7, "tread_stiffness_npm2": 3.5e7},
+        {"foundation_damping_nspm2": 200.0, "tread_damping_nspm2": 5e4},
+    ],
+    ids=lambda change: "+".join(change),
+)
+def test_knows_what_else_a_tire_may_be(change: dict[str, float]) -> None:
+    ring = solved(replace(BASE_RING, **change))
+    check(fit(ring), ring, SMALL)
+
+
+def test_tells_bending_from_shear_where_the_ring_is_all_there_is() -> None:
+    ring = solved(replace(BASE_RING, shear_stiffness_n=1e5))
+    found = fit(ring)
+    check(found, ring, SMALL)
+    # EI / (GA R^2) over 1e-4.
+    truth = math.log(BASE_RING.bending_stiffness_nm2 / (1e5 * RADIUS_M**2) / 1e-4)
+    assert found.parameters[P.SHEAR] == pytest.approx(truth, abs=0.2)
+
+
+def test_gives_edge_waves_a_place_of_their_own() -> None:
+    ring = solved()
+    found = fit(ring, waves=EdgeWaves(0.05, order_before=33.0, order_after=46.0, decay_rad=0.8, phase_rad=0.6))
+    check(found, ring, SMALL)
+    before, after = found.solution.packets()
+    assert (before.order, after.order) == pytest.approx((33.0, 46.0), abs=0.2)
+    assert (before.amplitude, after.amplitude) == pytest.approx((0.05, 0.05), rel=0.05)
+    assert after.decay_rad == pytest.approx(0.8, rel=0.05)
+
+
+def test_what_it_has_no_place_for_widens_the_errors() -> None:
+    """Waves on both sides of a second order: the errors grow, and cover what they do to the numbers."""
+    ring = solved()
+    clean = fit(ring)
+    theta = ring.theta_rad
+    other = EdgeWaves(0.04, order_before=22.0, order_after=27.0)
+    both = EdgeWaves(0.05, order_before=45.0, order_after=52.0)
+    wave = ring.sensor.radial_m / RADIUS_M
+    for waves in (other, both):
+        wave = wave + waves.radial(theta, ring.leading_edge_rad, ring.trailing_edge_rad)
+    found = fit_forward(
+        waveform_orders(wave, MAX_ORDER),
+        np.full(MAX_ORDER + 1, STD),
+        ring.half_angle_rad,
+        ForwardModel(MAX_ORDER, shear=True),
+    )
+    assert found is not None
+    std, clean_std = (np.sqrt(np.diagonal(one.noise + one.model))[:4] for one in (found, clean))
+    assert_all(std[:3] > 3.0 * clean_std[:3])
+    error = np.log(found.numbers(ring.load_n / (PRESSURE_PA * RADIUS_M**2)) / np.array(ring.numbers))
+    assert_all(np.abs(error) < 4.0 * std, f"{error} against {std}")
+
+
+def test_derivatives_are_the_model_s() -> None:
+    model = ForwardModel(40, shear=True, offset=0.01, nodes=240)
+    at = PRIOR_MEAN.copy()
+    at[[P.BEFORE_COSINE, P.BEFORE_SINE, P.AFTER_COSINE, P.AFTER_SINE]] = 0.03, -0.02, 0.01, 0.04
+    here = model.solve(at)
+    rows, half_angle = model.derivatives(here)
+    for place in (P.CW, P.SHEAR, P.STIFFENING, P.CENTRE, P.GAIN, P.BEFORE_ORDER, P.AFTER_DECAY, P.AFTER_SINE):
+        step = 1e-3
+        moved = at.copy()
+        moved[place] += step
+        there = model.solve(moved, here.ring)
+        error = np.abs((there.orders - here.orders) / step - rows[place]).max()
+        assert error < 0.02 * np.abs(rows[place]).max() + 1e-6, place.name
+        if place is P.CW:
+            assert half_angle[place] == pytest.approx((there.half_angle_rad - here.half_angle_rad) / step, rel=1e-3)
+
+
+def test_packets_end_where_the_contact_begins() -> None:
+    theta = -math.pi + 2.0 * math.pi / 512 * np.arange(512)
+    basis = packet_basis(theta, 0.25, 1, 2.0 * math.pi - 0.5, 30.0, 0.7)
+    assert_all(basis[:, (np.abs(theta) < 0.25)] == 0.0)
+    assert np.abs(basis[0][(theta > 0.26) & (theta < 0.6)]).max() > 0.5
+
+
+def named(estimates: tuple[Estimate, ...]) -> dict[str, Estimate]:
+    return {estimate.name: estimate for estimate in estimates}
+
+
+def test_an_estimator_of_its_own() -> None:
+    revolution = make_revolution(exact_wave(solution()))
+    average = settled(revolution)
+    estimator = ForwardEstimator()
+    first = named(estimator.update(revolution, average, CONDITIONS))
+    truth = solution().numbers
+    for name in ("Bs", "Cw", "Rs", "Ts"):
+        assert first[name].status is Status.VALID, first[name].reason
+        assert first[name].value == pytest.approx(getattr(truth, name), rel=0.01)
+    assert first["half_angle_rad"].value == pytest.approx(solution().half_angle_rad, rel=2e-3)
+    assert first[SHAPE[1]].value < 1e-3
+    # Between fits the numbers follow the stated load, and nothing is fitted anew.
+    estimator.update(revolution, average, CONDITIONS)
+    held = estimator._fit
+    third = named(estimator.update(revolution, average, replace(CONDITIONS, load_n=5100.0)))
+    assert estimator._fit is held
+    second_bs = named(estimator.update(revolution, average, CONDITIONS))["Bs"].value
+    assert third["Bs"].value == pytest.approx(1.02 * second_bs, rel=2e-3)
+    no_load = named(estimator.update(revolution, average, Conditions(RADIUS_M)))
+    assert no_load["Bs"].status is Status.INVALID
+    assert no_load["Rs/Cw"].value == pytest.approx(truth.Rs / truth.Cw, rel=0.01)
+
+
+def test_refuses_what_is_no_ring() -> None:
+    rng = np.random.default_rng(4)
+    noise = 1000.0 + 200.0 * rng.normal(size=1024)
+    revolution = make_revolution(noise, edges=(-0.24, 0.24), edge_std=0.01)
+    estimates = ForwardEstimator().update(revolution, settled(revolution), CONDITIONS)
+    assert all(estimate.status is Status.INVALID for estimate in estimates)
+    assert "left over" in estimates[0].reason or "no ring" in estimates[0].reason
