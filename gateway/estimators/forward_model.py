@@ -124,10 +124,10 @@ class ForwardSolution:
 
     def packets(self) -> tuple[Packet, Packet]:
         """Return the wave packets before and after the contact."""
-        p = self.parameters
+        p = self.parameters.tolist()
         return (
-            Packet(*p[P.BEFORE_COSINE : P.BEFORE_ORDER + 1], math.exp(p[P.BEFORE_DECAY])),
-            Packet(*p[P.AFTER_COSINE : P.AFTER_ORDER + 1], math.exp(p[P.AFTER_DECAY])),
+            Packet(p[P.BEFORE_COSINE], p[P.BEFORE_SINE], p[P.BEFORE_ORDER], math.exp(p[P.BEFORE_DECAY])),
+            Packet(p[P.AFTER_COSINE], p[P.AFTER_SINE], p[P.AFTER_ORDER], math.exp(p[P.AFTER_DECAY])),
         )
 
 
@@ -194,7 +194,10 @@ class ForwardModel:
         basis = self.wave_orders(p, ring)
         wave = p[P.BEFORE_COSINE] * basis[0] + p[P.BEFORE_SINE] * basis[1]
         wave += p[P.AFTER_COSINE] * basis[6] + p[P.AFTER_SINE] * basis[7]
-        return (waveform_orders(ring.sensor.radial_m / _RADIUS_M, self.max_order) + wave) * self._turn(p)
+        orders: ComplexArray = (waveform_orders(ring.sensor.radial_m / _RADIUS_M, self.max_order) + wave) * self._turn(
+            p
+        )
+        return orders
 
     def _turn(self, p: FloatArray) -> ComplexArray:
         """Return gain and turn of each order: the waveform is that of theta - centre."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +15,14 @@ from gateway.estimators.forward_fit import ForwardFit, fit_forward
 from gateway.estimators.forward_model import PRIOR_MEAN, ForwardModel, P
 from gateway.estimators.forward_waves import packet_basis
 from gateway.physics.bound import waveform_orders
+from gateway.physics.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waves import EdgeWaves
-from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
+from gateway.signal.average import RunningAverage
+from gateway.signal.normalise import normalise_radial
+from gateway.signal.resample import fit_phase, resample_revolution
+from gateway.signal.segmentation import find_contacts, refine_contact
+from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled, take
 from tests.exact_ring_data import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, solution
 
 OMEGA = omega_at(65.0)
@@ -181,3 +187,31 @@ def test_refuses_what_is_no_ring() -> None:
     estimates = ForwardEstimator().update(revolution, settled(revolution), CONDITIONS)
     assert all(estimate.status is Status.INVALID for estimate in estimates)
     assert "left over" in estimates[0].reason or "no ring" in estimates[0].reason
+
+
+MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+
+
+def test_on_a_measured_tire_it_says_what_is_not_determined() -> None:
+    if not MEASURED.exists():
+        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+    samples = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3] * STANDARD_GRAVITY_MPS2
+    contacts, sign = find_contacts(samples, 25600.0)
+    refined = [refine_contact(sign * samples, at, width) for at, _, width in contacts]
+    centres = [contact.centre for contact in refined if contact is not None]
+    average = RunningAverage()
+    for previous, start, end in zip(centres, centres[1:], centres[2:], strict=False):
+        phase = fit_phase(start, end, previous)
+        omega = 2.0 * math.pi * 25600.0 / phase.samples
+        raw = sign * resample_revolution(samples[:, np.newaxis], phase)[0]
+        wave = normalise_radial(raw, phase, ac_coupled=True, steady_mps2=0.3 * omega**2).radial_mps2
+        revolution = replace(make_revolution(wave), omega_radps=omega, ac_coupled=True)
+        result = take(average, revolution)
+    found = named(ForwardEstimator().update(revolution, result, Conditions(0.3, 3500.0, 2.2e5)))
+    for name in ("Bs", "Ts", "Bs/Cw", "Ts/Cw"):
+        assert found[name].status is not Status.VALID
+        assert "not determined" in found[name].reason, name
+    # Held to the order of magnitude: nobody knows this tire's numbers.
+    assert found["Rs/Cw"].value == pytest.approx(9.0, rel=0.4)
+    assert found["half_angle_rad"].value == pytest.approx(0.205, abs=0.005)
+    assert found["edge_wave_after"].value > 3.0 * found["edge_wave_after"].std
