@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis
 from gateway.estimators.base import Revolution
+from gateway.pipeline.contact_timing import TimedPair
 from gateway.pipeline.ring import SampleRing
 from gateway.pipeline.segmenter import ContactPair
 from gateway.signal.contact import find_contact_edges
@@ -25,6 +26,7 @@ _MAX_MISSING: Final = 0.0
 
 def revolution_in_angle(
     pair: ContactPair,
+    timed: TimedPair,
     *,
     ring: SampleRing,
     columns: tuple[int, ...],
@@ -41,7 +43,8 @@ def revolution_in_angle(
     """Cut one revolution out of the ring and take it into the angle domain.
 
     Args:
-        pair: the contacts that bound it.
+        pair: the contacts that bound it, as segmented.
+        timed: the same contacts refined.
         ring: raw samples, holding at least the revolution.
         columns: axis of each channel.
         scale_mps2: (channels,) m/s^2 per count.
@@ -57,7 +60,7 @@ def revolution_in_angle(
     Returns:
         the revolution; what is wrong with it is in its `faults`.
     """
-    start, end = pair.start.centre, pair.end.centre
+    start, end = timed.start.centre, timed.end.centre
     first = max(math.floor(start) - MARGIN_SAMPLES - 1, ring.tail)
     last = min(math.ceil(end) + MARGIN_SAMPLES + 2, pair.decided_at, ring.head)
     counts = ring.view(first, last)
@@ -66,7 +69,7 @@ def revolution_in_angle(
     saturated = bool(inside.max() >= saturation_counts or inside.min() <= -saturation_counts)
     samples = (counts - offset_counts) * scale_mps2
     samples[:, radial_column] *= sign
-    previous = start - pair.previous_period - first if pair.previous_period is not None else None
+    previous = start - timed.previous_period - first if timed.previous_period is not None else None
     phase = fit_phase(start - first, end - first, previous)
     channels = resample_revolution(samples, phase)
     axes = np.full((len(Axis), GRID_SIZE), np.nan)
@@ -77,7 +80,12 @@ def revolution_in_angle(
     normal = normalise_radial(axes[Axis.RADIAL], phase, ac_coupled=ac_coupled, steady_mps2=steady_mps2)
     radial = normal.radial_mps2
     noise_coefficient = coefficient_std(radial, period)
-    edges = find_contact_edges(radial, period, noise_coefficient)
+    edges = _edges(timed)
+    reason = ""
+    if not all(map(math.isfinite, edges)):
+        own = find_contact_edges(radial, period, noise_coefficient)
+        edges = own.leading_rad, own.trailing_rad, own.leading_std_rad, own.trailing_std_rad
+        reason = own.reason
     order_max = highest_order(period)
     missing = ring.missing_between(math.floor(start), math.ceil(end)) / period
     return Revolution(
@@ -90,17 +98,23 @@ def revolution_in_angle(
         axes_mps2=axes,
         orders_mps2=order_coefficients(radial, order_max),
         order_max=order_max,
-        leading_edge_rad=edges.leading_rad,
-        trailing_edge_rad=edges.trailing_rad,
-        leading_edge_std_rad=edges.leading_std_rad,
-        trailing_edge_std_rad=edges.trailing_std_rad,
+        leading_edge_rad=edges[0],
+        trailing_edge_rad=edges[1],
+        leading_edge_std_rad=edges[2],
+        trailing_edge_std_rad=edges[3],
         noise_mps2=sample_std(noise_coefficient, period, GRID_SIZE),
         missing_fraction=missing,
         saturated=saturated,
         ac_coupled=ac_coupled,
-        faults=_faults(pair, missing, saturated, edges.reason),
-        period_std_s=pair.period_std / rate_hz,
+        faults=_faults(pair, missing, saturated, reason),
+        period_std_s=timed.period_std / rate_hz,
     )
+
+
+def _edges(timed: TimedPair) -> tuple[float, float, float, float]:
+    """Return leading and trailing edge with their errors: the end's contact is entered, the start's is left."""
+    start, end = timed.start, timed.end
+    return end.leading_rad, start.trailing_rad, end.leading_std_rad, start.trailing_std_rad
 
 
 def _faults(pair: ContactPair, missing: float, saturated: bool, edge_reason: str) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from firmware_protocol.sequence import unwrap
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
 from gateway.estimators.registry import make_estimator
 from gateway.pipeline.angle import revolution_in_angle
+from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
 from gateway.pipeline.ring import SampleRing
 from gateway.pipeline.segmenter import SEARCH_WINDOW_S, ContactPair, Segmenter
@@ -53,6 +54,7 @@ class WheelPipeline:
         self.setup = setup
         self._estimators = [make_estimator(name) for name in estimators]
         self._average = RunningAverage()
+        self._timer = ContactTimer()
         self._axes: _Axes | None = None
         self._ring: SampleRing | None = None
         self._segmenter: Segmenter | None = None
@@ -92,6 +94,7 @@ class WheelPipeline:
                 self._overwritten_before += self._ring.overwritten
             self._ring = SampleRing(round(RING_S * hello.rate_hz), len(columns))
             self._segmenter = None
+            self._timer.reset()
             self._clock = SampleClock(hello.rate_hz)
 
     def environment(self, tick_us: int, environment: Environment) -> None:
@@ -179,6 +182,7 @@ class WheelPipeline:
         self._looked_at = head
         self._ring.reset(head)
         self._segmenter = Segmenter(self._axes.hello.rate_hz, head)
+        self._timer.reset()
         self._clock = SampleClock(self._axes.hello.rate_hz)
 
     def _finish_segment(self, host: HostClock) -> list[RevolutionResult]:
@@ -204,22 +208,31 @@ class WheelPipeline:
         assert clock is not None
         assert segmenter is not None
         hello = layout.hello
+        rate_hz, sign = clock.rate_hz(pair.end.centre), segmenter.sign
+        timed = self._timer.time(
+            pair,
+            self._average.latest,
+            lambda first, end: self._read_radial(first, end) * sign,
+            ring.missing_between,
+            rate_hz,
+        )
         in_angle = revolution_in_angle(
             pair,
+            timed,
             ring=ring,
             columns=layout.columns,
             scale_mps2=layout.scale,
             offset_counts=layout.offset,
             saturation_counts=hello.saturation_counts,
-            sign=segmenter.sign,
-            rate_hz=clock.rate_hz(pair.end.centre),
+            sign=sign,
+            rate_hz=rate_hz,
             ac_coupled=hello.coupling == Coupling.AC,
             radius_m=self.setup.radius_m,
             index=self._revolutions,
-            start_s=clock.hub_us(pair.start.centre) * 1e-6,
+            start_s=clock.hub_us(timed.start.centre) * 1e-6,
         )
         self._revolutions += 1
-        end_us = clock.hub_us(pair.end.centre)
+        end_us = clock.hub_us(timed.end.centre)
         average = self._take_in(in_angle)
         conditions = self._conditions(end_us)
         estimates = tuple(

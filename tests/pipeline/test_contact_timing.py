@@ -1,0 +1,111 @@
+"""Speed and contact per revolution through the whole pipeline, against the exact ring's truth."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from firmware_protocol.decoder import FrameDecoder
+from gateway.config.faults import parse_document
+from gateway.pipeline.core import Pipeline
+from gateway.pipeline.setup import WheelSetup
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulation import simulate
+
+SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
+
+
+@cache
+def errors(tables: str = "", duration_s: float = 16.0):
+    """Relative errors of period and half angle, and the stated relative error of the period, of settled revolutions."""
+    text = f"[scenario]\nseed = 4\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
+    simulation = simulate(parse_document(Scenario, text, "test"), duration_s=duration_s)
+    pipeline, decoder, results = Pipeline((SETUP,), SETUP, ("kinematic",)), FrameDecoder(), []
+    for chunk in simulation.chunks("link", 10**18):
+        results += pipeline.frames("link", decoder.feed(chunk.data), chunk.host_ns)
+    truth = simulation.truth["FL"]
+    bottoms = truth.bottom_times_s(0.0, duration_s)
+    rows = []
+    for result in results[12:]:
+        revolution = result.revolution
+        at = int(np.argmin(np.abs(bottoms - revolution.start_s)))
+        if at + 1 >= len(bottoms):
+            continue
+        leading, trailing = truth.contact_edges_rad(revolution.start_s)
+        half = revolution.trailing_edge_rad - revolution.leading_edge_rad
+        rows.append(
+            (
+                revolution.period_s / (bottoms[at + 1] - bottoms[at]) - 1.0,
+                half / (trailing - leading) - 1.0,
+                revolution.period_std_s / revolution.period_s,
+            )
+        )
+    assert len(rows) > 100
+    return np.array(rows).T
+
+
+def test_speed_is_near_its_bound() -> None:
+    period, _, stated = errors()
+    assert abs(period.mean()) < 1e-6
+    assert period.std() < 2e-5  # 1.3e-5 is the bound at 5 mg/rtHz
+    assert 0.7 < np.median(stated) / period.std() < 1.5
+
+
+def test_half_angle_is_near_its_bound() -> None:
+    _, half, _ = errors()
+    assert half.std() < 5e-4  # 2.4e-4 is the bound
+    assert abs(half.mean()) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("tables", "speed_std", "half_std"),
+    [
+        ("[sensor]\nrate_hz = 2000", 2.5e-5, 5e-4),
+        ("[road]\nrms_mps2 = 2", 4e-5, 1e-3),
+        ("[sensor]\ncoupling = 'ac'\nhighpass_hz = 0.05", 2.5e-5, 7e-4),
+        ("[motion]\nspeed_kmh = [[0, 50], [16, 110]]", 4e-5, 7e-4),
+        ("[tire]\ntread_damping_nspm2 = 5e4\nfoundation_damping_nspm2 = 200", 2.5e-5, 6e-4),
+    ],
+)
+def test_they_hold_under_other_conditions(tables: str, speed_std: float, half_std: float) -> None:
+    period, half, stated = errors(tables)
+    assert abs(period.mean()) < 1e-5
+    assert period.std() < speed_std
+    assert half.std() < half_std
+    assert 0.5 < np.median(stated) / period.std() < 2.5
+
+
+def test_the_steady_edge_carries_the_timing(roll, to_frames) -> None:
+    """The leading edge jitters by 2 mm as on the real tire: speed must be better than half of that over the period."""
+    signal = jittered(roll)
+    pipeline = Pipeline((SETUP,), SETUP, ("kinematic",))
+    results = pipeline.frames("link", to_frames(signal), 10**18)[15:]
+    periods = np.array([result.revolution.period_s for result in results])
+    true_s = 2.0 * math.pi * 0.32 / (65.0 / 3.6)
+    scatter = (periods / true_s - 1.0).std()
+    of_both_edges = 0.5 * math.sqrt(2.0) * 0.002 / (2.0 * math.pi * 0.32)
+    assert scatter < 0.25 * of_both_edges
+    stated = np.median([result.revolution.period_std_s for result in results]) / true_s
+    assert 0.4 < stated / scatter < 6.0
+    leading = np.array([result.revolution.leading_edge_rad for result in results])
+    trailing = np.array([result.revolution.trailing_edge_rad for result in results])
+    assert leading.std() == pytest.approx(0.002 / 0.32, rel=0.2)
+    assert trailing.std() < 0.1 * leading.std()
+
+
+def jittered(roll):
+    """A wheel at 65 km/h whose leading edge comes 2 mm (one standard deviation) early or late."""
+    from tests.pipeline.conftest import ring_solution
+
+    plain = roll(65.0, 12.0, noise_mps2=3.4)
+    shape, grid = ring_solution().sensor.radial_m, ring_solution().theta_rad
+    turn = np.round(plain.theta_rad / (2.0 * math.pi)).astype(int)
+    wrapped = plain.theta_rad - 2.0 * math.pi * turn
+    jitter = np.random.default_rng(7).normal(0.0, 0.002 / 0.32, turn.max() + 2)[turn]
+    moved = wrapped - jitter * np.exp(-(((wrapped + 0.25) / 0.15) ** 4))
+    omega = plain.speed_mps / 0.32
+    change = np.interp(moved, grid, shape, period=2 * math.pi) - np.interp(wrapped, grid, shape, period=2 * math.pi)
+    return plain.radial_mps2 + omega**2 * change

@@ -1,0 +1,110 @@
+"""The contact template against the exact ring: shifts, stretch, gain, offset and the errors it states."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from gateway.signal.resample import Phase
+from gateway.signal.template import contact_template, match_contact
+from tests.exact_ring_data import omega_at, on_grid, solution
+
+OMEGA = omega_at(65.0)
+N = 1024
+WAVE = OMEGA**2 * on_grid(solution().sensor.radial_m)
+WHITE = np.full(61, 0.147**2)
+RATE_HZ = 9600.0
+STEP = OMEGA / RATE_HZ
+
+
+def samples_around(
+    *, shifts=(0.0, 0.0), gain=1.0, offset=0.0, ramp=0.0, gravity=9.80665, noise=0.0, step=STEP, seed=0, span=1.6
+):
+    """One contact in time, centre 0.31 samples off the middle; the halves shifted by angles."""
+    ring = solution()
+    theta = np.append(ring.theta_rad, math.pi)
+    shape, weight = (
+        CubicSpline(theta, np.append(v, v[0]), bc_type="periodic")
+        for v in (ring.sensor.radial_m, ring.sensor.gravity_radial)
+    )
+    half = math.ceil(span / step)
+    angle = (np.arange(2 * half + 1) - half - 0.31) * step
+    # The shift fades from one to the other in the flat middle of the contact.
+    share = 0.5 + 0.5 * np.tanh(angle / 0.03)
+    moved = angle - shifts[0] * (1.0 - share) - shifts[1] * share
+    signal = gain * OMEGA**2 * shape(moved) + gravity * weight(angle) + offset + ramp * angle
+    signal += np.random.default_rng(seed).normal(0.0, 1.0, len(angle)) * noise
+    return signal, Phase(float(half), half + 2.0 * math.pi / step, step, 0.0)
+
+
+def test_finds_where_the_contact_is_to_a_thousandth_of_a_sample() -> None:
+    template = contact_template(WAVE, OMEGA, 1069.0)
+    assert template is not None
+    assert abs(template.middle_rad) < 1e-5
+    signal, passage = samples_around()
+    match = match_contact(template, signal, passage, RATE_HZ, WHITE, N)
+    assert match is not None
+    assert match.leading - passage.start == pytest.approx(0.31, abs=2e-3)
+    assert match.trailing - passage.start == pytest.approx(0.31, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    "what", [{"gain": 1.05}, {"offset": -900.0}, {"ramp": 40.0}, {"gravity": 0.0}, {"gain": 0.93, "offset": 30.0}]
+)
+def test_gain_offset_and_ramp_do_not_move_it(what: dict[str, float]) -> None:
+    template = contact_template(WAVE, OMEGA, 1069.0)
+    signal, passage = samples_around(**what)
+    match = match_contact(template, signal, passage, RATE_HZ, WHITE, N)
+    for place in (match.leading, match.trailing):
+        assert place - passage.start == pytest.approx(0.31, abs=0.02)
+
+
+def test_the_edges_are_told_apart() -> None:
+    template = contact_template(WAVE, OMEGA, 1069.0)
+    signal, passage = samples_around(shifts=(0.006, -0.003))
+    match = match_contact(template, signal, passage, RATE_HZ, WHITE, N)
+    assert (match.leading - passage.start - 0.31) * STEP == pytest.approx(0.006, rel=0.03)
+    assert (match.trailing - passage.start - 0.31) * STEP == pytest.approx(-0.003, rel=0.06)
+
+
+@pytest.mark.parametrize("rate_hz", [2000.0, 9600.0])
+def test_the_stated_error_is_the_scatter(rate_hz: float) -> None:
+    density = 5e-3 * 9.80665  # m/s^2 per root Hz
+    noise = density * math.sqrt(0.5 * rate_hz)
+    step = OMEGA / rate_hz
+    variance = np.full(61, density**2 / (2.0 * math.pi / OMEGA))
+    template = contact_template(WAVE, OMEGA, 2.0 * math.pi / step)
+    found, stated = [], []
+    for seed in range(150):
+        signal, passage = samples_around(noise=noise, step=step, seed=seed)
+        match = match_contact(template, signal, passage, rate_hz, variance, N)
+        found.append((match.leading, match.trailing))
+        stated.append(match.covariances.sum(axis=0))
+    scatter, expected = np.cov(np.array(found).T), np.mean(stated, axis=0)
+    assert np.diag(scatter) == pytest.approx(np.diag(expected), rel=0.35)
+    middle = np.array([0.5, 0.5])
+    assert middle @ scatter @ middle == pytest.approx(middle @ expected @ middle, rel=0.35)
+    # 1.0 us is the bound for the centre at this noise (physics notes, section 4).
+    assert 1.0e-6 < math.sqrt(middle @ scatter @ middle) / rate_hz < 1.6e-6
+
+
+def test_refuses_what_is_not_the_contact() -> None:
+    template = contact_template(WAVE, OMEGA, 1069.0)
+    signal, passage = samples_around()
+    assert match_contact(template, -signal, passage, RATE_HZ, WHITE, N) is None
+    assert match_contact(template, signal * 2.0, passage, RATE_HZ, WHITE, N) is None
+    other = passage.start - 150.0
+    assert match_contact(template, signal, Phase(other, passage.end, STEP, 0.0), RATE_HZ, WHITE, N) is None
+    part = round(passage.start) + 20
+    assert match_contact(template, signal[:part], passage, RATE_HZ, WHITE, N) is None
+    shaken = signal + np.random.default_rng(3).normal(0.0, 500.0, len(signal))
+    assert match_contact(template, shaken, passage, RATE_HZ, WHITE, N) is None
+
+
+def test_no_template_without_a_contact() -> None:
+    assert contact_template(np.full(N, 1000.0), OMEGA, 1069.0) is None
+    assert contact_template(WAVE - WAVE.mean() - 5.0, OMEGA, 1069.0) is None
+    assert contact_template(np.full(N, math.nan), OMEGA, 1069.0) is None
