@@ -2,8 +2,11 @@
 
 Most candidates (sync bytes and a possible length) of a stream follow each other without a gap. Runs of frames of one
 length are checked by a single CRC over several of them: an intact frame leaves the CRC in a state that depends on its
-length alone, so the CRC of r such frames back to back is a constant. Only where candidates overlap does it matter which
-of them the parser would visit; where most do, the block is parsed in the plain way instead.
+length alone, so the CRC of r such frames back to back is a constant. Errors in two of them go unnoticed where they
+cancel out, which chance brings about once in 2^32, as it does errors that a frame's own CRC misses.
+
+Only where candidates overlap does it matter which of them the parser would visit; where many do, the block is parsed
+in the plain way instead.
 """
 
 from __future__ import annotations
