@@ -43,3 +43,9 @@ def fixed(name: str, value: float | None, per_unit: int, low: int, high: int, no
     if value is None or not low - 0.5 <= value * per_unit <= high + 0.5:
         reject(name, value, f"{low / per_unit:g} to {high / per_unit:g}")
     return min(max(round(value * per_unit), low), high)
+
+
+def require_length(what: str, payload: bytes, length: int) -> None:
+    """Raise when a payload has another length than its layout."""
+    if len(payload) != length:
+        raise ValueError(f"{what} payload has {len(payload)} bytes, its layout {length}")

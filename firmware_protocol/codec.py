@@ -11,7 +11,8 @@ from zlib import crc32
 import numpy as np
 
 from firmware_protocol import wire
-from firmware_protocol.checks import fixed, integer, real, reject, triple
+from firmware_protocol.checks import fixed, integer, real, reject, require_length, triple
+from firmware_protocol.command_codec import COMMAND_DECODERS, COMMAND_ENCODERS, COMMAND_FIXED_LENGTHS
 from firmware_protocol.messages import (
     Coupling,
     Environment,
@@ -149,7 +150,7 @@ def _encode_hello(message: Hello) -> bytes:
 
 
 def _decode_hello(payload: bytes) -> Hello:
-    _require_length("hello", payload, _HELLO.size)
+    require_length("hello", payload, _HELLO.size)
     values = _HELLO.unpack(payload)
     major, minor, fw_major, fw_minor, fw_patch, axes, coupling, hub_id, sensor_id, boot_count = values[:10]
     rate_hz, highpass_hz, saturation = values[10], values[11], values[21]
@@ -198,7 +199,7 @@ def _encode_samples(message: SampleBlock) -> bytes:
 
 def _decode_samples(payload: bytes) -> SampleBlock:
     if len(payload) < wire.SAMPLES_HEADER_BYTES:
-        _require_length("samples", payload, wire.SAMPLES_HEADER_BYTES)
+        require_length("samples", payload, wire.SAMPLES_HEADER_BYTES)
     first_sample, axes, n = _SAMPLES.unpack_from(payload)
     length, shape = SAMPLE_LAYOUTS[n << 8 | axes]
     if len(payload) != length:
@@ -217,7 +218,7 @@ def _encode_environment(message: Environment) -> bytes:
 
 
 def _decode_environment(payload: bytes) -> Environment:
-    _require_length("environment", payload, _ENVIRONMENT.size)
+    require_length("environment", payload, _ENVIRONMENT.size)
     pressure, temperature, supply = _ENVIRONMENT.unpack(payload)
     return Environment(
         None if pressure == wire.NONE_I32 else float(pressure),
@@ -242,7 +243,7 @@ def _encode_hub_status(message: HubStatus) -> bytes:
 
 
 def _decode_hub_status(payload: bytes) -> HubStatus:
-    _require_length("hub status", payload, _HUB_STATUS.size)
+    require_length("hub status", payload, _HUB_STATUS.size)
     uptime_s, sent, dropped, samples_dropped, retries, supply_uw, supply_mv, battery, rssi = _HUB_STATUS.unpack(payload)
     if wire.MAX_BATTERY_PERCENT < battery != wire.NONE_U8:
         raise ValueError(f"hub status with a battery at {battery} %")
@@ -264,7 +265,7 @@ def _encode_time_sync(message: TimeSync) -> bytes:
 
 
 def _decode_time_sync(payload: bytes) -> TimeSync:
-    _require_length("time sync", payload, _TIME_SYNC.size)
+    require_length("time sync", payload, _TIME_SYNC.size)
     return TimeSync(*_TIME_SYNC.unpack(payload))
 
 
@@ -277,7 +278,7 @@ def _encode_log_text(message: LogText) -> bytes:
 
 def _decode_log_text(payload: bytes) -> LogText:
     if not payload:
-        _require_length("log text", payload, 1)
+        require_length("log text", payload, 1)
     return LogText(payload[0], payload[1:].decode(errors="replace"))
 
 
@@ -288,6 +289,7 @@ _ENCODERS: Final[dict[type, tuple[MessageType, Callable[..., bytes]]]] = {
     HubStatus: (MessageType.HUB_STATUS, _encode_hub_status),
     TimeSync: (MessageType.TIME_SYNC, _encode_time_sync),
     LogText: (MessageType.LOG_TEXT, _encode_log_text),
+    **COMMAND_ENCODERS,
 }
 
 DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
@@ -297,16 +299,13 @@ DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
     MessageType.HUB_STATUS: _decode_hub_status,
     MessageType.TIME_SYNC: _decode_time_sync,
     MessageType.LOG_TEXT: _decode_log_text,
+    **COMMAND_DECODERS,
 }
 """Payload decoder per type byte; each raises ValueError when the payload breaks its layout."""
 
 FIXED_LENGTHS: Final[dict[int, int]] = {
     MessageType.ENVIRONMENT: _ENVIRONMENT.size,
     MessageType.TIME_SYNC: _TIME_SYNC.size,
+    **COMMAND_FIXED_LENGTHS,
 }
 """Types of which every payload of this length is valid, whatever it holds."""
-
-
-def _require_length(what: str, payload: bytes, length: int) -> None:
-    if len(payload) != length:
-        raise ValueError(f"{what} payload has {len(payload)} bytes, its layout {length}")

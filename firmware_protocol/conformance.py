@@ -13,7 +13,7 @@ import numpy as np
 
 from firmware_protocol import wire
 from firmware_protocol.declaration import PAYLOADS, WireFrame, build, build_raw
-from firmware_protocol.messages import HUB_ITSELF, MessageType
+from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, MessageType
 
 _F32: Final = np.float32
 
@@ -107,6 +107,20 @@ _FRAMES: Final[dict[str, WireFrame]] = {
     "log text": WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 80, 7, {"level": 2, "text": "Sensor zu heiß".encode()}),
     "log text, empty": WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 81, 8, {"level": 0, "text": b""}),
     "log text, as long as fits": WireFrame(MessageType.LOG_TEXT, 0, 0, 82, 8, {"level": 3, "text": b"x" * 223}),
+    "command result": WireFrame(
+        MessageType.COMMAND_RESULT, 0, HUB_ITSELF, 83, 9, {"seq": 4, "command": MessageType.SET_RATE, "outcome": 0}
+    ),
+    "command result, outcome of a later version": WireFrame(
+        MessageType.COMMAND_RESULT, 0, HUB_ITSELF, 84, 9, {"seq": 2**32 - 1, "command": 99, "outcome": 250}
+    ),
+    "command: start the stream": WireFrame(MessageType.SET_STREAM, EVERY_HUB, HUB_ITSELF, 0, 0, {"running": 1}),
+    "command: stop the stream of one wheel": WireFrame(MessageType.SET_STREAM, 0, 3, 1, 0, {"running": 0}),
+    "command: set the rate": WireFrame(
+        MessageType.SET_RATE, EVERY_HUB, HUB_ITSELF, 2, 0, {"rate_hz": float(_F32(6666.6667))}
+    ),
+    "command: set the time": WireFrame(
+        MessageType.SET_TIME, EVERY_HUB, HUB_ITSELF, 3, 0, {"host_ns": 1_700_000_000_123_456_789}
+    ),
     "counter and tick before they wrap": WireFrame(MessageType.ENVIRONMENT, 0, 0, 2**32 - 1, 2**32 - 1, _environment()),
     "counter and tick after they wrapped": WireFrame(MessageType.ENVIRONMENT, 0, 0, 0, 249, _environment()),
 }
@@ -268,6 +282,11 @@ def _refused_payloads() -> list[tuple[str, MessageType, bytes]]:
         ("samples of a fourth axis", MessageType.SAMPLES, bytes.fromhex("0000000008010000")),
         ("battery at 101 %", MessageType.HUB_STATUS, bytes(status[:26] + b"\x65" + status[27:])),
         ("log text without a level", MessageType.LOG_TEXT, b""),
+        ("command result cut short", MessageType.COMMAND_RESULT, bytes(5)),
+        ("stream neither started nor stopped", MessageType.SET_STREAM, b"\x02"),
+        ("rate below what there is", MessageType.SET_RATE, bytes.fromhex("00e0f944")),
+        ("rate that is no number", MessageType.SET_RATE, bytes.fromhex("0000c07f")),
+        ("time too long", MessageType.SET_TIME, bytes(9)),
     ]
 
 

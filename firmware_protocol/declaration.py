@@ -16,6 +16,7 @@ import numpy as np
 from firmware_protocol import wire
 from firmware_protocol.checks import MAX_F32
 from firmware_protocol.messages import (
+    CommandResult,
     Coupling,
     Environment,
     Frame,
@@ -25,6 +26,9 @@ from firmware_protocol.messages import (
     Message,
     MessageType,
     SampleBlock,
+    SetRate,
+    SetStream,
+    SetTime,
     TimeSync,
 )
 
@@ -131,6 +135,30 @@ LOG_TEXT: Final = c.Struct(
     "text" / c.GreedyBytes * "UTF-8, not terminated",
 )
 
+COMMAND_RESULT: Final = c.Struct(
+    "seq" / c.Int32ul * "seq of the command's frame",
+    "command" / c.Int8ul * "type of the command",
+    "outcome" / c.Int8ul * "0 done, 1 unknown command, 2 value refused, 3 failed",
+    c.Terminated,
+)
+
+SET_STREAM: Final = c.Struct(
+    "running" / Limited(c.Int8ul, 0, 1) * "1: send samples, 0: send none; everything else goes on",
+    c.Terminated,
+)
+
+SET_RATE: Final = c.Struct(
+    "rate_hz"
+    / _real(wire.MIN_RATE_HZ, wire.MAX_RATE_HZ)
+    * "wanted sampling rate in Hz; the nearest that the sensor can is taken",
+    c.Terminated,
+)
+
+SET_TIME: Final = c.Struct(
+    "host_ns" / c.Int64ul * "host time, ns since 1970",
+    c.Terminated,
+)
+
 PAYLOADS: Final[dict[MessageType, c.Struct]] = {
     MessageType.HELLO: HELLO,
     MessageType.SAMPLES: SAMPLES,
@@ -138,6 +166,10 @@ PAYLOADS: Final[dict[MessageType, c.Struct]] = {
     MessageType.HUB_STATUS: HUB_STATUS,
     MessageType.TIME_SYNC: TIME_SYNC,
     MessageType.LOG_TEXT: LOG_TEXT,
+    MessageType.COMMAND_RESULT: COMMAND_RESULT,
+    MessageType.SET_STREAM: SET_STREAM,
+    MessageType.SET_RATE: SET_RATE,
+    MessageType.SET_TIME: SET_TIME,
 }
 
 PURPOSES: Final[dict[MessageType, str]] = {
@@ -147,6 +179,10 @@ PURPOSES: Final[dict[MessageType, str]] = {
     MessageType.HUB_STATUS: "health of the hub",
     MessageType.TIME_SYNC: "the hub's clock in full",
     MessageType.LOG_TEXT: "a line of the hub's log",
+    MessageType.COMMAND_RESULT: "the hub's answer to a command; tick_us is when it was carried out",
+    MessageType.SET_STREAM: "command: start or stop sending samples",
+    MessageType.SET_RATE: "command: sample at another rate",
+    MessageType.SET_TIME: "command: the host's time, for TIME_SYNC to echo",
 }
 
 
@@ -210,6 +246,14 @@ def to_message(type_: int, fields: Mapping[str, Any]) -> Message:
             return TimeSync(**fields)
         case MessageType.LOG_TEXT:
             return LogText(fields["level"], fields["text"].decode(errors="replace"))
+        case MessageType.COMMAND_RESULT:
+            return CommandResult(**fields)
+        case MessageType.SET_STREAM:
+            return SetStream(bool(fields["running"]))
+        case MessageType.SET_RATE:
+            return SetRate(**fields)
+        case MessageType.SET_TIME:
+            return SetTime(**fields)
 
 
 def to_frame(frame: WireFrame) -> Frame:

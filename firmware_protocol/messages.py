@@ -1,4 +1,4 @@
-"""The messages a hub sends, as values. Their bytes are declared in `declaration.py`."""
+"""The messages between a hub and the gateway, as values. Their bytes are declared in `declaration.py`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 HUB_ITSELF = 0xFF
 """Wheel number of frames that concern the hub rather than one wheel."""
 
+EVERY_HUB = 0xFF
+"""Hub number of a command that concerns every hub of the link."""
+
 
 class MessageType(IntEnum):
     """Type byte of a frame."""
@@ -21,6 +24,14 @@ class MessageType(IntEnum):
     HUB_STATUS = 4
     TIME_SYNC = 5
     LOG_TEXT = 6
+    COMMAND_RESULT = 7
+    SET_STREAM = 32
+    SET_RATE = 33
+    SET_TIME = 34
+
+
+COMMANDS = (MessageType.SET_STREAM, MessageType.SET_RATE, MessageType.SET_TIME)
+"""Types that go from the gateway to the hub; all others come from the hub."""
 
 
 class Axis(IntEnum):
@@ -45,6 +56,15 @@ class LogLevel(IntEnum):
     INFO = 1
     WARNING = 2
     ERROR = 3
+
+
+class Outcome(IntEnum):
+    """What became of a command."""
+
+    DONE = 0
+    UNKNOWN_COMMAND = 1
+    VALUE_REFUSED = 2
+    FAILED = 3
 
 
 class Hello(NamedTuple):
@@ -156,7 +176,40 @@ class LogText(NamedTuple):
     text: str
 
 
-Message = Hello | SampleBlock | Environment | HubStatus | TimeSync | LogText
+class CommandResult(NamedTuple):
+    """The hub's answer to a command; its frame's time stamp is when the hub carried the command out.
+
+    Attributes:
+        seq: counter of the command's frame.
+        command: type of the command.
+        outcome: a value of `Outcome`, or one that a later version defines.
+    """
+
+    seq: int
+    command: int
+    outcome: int
+
+
+class SetStream(NamedTuple):
+    """Command: send samples, or stop sending them; everything else goes on."""
+
+    running: bool
+
+
+class SetRate(NamedTuple):
+    """Command: sample at this rate, 2000 to 25600 Hz, or at the nearest that the sensor can; a hello tells which."""
+
+    rate_hz: float
+
+
+class SetTime(NamedTuple):
+    """Command: take note of the host's time, ns since the epoch; time syncs echo it."""
+
+    host_ns: int
+
+
+Command = SetStream | SetRate | SetTime
+Message = Hello | SampleBlock | Environment | HubStatus | TimeSync | LogText | CommandResult | Command
 
 
 class Frame(NamedTuple):

@@ -13,6 +13,7 @@ from firmware_protocol.codec import decode_payload, encode_frame, encode_payload
 from firmware_protocol.declaration import WireFrame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import (
+    CommandResult,
     Coupling,
     Environment,
     Frame,
@@ -22,6 +23,9 @@ from firmware_protocol.messages import (
     Message,
     MessageType,
     SampleBlock,
+    SetRate,
+    SetStream,
+    SetTime,
     TimeSync,
 )
 
@@ -93,6 +97,10 @@ FIELDS = {
     MessageType.LOG_TEXT: st.fixed_dictionaries(
         {"level": U8, "text": st.text(max_size=55).map(lambda text: text.encode()[:223])}
     ),
+    MessageType.COMMAND_RESULT: st.fixed_dictionaries({"seq": U32, "command": U8, "outcome": U8}),
+    MessageType.SET_STREAM: st.fixed_dictionaries({"running": st.integers(0, 1)}),
+    MessageType.SET_RATE: st.fixed_dictionaries({"rate_hz": st.floats(2000, 25600, width=32)}),
+    MessageType.SET_TIME: st.fixed_dictionaries({"host_ns": U64}),
 }
 
 
@@ -189,6 +197,12 @@ BLOCK = SampleBlock(0, 0b100, np.zeros((2, 1), np.int16))
         (TimeSync(-1, 0), "hub_us"),
         (LogText(256, ""), "level"),
         (LogText(1, "ä" * 112), "text"),
+        (CommandResult(2**32, 33, 0), "seq"),
+        (CommandResult(0, 33, -1), "outcome"),
+        (SetStream(2), "running"),
+        (SetRate(1999.0), "rate_hz"),
+        (SetRate(math.nan), "rate_hz"),
+        (SetTime(2**64), "host_ns"),
     ],
 )
 def test_encoding_names_the_field_out_of_range(message: Message, name: str) -> None:

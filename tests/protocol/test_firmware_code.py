@@ -11,7 +11,8 @@ import pytest
 
 import firmware_protocol
 from firmware_protocol.cgen import ENCODER_NAME, HEADER_NAME, c_encoder, c_header
-from firmware_protocol.messages import MessageType
+from firmware_protocol.codec import encode_raw
+from firmware_protocol.messages import COMMANDS, MessageType
 
 VECTORS = Path(firmware_protocol.__file__).parent / "vectors"
 FLAGS = ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsanitize=address,undefined"]
@@ -66,6 +67,7 @@ static void expect_stream(const char *name, const uint8_t *data, size_t size, co
 
 int main(void) {{
     uint8_t *frame = (uint8_t[TL_MAX_FRAME_BYTES]){{0}};
+    (void)frame;
     (void)expect_frame;
     (void)expect_stream;
 {body}
@@ -182,6 +184,9 @@ REFUSED = {
     "samples.n = 0u;": "samples",
     "hub_status.battery_percent = 101u;": "hub_status",
     "log_text.text_size = 224u;": "log_text",
+    "set_stream.running = 2u;": "set_stream",
+    "set_rate.rate_hz = 1999.0f;": "set_rate",
+    "set_rate.rate_hz = zero / zero;": "set_rate",
 }
 
 
@@ -196,6 +201,8 @@ def test_c_refuses_values_out_of_range(compiler: str, code: Path) -> None:
         "samples": c_message(2, radial),
         "hub_status": c_message(4, frames[MessageType.HUB_STATUS]["payload"]),
         "log_text": c_message(6, {"level": 1, "text": "x" * 224}),
+        "set_stream": c_message(32, {"running": 1}),
+        "set_rate": c_message(33, {"rate_hz": 9600.0}),
     }
     body = ["    volatile float zero = 0.0f;"]
     for change, name in REFUSED.items():
@@ -207,6 +214,42 @@ def test_c_refuses_values_out_of_range(compiler: str, code: Path) -> None:
         expect("{change}", tl_encode_{name}(frame, &source, 0u, &{name}) == 0);
         expect("{change} counts", source.seq == 5u && frame[0] == 1);
     }}""")
+    assert run_harness(compiler, code, "\n".join(body)) == ""
+
+
+def test_c_reads_commands(compiler: str, code: Path) -> None:
+    vectors = json.loads((VECTORS / "frames.json").read_text("utf-8"))
+    body = []
+    for vector in vectors["frames"]:
+        for type_ in COMMANDS:
+            name = type_.name.lower()
+            frame = c_bytes(bytes.fromhex(vector["hex"]))
+            if vector["type"] != type_:
+                body.append(f"""    {{
+        tl_{name} message;
+        expect("not {name}: {vector["name"]}", !tl_decode_{name}({frame}, &message));
+    }}""")
+                continue
+            holds = " && ".join(f"message.{key} == {c_value(value)}" for key, value in vector["payload"].items())
+            changed = [bytearray.fromhex(vector["hex"]) for _ in range(3)]
+            for data, place in zip(changed, (2, 4, 7), strict=True):
+                data[place] += 1
+            body.append(f"""    {{
+        tl_{name} message = {{0}};
+        expect("{vector["name"]}", tl_decode_{name}({frame}, &message) && {holds});
+        expect("newer {name}", !tl_decode_{name}({c_bytes(bytes(changed[0]))}, &message));
+        expect("long {name}", !tl_decode_{name}({c_bytes(bytes(changed[1]))}, &message));
+        expect("flagged {name}", !tl_decode_{name}({c_bytes(bytes(changed[2]))}, &message));
+    }}""")
+    for vector in vectors["refused_payloads"]:
+        if vector["type"] in COMMANDS:
+            name = MessageType(vector["type"]).name.lower()
+            frame = encode_raw(vector["type"], bytes.fromhex(vector["payload_hex"]), 255, 255, 0, 0)
+            body.append(f"""    {{
+        tl_{name} message;
+        expect("{vector["name"]}", !tl_decode_{name}({c_bytes(frame)}, &message));
+    }}""")
+    assert len(body) > len(vectors["frames"])
     assert run_harness(compiler, code, "\n".join(body)) == ""
 
 
