@@ -142,9 +142,9 @@ class FrameBatch:
 class BatchDecoder:
     """Decoder of one link for streams read in large blocks.
 
-    Equal to `decoder.FrameDecoder`, frame for frame and counter for counter, however the stream is cut. The exception is
-    damage to several frames that cancels out in one CRC over all of them (see `scan`), as improbable as damage that a CRC
-    misses. Memory is a fixed number of bytes per byte of the largest block.
+    Equal to `decoder.FrameDecoder`, frame for frame and counter for counter, however the stream is cut. The exception
+    is damage to several frames that cancels out in one CRC over all of them (see `scan`), as improbable as damage that
+    a CRC misses. Memory is a fixed number of bytes per byte of the largest block.
 
     Attributes:
         counters: what arrived so far; a live object.

@@ -25,7 +25,7 @@ _SAMPLES: Final = int(MessageType.SAMPLES)
 _SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, _SAMPLES)), "little")
 _SAMPLES_OFFSET: Final = wire.HEADER_BYTES + wire.SAMPLES_HEADER_BYTES
 _SAMPLES_LEAST: Final = wire.OVERHEAD_BYTES + wire.SAMPLES_HEADER_BYTES
-_SYNC: Final = wire.SYNC
+_SYNC_0, _SYNC_1 = wire.SYNC
 _OVERHEAD: Final = wire.OVERHEAD_BYTES
 _MAX_FRAME: Final = wire.MAX_FRAME_BYTES
 _LENGTH_OFFSET: Final = wire.LENGTH_OFFSET
@@ -73,7 +73,7 @@ class FrameDecoder:
             if left >= _SAMPLES_LEAST:
                 if left < _MAX_FRAME:
                     total = _OVERHEAD + buffer[start + _LENGTH_OFFSET]
-                    if left < total <= _MAX_FRAME and buffer.startswith(_SYNC, start):
+                    if left < total <= _MAX_FRAME and buffer[start] == _SYNC_0 and buffer[start + 1] == _SYNC_1:
                         wanted = total
                         break
                 word, length, key, flags, seq, tick_us, first_sample, axes_n = _unpack_start(buffer, start)
@@ -82,7 +82,7 @@ class FrameDecoder:
                     end = start + _OVERHEAD + length
                     source = sources.get(key)
                     if source is not None and seq == source.expected and crc32(buffer[start:end]) == _RESIDUE:
-                        source.expected = seq + 1 & COUNTER_MASK
+                        source.expected = seq + 1 if seq != COUNTER_MASK else 0
                         source.counters.frames += 1
                         counts = _new_array(layout[1], SAMPLE_DTYPE, buffer, start + _SAMPLES_OFFSET)
                         block = _new_tuple(SampleBlock, (first_sample, axes_n & 0xFF, counts))
