@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from gateway.config.cross_checks import cross_faults
 from gateway.config.faults import Section
 from gateway.config.toml_writer import toml_text
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.setup import LoadCalibration, ReferenceNumbers, TireData, WheelSetup
 
 STANDARD_GRAVITY_MPS2: Final = 9.80665
 ASSUMED_RADIUS_MM: Final = 320.0
@@ -26,12 +26,51 @@ class Vehicle(Section):
 
 
 class Reference(Section):
-    """`[tire.reference]`: the four dimensionless numbers of the new tire."""
+    """`[tire.reference]`: the four dimensionless numbers of the new tire; `treadlink calibrate` writes it."""
 
     Bs: float | None = Field(default=None, gt=0, le=1000)
     Cw: float | None = Field(default=None, gt=0, le=1000)
     Rs: float | None = Field(default=None, gt=0, le=1000)
     Ts: float | None = Field(default=None, gt=0, le=1000)
+    Bs_std: float | None = Field(default=None, ge=0, le=1000)
+    Cw_std: float | None = Field(default=None, ge=0, le=1000)
+    Rs_std: float | None = Field(default=None, ge=0, le=1000)
+    Ts_std: float | None = Field(default=None, ge=0, le=1000)
+    pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure they were measured at")
+
+    def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
+        """Return them in SI; the tire's stated pressure is taken where none is told."""
+        pressure_pa = stated_pressure_pa if self.pressure_kpa is None else self.pressure_kpa * 1e3
+        stated = self.model_dump(exclude={"pressure_kpa"}, exclude_none=True)
+        return ReferenceNumbers(**stated, pressure_pa=pressure_pa)
+
+
+class LoadCalibrationTable(Section):
+    """`[tire.load_calibration]`: load from contact half angle and pressure; `treadlink calibrate` writes it."""
+
+    load_n: float = Field(ge=50, le=100_000, description="load at the reference half angle and pressure")
+    half_angle_rad: float = Field(ge=0.01, le=1.5)
+    pressure_kpa: float = Field(ge=10, le=1500)
+    angle_exponent: float = Field(ge=0.1, le=5)
+    pressure_exponent: float = Field(ge=-2, le=3)
+    relative_std_percent: float = Field(ge=0, le=100, description="one standard error of a load it gives")
+    half_angle_min_rad: float = Field(ge=0.01, le=1.5)
+    half_angle_max_rad: float = Field(ge=0.01, le=1.5)
+    pressure_min_kpa: float = Field(ge=10, le=1500)
+    pressure_max_kpa: float = Field(ge=10, le=1500)
+
+    def calibration(self) -> LoadCalibration:
+        """Return it in SI."""
+        return LoadCalibration(
+            load_n=self.load_n,
+            half_angle_rad=self.half_angle_rad,
+            pressure_pa=self.pressure_kpa * 1e3,
+            angle_exponent=self.angle_exponent,
+            pressure_exponent=self.pressure_exponent,
+            relative_std=self.relative_std_percent * 1e-2,
+            half_angle_range_rad=(self.half_angle_min_rad, self.half_angle_max_rad),
+            pressure_range_pa=(self.pressure_min_kpa * 1e3, self.pressure_max_kpa * 1e3),
+        )
 
 
 class Tire(Section):
@@ -45,7 +84,9 @@ class Tire(Section):
     pressure_std_kpa: float | None = Field(default=None, ge=0, le=500, description="one standard error")
     temperature_degc: float | None = Field(default=None, ge=-60, le=250, description="at the inner liner")
     ring_thickness_mm: float | None = Field(default=None, ge=1, le=80, description="belt and tread, new")
+    ring_thickness_std_mm: float | None = Field(default=None, ge=0, le=40, description="one standard error")
     reference: Reference = Reference()
+    load_calibration: LoadCalibrationTable | None = None
 
     def overridden_by(self, other: Tire) -> Tire:
         """Return this tire with what `other` states in place of its own."""
@@ -72,6 +113,15 @@ class Tire(Section):
     def ring_thickness_m(self) -> float | None:
         """Thickness of the new ring in m."""
         return None if self.ring_thickness_mm is None else self.ring_thickness_mm * 1e-3
+
+    def data(self) -> TireData:
+        """Return what estimators may know of it, in SI."""
+        return TireData(
+            ring_thickness_m=self.ring_thickness_m,
+            ring_thickness_std_m=(self.ring_thickness_std_mm or 0.0) * 1e-3,
+            reference=self.reference.numbers(self.pressure_pa),
+            load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
+        )
 
 
 class Axle(Section):
@@ -225,6 +275,8 @@ class VehicleConfig(Section):
             pressure_pa=tire.pressure_pa,
             pressure_std_pa=tire.pressure_std_pa,
             temperature_degc=tire.temperature_degc,
+            sensor_offset_m=wheel.mounting.offset_m,
+            tire=tire.data(),
         )
 
     def notices(self) -> tuple[str, ...]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.estimators.tire_data import TireData
 from gateway.signal.average import AngleAverage as AngleAverage  # what the average hands out is what estimators see
 
 FloatArray = NDArray[np.float64]
@@ -55,6 +57,10 @@ class Conditions:
         pressure_std_pa: one standard error of the pressure.
         radius_std_m: one standard error of the belt radius.
         sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
+        tire: the new tire's reference numbers, thickness and load calibration.
+        given: what the estimators that ran before this one made of this revolution, by name, invalid ones left out.
+            Estimators run in the order of the registry; of two estimates of one name the later holds. Empty outside
+            `Estimator.update`.
     """
 
     radius_m: float
@@ -65,6 +71,8 @@ class Conditions:
     pressure_std_pa: float = 0.0
     radius_std_m: float = 0.0
     sensor_offset_m: float = 0.0
+    tire: TireData = field(default_factory=TireData)
+    given: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable
 from typing import Final
 
 from gateway.errors import ConfigError
 from gateway.estimators.base import Estimator
 
-# name -> "module:class"; the class is called without arguments, once per wheel.
+# name -> "module:class"; the class is called without arguments, once per wheel. They run in this order: what uses the
+# estimates of others comes after them.
 ESTIMATORS: Final[dict[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
     "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
@@ -19,6 +21,12 @@ ESTIMATORS: Final[dict[str, str]] = {
 }
 
 DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "ring-paper", "ply-steer")
+
+
+def in_order(names: Iterable[str]) -> list[str]:
+    """Return names in the order in which the estimators run, unknown ones last."""
+    known = list(ESTIMATORS)
+    return sorted(names, key=lambda name: known.index(name) if name in known else len(known))
 
 
 def make_estimator(name: str) -> Estimator:

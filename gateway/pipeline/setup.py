@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from gateway.estimators.tire_data import LoadCalibration as LoadCalibration  # what the configuration fills in
+from gateway.estimators.tire_data import ReferenceNumbers as ReferenceNumbers
+from gateway.estimators.tire_data import TireData as TireData
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +24,7 @@ class WheelSetup:
         pressure_std_pa: its standard error.
         temperature_degc: stated temperature, used until the sensor reports one.
         sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
+        tire: the new tire's reference numbers, thickness and load calibration.
     """
 
     position: str
@@ -32,3 +37,4 @@ class WheelSetup:
     pressure_std_pa: float = 0.0
     temperature_degc: float | None = None
     sensor_offset_m: float = 0.0
+    tire: TireData = field(default_factory=TireData)

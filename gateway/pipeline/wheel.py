@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling, Environment, Hello
 from firmware_protocol.sequence import unwrap
-from gateway.estimators.base import AngleAverage, Conditions, Revolution
-from gateway.estimators.registry import make_estimator
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.registry import in_order, make_estimator
 from gateway.pipeline.angle import revolution_in_angle
 from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
@@ -52,7 +53,7 @@ class WheelPipeline:
     def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
         """Make the wheel's estimators; buffers are allocated at the first hello."""
         self.setup = setup
-        self._estimators = [make_estimator(name) for name in estimators]
+        self._estimators = [make_estimator(name) for name in in_order(estimators)]
         self._average = RunningAverage()
         self._timer = ContactTimer()
         self._axes: _Axes | None = None
@@ -235,11 +236,22 @@ class WheelPipeline:
         end_us = clock.hub_us(timed.end.centre)
         average = self._take_in(in_angle)
         conditions = self._conditions(end_us)
-        estimates = tuple(
-            estimate for estimator in self._estimators for estimate in estimator.update(in_angle, average, conditions)
-        )
+        estimates = self._estimate(in_angle, average, conditions)
         self._last = RevolutionResult(self.setup.position, host.host_ns(end_us), in_angle, conditions, estimates)
         return self._last
+
+    def _estimate(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+        """Run the estimators in turn; each sees what those before it found."""
+        given: dict[str, Estimate] = {}
+        seeing = replace(conditions, given=MappingProxyType(given))
+        estimates: list[Estimate] = []
+        for estimator in self._estimators:
+            found = estimator.update(revolution, average, seeing)
+            estimates += found
+            for estimate in found:
+                if estimate.status is not Status.INVALID:
+                    given[estimate.name] = estimate
+        return tuple(estimates)
 
     def _take_in(self, revolution: Revolution) -> AngleAverage:
         """Update the running average, or leave it alone when the revolution has faults."""
@@ -276,6 +288,8 @@ class WheelPipeline:
             temperature_degc=temperature,
             load_std_n=self.setup.load_std_n,
             pressure_std_pa=self.setup.pressure_std_pa,
+            sensor_offset_m=self.setup.sensor_offset_m,
+            tire=self.setup.tire,
         )
 
     @property
@@ -283,6 +297,11 @@ class WheelPipeline:
         """Running average of the radial axis, (n,), None before the first revolution."""
         latest = self._average.latest
         return latest.radial_mps2 if latest is not None else None
+
+    def _wear_mm(self) -> Estimate | None:
+        """The latest wear, None where no estimator knows it."""
+        estimates = self._last.estimates if self._last is not None else ()
+        return next((e for e in estimates if e.name == "wear_mm" and e.status is not Status.INVALID), None)
 
     def snapshot(self) -> WheelSnapshot:
         """Return the latest state for views."""
@@ -300,6 +319,7 @@ class WheelPipeline:
             pressure_pa=conditions.pressure_pa,
             temperature_degc=conditions.temperature_degc,
             load_n=conditions.load_n,
+            wear_mm=self._wear_mm(),
             counters=WheelCounters(
                 samples=self._samples,
                 samples_lost=self._lost,

@@ -1,0 +1,89 @@
+"""What a configuration may tell of a tire beside radius, load and pressure: its reference and its calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceNumbers:
+    """The four dimensionless numbers of the new tire and how they were measured; None where nobody did.
+
+    Attributes:
+        Bs: bending stiffness number.
+        Cw: contact width number.
+        Rs: radial stiffness number.
+        Ts: tangential stiffness number.
+        Bs_std: one standard error.
+        Cw_std: one standard error.
+        Rs_std: one standard error.
+        Ts_std: one standard error.
+        pressure_pa: inflation (gauge) pressure at which they hold; None when not told.
+    """
+
+    Bs: float | None = None
+    Cw: float | None = None
+    Rs: float | None = None
+    Ts: float | None = None
+    Bs_std: float = 0.0
+    Cw_std: float = 0.0
+    Rs_std: float = 0.0
+    Ts_std: float = 0.0
+    pressure_pa: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LoadCalibration:
+    """Load from contact half angle and pressure: Q = load_n (half / half_angle_rad)^n (p / pressure_pa)^m.
+
+    Attributes:
+        load_n: load at the reference half angle and pressure.
+        half_angle_rad: reference half angle.
+        pressure_pa: reference pressure.
+        angle_exponent: n.
+        pressure_exponent: m.
+        relative_std: one standard error of a load it gives, relative.
+        half_angle_range_rad: smallest and largest half angle it was fitted on.
+        pressure_range_pa: likewise pressure.
+    """
+
+    load_n: float
+    half_angle_rad: float
+    pressure_pa: float
+    angle_exponent: float
+    pressure_exponent: float
+    relative_std: float
+    half_angle_range_rad: tuple[float, float]
+    pressure_range_pa: tuple[float, float]
+
+    def load_at(self, half_angle_rad: float, pressure_pa: float) -> float:
+        """Return the load in N of a positive half angle and pressure."""
+        angle, pressure = half_angle_rad / self.half_angle_rad, pressure_pa / self.pressure_pa
+        return float(self.load_n * angle**self.angle_exponent * pressure**self.pressure_exponent)
+
+    def outside(self, half_angle_rad: float, pressure_pa: float) -> str:
+        """Return what lies outside the range it was fitted on by more than a tenth, or an empty string."""
+        for name, value, (low, high) in (
+            ("half angle", half_angle_rad, self.half_angle_range_rad),
+            ("pressure", pressure_pa, self.pressure_range_pa),
+        ):
+            if not 0.9 * low <= value <= 1.1 * high:
+                return f"{name} outside the calibrated range"
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class TireData:
+    """All of it.
+
+    Attributes:
+        ring_thickness_m: belt and tread of the new tire, None when unknown.
+        ring_thickness_std_m: its standard error.
+        reference: numbers of the new tire.
+        load_calibration: None when the tire is not calibrated.
+    """
+
+    ring_thickness_m: float | None = None
+    ring_thickness_std_m: float = 0.0
+    reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
+    load_calibration: LoadCalibration | None = None
