@@ -24,7 +24,7 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
-from gateway.simulator.scenario_model import Hub
+from gateway.simulator.scenario_tables import Hub
 from gateway.simulator.sensor import FULL_SCALE_COUNTS
 from gateway.simulator.wheel import WheelSimulator
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from gateway.physics.rolling_ring import RingParameters
 from gateway.physics.rolling_ring_waves import EdgeWaves
 from gateway.simulator.motion import MotionProfile
-from gateway.simulator.scenario_model import EdgeWaveTable, Hub, Scenario, Sensor, Tire, Wheel
+from gateway.simulator.scenario_model import Scenario, Wheel
+from gateway.simulator.scenario_tables import EdgeWaveTable, Hub, Sensor, Tire
 from gateway.simulator.series import Series
 from gateway.simulator.tire_table import Range, TireModel, TireTable, tire_table
 

@@ -9,7 +9,8 @@ from gateway.config.faults import nearest, parse_document, read_text
 from gateway.config.toml_writer import toml_text
 from gateway.errors import SourceError
 from gateway.simulator.plan import wheel_plans
-from gateway.simulator.scenario_model import Scenario, scenario_faults
+from gateway.simulator.scenario_checks import scenario_faults
+from gateway.simulator.scenario_model import Scenario
 
 _SUFFIX = ".toml"
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from firmware_protocol.messages import Axis, Coupling
 from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
 from gateway.simulator.filters import Biquad, highpass, lowpass
-from gateway.simulator.scenario_model import Sensor
+from gateway.simulator.scenario_tables import Sensor
 
 FloatArray = NDArray[np.float64]
 

@@ -1,0 +1,93 @@
+"""A private D-Bus with nothing on it, from the system's own `dbus-daemon`: no root, no system service."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Final, Self
+
+from gateway.errors import SourceError
+
+PROGRAM: Final = "dbus-daemon"
+_STOP_TIMEOUT_S: Final = 5.0
+_PR_SET_PDEATHSIG: Final = 1
+# The limits of a system bus stay in force: what overflows there shall overflow here.
+_CONFIGURATION: Final = """\
+<!DOCTYPE busconfig PUBLIC "-//freedesktop//DTD D-Bus Bus Configuration 1.0//EN"
+ "http://www.freedesktop.org/standards/dbus/1.0/busconfig.dtd">
+<busconfig>
+  <type>system</type>
+  <listen>unix:path={socket}</listen>
+  <auth>EXTERNAL</auth>
+  <policy context="default">
+    <allow send_destination="*" eavesdrop="false"/>
+    <allow receive_sender="*"/>
+    <allow own="*"/>
+    <allow user="*"/>
+  </policy>
+</busconfig>
+"""
+
+
+class PrivateBus:
+    """A running `dbus-daemon`; it ends with `close`, or with the thread that started it.
+
+    Attributes:
+        address: for DBUS_SYSTEM_BUS_ADDRESS, the variable by which programs find the system's bus.
+    """
+
+    def __init__(self) -> None:
+        """Start the daemon and wait until it listens.
+
+        Raises:
+            SourceError: the program is missing, or it does not start.
+        """
+        program = shutil.which(PROGRAM)
+        if program is None:
+            raise SourceError(f"{PROGRAM} is not installed", f"Run: sudo apt-get install {PROGRAM} (or your system's).")
+        # A socket's path may have 107 characters at most: not below a deep directory of a test.
+        self._folder = Path(tempfile.mkdtemp(prefix="treadlink-bus-"))
+        configuration = self._folder / "bus.conf"
+        configuration.write_text(_CONFIGURATION.format(socket=self._folder / "bus"), "utf-8")
+        self._process = subprocess.Popen(
+            [program, f"--config-file={configuration}", "--nofork", "--nopidfile", "--nosyslog", "--print-address=1"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            preexec_fn=_end_with_the_parent if sys.platform == "linux" else None,
+        )
+        assert self._process.stdout is not None
+        self.address = self._process.stdout.readline().strip()
+        if not self.address:
+            self.close()
+            raise SourceError(f"{PROGRAM} does not start", "Run it by hand to see why: dbus-daemon --session --nofork")
+
+    def close(self) -> None:
+        """End the daemon and remove its files; harmless twice."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_STOP_TIMEOUT_S)
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _end_with_the_parent() -> None:
+    """Ask Linux to end the daemon when its parent is killed and cannot do it any more."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

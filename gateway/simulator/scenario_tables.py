@@ -1,0 +1,120 @@
+"""Tables that a scenario's wheels share: user's units in the keys, one class a table."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+
+from gateway.config.faults import Section
+from gateway.simulator.faults import parse_fault
+from gateway.simulator.series import Series, checked_text, constant, in_range, per_axis
+
+Triple = tuple[float, float, float]
+AxisName = Literal["circumferential", "lateral", "radial"]
+
+AXIS_NAMES: Final[tuple[AxisName, ...]] = ("circumferential", "lateral", "radial")
+
+
+class Header(Section):
+    """`[scenario]`."""
+
+    name: str = ""
+    seed: int = Field(default=1, ge=0)
+    duration_s: float | None = Field(default=None, gt=0, le=1e7, description="nothing for no end")
+    faults: tuple[Annotated[str, checked_text(parse_fault)], ...] = Field(default=(), strict=False)
+
+
+class Link(Section):
+    """`[link]`: how bytes are handed over."""
+
+    chunk_ms: float = Field(default=10.0, ge=1, le=1000)
+    jitter_ms: float = Field(default=0.3, ge=0, le=1000, description="mean lateness of a chunk")
+
+
+class Motion(Section):
+    """`[motion]`, and `[wheel.motion]` for a wheel of its own speed."""
+
+    speed_kmh: Annotated[Series, in_range(0, 400)] = constant(65.0)
+    repeat: bool = False
+
+
+class Road(Section):
+    """`[road]`: shaking of each axis that is not locked to the wheel; grows with speed, 0 at standstill."""
+
+    rms_mps2: float = Field(default=0.0, ge=0, le=1000, description="per axis, at 65 km/h")
+    bandwidth_hz: float = Field(default=500.0, ge=10, le=10_000)
+
+
+class Tire(Section):
+    """`[tire]` and `[wheel.tire]`: the ring; its four numbers are the new tire's at the reference pressure."""
+
+    size: str = ""
+    radius_mm: float = Field(default=320.0, ge=100, le=1200)
+    Bs: float = Field(default=3.08e-3, gt=0, le=10)
+    Cw: float = Field(default=0.195, gt=0, le=10)
+    Rs: float = Field(default=2.97, gt=0, le=1000)
+    Ts: float = Field(default=2.53, gt=0, le=1000)
+    reference_pressure_kpa: float = Field(default=210.0, ge=10, le=1500)
+    sidewall_pressure_share: float = Field(
+        default=0.5, ge=0, le=1, description="share of the sidewall's stiffness that grows with pressure"
+    )
+    mass_kgpm: float = Field(default=3.5, gt=0, le=100)
+    extension_stiffness_mn: float = Field(default=5.0, ge=0.1, le=1000)
+    tread_stiffness_mpa: float = Field(default=70.0, ge=1, le=10_000)
+    ring_thickness_mm: float = Field(default=15.0, ge=1, le=80, description="belt and tread, new")
+    wear_mm: float = Field(default=0.0, ge=0, le=60)
+    foundation_damping_nspm2: float = Field(default=0.0, ge=0, le=1e5)
+    tread_damping_nspm2: float = Field(default=0.0, ge=0, le=1e6)
+    sidewall_stiffening_pm: float = Field(default=0.0, ge=-10, le=100)
+    shear_stiffness_kn: float | None = Field(default=None, gt=1, le=1e7, description="nothing for an Euler belt")
+    rotary_inertia_kgm: float = Field(default=0.0, ge=0, le=1)
+    drum_radius_mm: float | None = Field(
+        default=None, description="negative for an inner drum, nothing for a flat road"
+    )
+
+
+class EdgeWaveTable(Section):
+    """`[edge_waves]` and `[wheel.edge_waves]`: what a tread pattern sends along the belt, locked to the tire."""
+
+    amplitude_percent: float = Field(default=0.0, ge=0, le=100, description="of R omega^2, at the contact's edges")
+    order_before: float = Field(default=35.0, ge=2, le=300)
+    order_after: float = Field(default=45.0, ge=2, le=300)
+    decay_rad: float = Field(default=1.0, ge=0.05, le=10)
+    phase_deg: float = Field(default=0.0, ge=-360, le=360)
+
+
+class Sensor(Section):
+    """`[sensor]` and `[wheel.sensor]`; three values are circumferential, lateral, radial."""
+
+    rate_hz: float = Field(default=9600.0, ge=2000, le=25600)
+    axes: tuple[Literal["circumferential", "lateral", "radial"], ...] = Field(
+        default=AXIS_NAMES, strict=False, min_length=1, max_length=3
+    )
+    range_g: float = Field(default=500.0, ge=1, le=10_000)
+    noise_mg_rthz: Annotated[Triple, per_axis(0, 1000)] = (5.0, 5.0, 5.0)
+    bandwidth_hz: float | None = Field(default=None, ge=10, le=11_520, description="nothing for the whole band")
+    coupling: Literal["dc", "ac"] = "dc"
+    highpass_hz: float = Field(default=0.5, gt=0, le=100, description="corner of an AC-coupled sensor")
+    radial_sign: Literal[-1, 1] = 1
+    sign_declared: bool = Field(default=True, description="whether the hello tells radial_sign")
+    offset_mm: float = Field(default=0.0, ge=-20, le=80, description="sensor below the belt's neutral layer")
+    roll_deg: float = Field(default=0.0, ge=-45, le=45)
+    pitch_deg: float = Field(default=0.0, ge=-45, le=45)
+    zero_g_offset_g: Annotated[Triple, per_axis(-1000, 1000)] = (0.0, 0.0, 0.0)
+    gain_error_percent: Annotated[Triple, per_axis(-50, 50)] = (0.0, 0.0, 0.0)
+    rate_error_ppm: float = Field(default=0.0, ge=-10_000, le=10_000)
+
+
+class Hub(Section):
+    """`[[hub]]`; hubs that wheels name but no table describes have the defaults."""
+
+    hub: int = Field(ge=0, le=255)
+    clock_ppm: float = Field(default=0.0, ge=-1000, le=1000)
+    uptime_s: float = Field(default=0.0, ge=0, le=1e9, description="when the scenario begins")
+    boot_count: int = Field(default=1, ge=0, le=0xFFFF_FFFE)
+    battery_percent: float | None = Field(default=95.0, ge=0, le=100, description="nothing for a hub without battery")
+    battery_drain_percent_per_h: float = Field(default=1.0, ge=0, le=1e6)
+    supply_v: float = Field(default=3.7, ge=0, le=60)
+    supply_w: float = Field(default=0.08, ge=0, le=1000)
+    rssi_dbm: int | None = Field(default=-62, ge=-127, le=127)
