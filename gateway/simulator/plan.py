@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from gateway.physics.rolling_ring import RingParameters
-from gateway.physics.rolling_ring_waves import EdgeWaves
 from gateway.simulator.motion import MotionProfile
 from gateway.simulator.scenario_model import Scenario, Wheel
-from gateway.simulator.scenario_tables import EdgeWaveTable, Hub, Sensor, Tire
+from gateway.simulator.scenario_tables import Hub, Sensor
 from gateway.simulator.series import Series
-from gateway.simulator.tire_table import Range, TireModel, TireTable, tire_table
+from gateway.simulator.tire_model import TireModel
+from gateway.simulator.tire_plan import tire_model
+from gateway.simulator.tire_table import Range, TireTable, tire_table
 
 ROAD_SPEED_MPS = 65.0 / 3.6
 """Speed at which the road's rms is stated."""
@@ -33,7 +33,9 @@ class WheelPlan:
         load_n: over time.
         pressure_pa: over time.
         temperature_degc: over time.
-        camber_rad: inclination of the wheel plane.
+        slip_angle_rad: over time, positive pulls the tire to the left.
+        camber_rad: inclination of the wheel plane over time, positive reads positive on the lateral axis.
+        reverse: whether the wheel rolls backwards.
         phase_rad: material angle at the start; None for a random one.
         road_rms_mps2: road noise of each axis at ROAD_SPEED_MPS.
         road_bandwidth_hz: its bandwidth.
@@ -50,7 +52,9 @@ class WheelPlan:
     load_n: Series
     pressure_pa: Series
     temperature_degc: Series
-    camber_rad: float
+    slip_angle_rad: Series
+    camber_rad: Series
+    reverse: bool
     phase_rad: float | None
     road_rms_mps2: float
     road_bandwidth_hz: float
@@ -63,6 +67,7 @@ class WheelPlan:
             Range(self.load_n.low, self.load_n.high),
             Range(self.pressure_pa.low, self.pressure_pa.high),
             Range(0.0, self.motion.highest_mps / self.radius_m),
+            Range(self.slip_angle_rad.low, self.slip_angle_rad.high),
         )
 
     @property
@@ -78,63 +83,22 @@ def wheel_plans(scenario: Scenario) -> tuple[WheelPlan, ...]:
 
 
 def _plan(wheel: Wheel, hub: Hub) -> WheelPlan:
-    drum_mm = wheel.tire.drum_radius_mm
     return WheelPlan(
         position=wheel.position,
         hub=hub,
         wheel=wheel.wheel,
         sensor_id=int(wheel.sensor_id, 16) if wheel.sensor_id else zlib.crc32(wheel.position.encode()),
         radius_m=wheel.tire.radius_mm * 1e-3,
-        tire=TireModel(
-            ring=_ring(wheel.tire),
-            reference_pa=wheel.tire.reference_pressure_kpa * 1e3,
-            pressure_share=wheel.tire.sidewall_pressure_share,
-            sensor_offset_m=wheel.sensor.offset_mm * 1e-3,
-            drum_radius_m=math.inf if drum_mm is None else drum_mm * 1e-3,
-            waves=_waves(wheel.edge_waves),
-        ),
+        tire=tire_model(wheel),
         motion=MotionProfile(wheel.motion.speed_kmh, wheel.motion.repeat),
         load_n=wheel.load_n,
-        pressure_pa=Series(tuple((time, 1e3 * value) for time, value in wheel.pressure_kpa.points)),
+        pressure_pa=wheel.pressure_kpa.scaled(1e3),
         temperature_degc=wheel.temperature_degc,
-        camber_rad=math.radians(wheel.camber_deg),
+        slip_angle_rad=wheel.slip_angle_deg.scaled(math.radians(1.0)),
+        camber_rad=wheel.camber_deg.scaled(math.radians(1.0)),
+        reverse=wheel.motion.direction == "reverse",
         phase_rad=None if wheel.phase_deg is None else math.radians(wheel.phase_deg),
         road_rms_mps2=wheel.road.rms_mps2,
         road_bandwidth_hz=wheel.road.bandwidth_hz,
         sensor=wheel.sensor,
     )
-
-
-def _waves(table: EdgeWaveTable) -> EdgeWaves | None:
-    if not table.amplitude_percent:
-        return None
-    return EdgeWaves(
-        amplitude=table.amplitude_percent * 1e-2,
-        order_before=table.order_before,
-        order_after=table.order_after,
-        decay_rad=table.decay_rad,
-        phase_rad=math.radians(table.phase_deg),
-    )
-
-
-def _ring(tire: Tire) -> RingParameters:
-    """Return the worn ring at the reference pressure."""
-    new = RingParameters.from_numbers(
-        tire.Bs,
-        tire.Cw,
-        tire.Rs,
-        tire.Ts,
-        radius_m=tire.radius_mm * 1e-3,
-        pressure_pa=tire.reference_pressure_kpa * 1e3,
-        mass_kgpm=tire.mass_kgpm,
-        extension_stiffness_n=tire.extension_stiffness_mn * 1e6,
-        tread_stiffness_npm2=tire.tread_stiffness_mpa * 1e6,
-        foundation_damping_nspm2=tire.foundation_damping_nspm2,
-        tread_damping_nspm2=tire.tread_damping_nspm2,
-        sidewall_stiffening_pm=tire.sidewall_stiffening_pm,
-        shear_stiffness_n=math.inf if tire.shear_stiffness_kn is None else tire.shear_stiffness_kn * 1e3,
-        rotary_inertia_kgm=tire.rotary_inertia_kgm,
-    )
-    # Belt and tread bend as one plate: EI goes with the cube of what is left of the thickness.
-    left = 1.0 - tire.wear_mm / tire.ring_thickness_mm
-    return replace(new, bending_stiffness_nm2=new.bending_stiffness_nm2 * left**3, mass_kgpm=new.mass_kgpm * left)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
 
 from pydantic import Field
 
@@ -25,7 +25,9 @@ class Wheel(Section):
     load_n: Annotated[Series, in_range(50, 50_000)] = constant(5000.0)
     pressure_kpa: Annotated[Series, in_range(20, 1500)] = constant(210.0)
     temperature_degc: Annotated[Series, in_range(-60, 250)] = constant(25.0)
-    camber_deg: float = Field(default=0.0, ge=-30, le=30)
+    slip_angle_deg: Annotated[Series, in_range(-12, 12)] = constant(0.0)
+    camber_deg: Annotated[Series, in_range(-30, 30)] = constant(0.0)
+    side: Literal["left", "right"] = "left"
     phase_deg: float | None = Field(default=None, ge=-360, le=360, description="at the start; nothing for random")
     motion: Motion = Motion()
     road: Road = Road()

@@ -37,6 +37,7 @@ class Motion(Section):
 
     speed_kmh: Annotated[Series, in_range(0, 400)] = constant(65.0)
     repeat: bool = False
+    direction: Literal["forward", "reverse"] = "forward"
 
 
 class Road(Section):
@@ -72,6 +73,22 @@ class Tire(Section):
     drum_radius_mm: float | None = Field(
         default=None, description="negative for an inner drum, nothing for a flat road"
     )
+    axle_torque_nm: float | None = Field(
+        default=None, ge=-5000, le=5000, description="driving torque, nothing for a road without friction"
+    )
+    cord_angle_deg: float = Field(
+        default=-26.0,
+        ge=-90,
+        le=90,
+        description="inner ply's, to the left of forward; 0: no ply steer",
+    )
+    ply_separation_mm: float = Field(default=1.2, gt=0, le=10, description="from ply to ply, mid-plane to mid-plane")
+    conicity_deg: float = Field(default=0.0, ge=-10, le=10, description="half angle of the belt's cone")
+    lateral_shear_stiffness_mn: float = Field(default=1.6, gt=0, le=1000)
+    lateral_bending_stiffness_knm2: float = Field(default=1.0, gt=0, le=1000)
+    lateral_sidewall_stiffness_mpa: float = Field(default=0.25, gt=0, le=100)
+    lateral_tread_stiffness_mpa: float = Field(default=8.0, gt=0, le=1000)
+    lateral_friction: float = Field(default=1.0, ge=0, le=3)
 
 
 class EdgeWaveTable(Section):

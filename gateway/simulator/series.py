@@ -48,6 +48,16 @@ class Series:
         """Return the value at a time."""
         return float(np.interp(time_s, self.times_s, self.values))
 
+    def at_times(self, time_s: FloatArray) -> FloatArray | float:
+        """Return the values at many times; of a constant, the constant."""
+        if len(self.points) == 1:
+            return self.points[0][1]
+        return np.interp(time_s, self.times_s, self.values)
+
+    def scaled(self, factor: float) -> Series:
+        """Return the series in another unit."""
+        return Series(tuple((time, factor * value) for time, value in self.points))
+
 
 def constant(value: float) -> Series:
     """Return a series that never changes."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from gateway.errors import ConfigError
 from gateway.io.source import Chunk
+from gateway.physics.brush_tread import BrushNotConvergedError
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.simulator.faults import Fault, apply_faults, parse_faults
 from gateway.simulator.hub import HubSimulator, TimedFrame
@@ -107,8 +108,8 @@ def simulate(
 def _wheel(plan: WheelPlan, rng: np.random.Generator) -> WheelSimulator:
     try:
         return WheelSimulator(plan, rng)
-    except (RingNotConvergedError, ValueError) as error:
+    except (RingNotConvergedError, BrushNotConvergedError, ValueError) as error:
         raise ConfigError(
             f"wheel {plan.position}: its tire cannot be solved: {error}",
-            "Lower the load, raise the pressure, or bring the tire's stiffnesses into proportion.",
+            "Lower the load or the slip angle, raise the pressure, or bring the tire's stiffnesses into proportion.",
         ) from error

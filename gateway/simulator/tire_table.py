@@ -1,68 +1,27 @@
-"""The exact ring's waveform over load, pressure and speed: solved at a few points, interpolated in between."""
+"""A tire's waveform over load, pressure, speed and slip angle: solved at a few points, interpolated in between."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring import RingSolution
 from gateway.physics.rolling_ring_waveform import angle_derivatives
-from gateway.physics.rolling_ring_waves import EdgeWaves
+from gateway.simulator.tire_model import TireModel
 
 FloatArray = NDArray[np.float64]
 WaveformTable = NDArray[np.float32]
 """(TABLE_ANGLES + 1, COLUMNS) over theta = -pi + 2 pi i / TABLE_ANGLES; the last row is the first. Single precision
 is 1e-7 of the signal, far below any sensor's noise, and half the memory to go through."""
 
-RING_NODES = 720
 TABLE_ANGLES = 8192
-COLUMNS = 6
-"""Radial, circumferential shape; radial, circumferential gravity; radial, circumferential spin."""
-
-
-@dataclass(frozen=True, slots=True)
-class TireModel:
-    """A ring that changes with pressure, and the sensor's and road's part in its waveform.
-
-    Attributes:
-        ring: at the reference pressure.
-        reference_pa: pressure at which `ring` holds.
-        pressure_share: share of the sidewall's stiffness that grows with pressure.
-        sensor_offset_m: sensor below the neutral layer.
-        drum_radius_m: of the road; infinite when flat.
-        waves: from the tread pattern, None for a smooth tread.
-    """
-
-    ring: RingParameters
-    reference_pa: float
-    pressure_share: float = 0.5
-    sensor_offset_m: float = 0.0
-    drum_radius_m: float = math.inf
-    waves: EdgeWaves | None = None
-
-    def ring_at(self, pressure_pa: float) -> RingParameters:
-        """Return the ring at a pressure."""
-        growth = 1.0 + self.pressure_share * (pressure_pa / self.reference_pa - 1.0)
-        return replace(
-            self.ring,
-            radial_stiffness_npm2=self.ring.radial_stiffness_npm2 * growth,
-            tangential_stiffness_npm2=self.ring.tangential_stiffness_npm2 * growth,
-        )
-
-    def numbers(self, pressure_pa: float) -> RingNumbers:
-        """Return the true dimensionless numbers at a pressure."""
-        return self.ring_at(pressure_pa).numbers(pressure_pa)
-
-    @property
-    def depends_on_speed(self) -> bool:
-        """Whether the shape changes with speed."""
-        ring = self.ring
-        return ring.foundation_damping_nspm2 > 0.0 or ring.tread_damping_nspm2 > 0.0 or ring.rotary_inertia_kgm > 0.0
+COLUMNS = 7
+"""Radial, circumferential shape; radial, circumferential gravity; radial, circumferential spin; lateral shape."""
+LATERAL = COLUMNS - 1
 
 
 class Range(NamedTuple):
@@ -72,41 +31,50 @@ class Range(NamedTuple):
     high: float
 
 
-class TireTable:
-    """Waveforms of one tire over ranges of load, pressure and angular speed; polynomial in each that varies."""
+NO_SLIP = Range(0.0, 0.0)
 
-    def __init__(self, tire: TireModel, load_n: Range, pressure_pa: Range, omega_radps: Range) -> None:
-        """Solve the ring at every point of the grid.
+
+class TireTable:
+    """Waveforms of one tire over ranges of load, pressure, angular speed and slip; polynomial in each that varies."""
+
+    def __init__(
+        self,
+        tire: TireModel,
+        load_n: Range,
+        pressure_pa: Range,
+        omega_radps: Range,
+        slip_angle_rad: Range = NO_SLIP,
+    ) -> None:
+        """Solve the tire at every point of the grid.
 
         Raises:
+            ValueError: a condition is out of range.
             RingNotConvergedError: the ring has no equilibrium somewhere in the ranges.
+            BrushNotConvergedError: nor has its tread under slip.
         """
         self.tire = tire
         if not tire.depends_on_speed:
             # Without damping the shape is the same at every speed; the middle one only fixes the belt's tension.
             omega_radps = Range(*(0.5 * (omega_radps.low + omega_radps.high),) * 2)
         self._axes = tuple(_nodes(Range(*extent)) for extent in (load_n, pressure_pa, omega_radps))
+        self._slips = _slip_nodes(slip_angle_rad)
         shape = tuple(len(axis) for axis in self._axes)
-        self._tables = np.empty((math.prod(shape), (TABLE_ANGLES + 1) * COLUMNS), np.float32)
-        self._edges = np.empty((math.prod(shape), 2))
+        points = math.prod(shape)
+        self._planar = np.empty((points, (TABLE_ANGLES + 1) * LATERAL), np.float32)
+        # Slip bends the belt sideways only, so the planar columns need no table for it.
+        self._lateral = np.empty((points * len(self._slips), TABLE_ANGLES + 1), np.float32)
+        self._edges = np.empty((points, 2))
         near: RingSolution | None = None
         for row, place in enumerate(np.ndindex(*shape)):
             load, pressure, omega = (float(axis[i]) for axis, i in zip(self._axes, place, strict=True))
-            near = solve_rolling_ring(
-                tire.ring_at(pressure),
-                load,
-                pressure,
-                omega,
-                nodes=RING_NODES,
-                sensor_offset_m=tire.sensor_offset_m,
-                drum_radius_m=tire.drum_radius_m,
-                start=near,
-            )
-            self._tables[row] = self._fine(near).reshape(-1)
+            near = tire.solve(load, pressure, omega, near)
+            self._planar[row] = self._fine(near).reshape(-1)
             self._edges[row] = near.leading_edge_rad, near.trailing_edge_rad
+            lateral = [tire.solve_lateral(near, float(slip)).lateral_m for slip in self._slips]
+            self._lateral[row * len(self._slips) : (row + 1) * len(self._slips)] = _interpolated(np.stack(lateral, 1)).T
 
     def _fine(self, solution: RingSolution) -> FloatArray:
-        """Return a solution's waveform on the table's angles."""
+        """Return a solution's planar columns on the table's angles."""
         sensor, waves, radius = solution.sensor, self.tire.waves, solution.ring.radius_m
         radial, along = sensor.radial_m, sensor.circumferential_m
         if waves is not None:
@@ -122,14 +90,16 @@ class TireTable:
         """Whether the waveform changes with speed within the range."""
         return len(self._axes[2]) > 1
 
-    def waveform(self, load_n: float, pressure_pa: float, omega_radps: float) -> WaveformTable:
+    def waveform(
+        self, load_n: float, pressure_pa: float, omega_radps: float, slip_angle_rad: float = 0.0
+    ) -> WaveformTable:
         """Return the waveform under given conditions."""
-        weights = self._weights((load_n, pressure_pa, omega_radps)).astype(np.float32)
-        # Not a matrix product: BLAS would wake all its threads for it, at four times the CPU time.
-        mixed: WaveformTable = weights[0] * self._tables[0]
-        for weight, table in zip(weights[1:], self._tables[1:], strict=True):
-            mixed += weight * table
-        return mixed.reshape(-1, COLUMNS)
+        weights = self._weights((load_n, pressure_pa, omega_radps))
+        both = np.outer(weights, _lagrange(self._slips, slip_angle_rad)).reshape(-1)
+        wave: WaveformTable = np.empty((TABLE_ANGLES + 1, COLUMNS), np.float32)
+        wave[:, :LATERAL] = _mixed(weights, self._planar).reshape(-1, LATERAL)
+        wave[:, LATERAL] = _mixed(both, self._lateral)
+        return wave
 
     def edges_rad(self, load_n: float, pressure_pa: float, omega_radps: float) -> tuple[float, float]:
         """Return the true (leading, trailing) contact angle, negative and positive."""
@@ -145,9 +115,11 @@ class TireTable:
 
 
 @lru_cache(maxsize=64)
-def tire_table(tire: TireModel, load_n: Range, pressure_pa: Range, omega_radps: Range) -> TireTable:
+def tire_table(
+    tire: TireModel, load_n: Range, pressure_pa: Range, omega_radps: Range, slip_angle_rad: Range
+) -> TireTable:
     """Return the table of a tire, solved once per process."""
-    return TireTable(tire, load_n, pressure_pa, omega_radps)
+    return TireTable(tire, load_n, pressure_pa, omega_radps, slip_angle_rad)
 
 
 def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
@@ -162,13 +134,35 @@ def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
     return found
 
 
+def _mixed(weights: FloatArray, tables: WaveformTable) -> WaveformTable:
+    """Return the weighted sum of rows. Not a matrix product: BLAS would wake all its threads for it, at four times
+    the CPU time.
+    """
+    few = weights.astype(np.float32)
+    mixed: WaveformTable = few[0] * tables[0]
+    for weight, table in zip(few[1:], tables[1:], strict=True):
+        mixed += weight * table
+    return mixed
+
+
 def _nodes(extent: Range) -> FloatArray:
     """Return where to solve: one point for a constant, Chebyshev points (ends included) otherwise."""
     if extent.high - extent.low <= 1e-9 * max(1.0, abs(extent.high)):
         return np.array([0.5 * (extent.low + extent.high)])
     # Contact edges shift with load and pressure: the wider the range, the more points.
     ratio = extent.high / max(extent.low, 0.25 * extent.high)
-    count = 3 if ratio < 1.1 else 4 if ratio < 1.5 else 6
+    return _chebyshev(extent, 3 if ratio < 1.1 else 4 if ratio < 1.5 else 6)
+
+
+def _slip_nodes(extent: Range) -> FloatArray:
+    """Return where to solve over the slip angle: nearly straight while the tread sticks, bent where it slides."""
+    width = extent.high - extent.low
+    if width <= 1e-9:
+        return np.array([0.5 * (extent.low + extent.high)])
+    return _chebyshev(extent, 3 if width < math.radians(0.5) else 5 if width < math.radians(2.5) else 9)
+
+
+def _chebyshev(extent: Range, count: int) -> FloatArray:
     angles = np.pi * np.arange(count) / (count - 1)
     return 0.5 * (extent.low + extent.high) - 0.5 * (extent.high - extent.low) * np.cos(angles)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring import RingNumbers
+from gateway.simulator.lateral_truth import LateralSlopes, lateral_slopes
 from gateway.simulator.plan import WheelPlan
 
 FloatArray = NDArray[np.float64]
@@ -53,6 +54,26 @@ class WheelTruth:
     def numbers(self, time_s: float) -> RingNumbers:
         """Return the true dimensionless numbers at the pressure of that time, wear included."""
         return self.plan.tire.numbers(self.pressure_pa(time_s))
+
+    def slopes(self, time_s: float) -> LateralSlopes:
+        """Return the slopes of the belt in the contact, with all that bends it: plies, cone and slip."""
+        return self._slopes(time_s, self.slip_angle_rad(time_s))
+
+    def ply_steer(self, time_s: float) -> LateralSlopes:
+        """Return the slopes that are left without slip: what is called ply steer, conicity included."""
+        return self._slopes(time_s, 0.0)
+
+    def slip_angle_rad(self, time_s: float) -> float:
+        """Return the slip angle, positive when it pulls the tire to the left."""
+        return self.plan.slip_angle_rad.at(time_s)
+
+    def camber_rad(self, time_s: float) -> float:
+        """Return the inclination of the wheel plane."""
+        return self.plan.camber_rad.at(time_s)
+
+    def _slopes(self, time_s: float, slip_angle_rad: float) -> LateralSlopes:
+        omega = self.omega_radps(time_s) if self.plan.tire.depends_on_speed else 0.0
+        return lateral_slopes(self.plan.tire, self.load_n(time_s), self.pressure_pa(time_s), omega, slip_angle_rad)
 
     def load_n(self, time_s: float) -> float:
         """Return the load."""

@@ -12,7 +12,7 @@ from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
 from gateway.simulator.filters import lowpass, lowpass_noise_gain
 from gateway.simulator.plan import ROAD_SPEED_MPS, WheelPlan
 from gateway.simulator.sensor import SensorChain
-from gateway.simulator.tire_table import COLUMNS, WaveformTable, look_up
+from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, look_up
 
 FloatArray = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class WheelSimulator:
         self.chain = SensorChain(plan.sensor, rng)
         self._rng = rng
         self._table = plan.table()
-        self._conditions: tuple[float, float, float] | None = None
+        self._conditions: tuple[float, ...] | None = None
         self._waveform: WaveformTable = np.empty((0, COLUMNS), np.float32)
         self._waveform = self._waveform_at(0.0)
         self._rate_hz = plan.sample_rate_hz
@@ -78,12 +78,16 @@ class WheelSimulator:
         shape = look_up(self._waveform, angle)
         if end is not self._waveform:
             shape += np.linspace(0.0, 1.0, len(time_s), dtype=np.float32)[:, None] * (look_up(end, angle) - shape)
-        gravity = STANDARD_GRAVITY_MPS2 * math.cos(plan.camber_rad)
+        camber = plan.camber_rad.at_times(time_s)
+        gravity = STANDARD_GRAVITY_MPS2 * np.cos(camber)
         force = np.empty((len(time_s), 3))
         square = omega * omega
         force[:, 2] = square * shape[:, 0] + gravity * shape[:, 2] + spin * shape[:, 4]
         force[:, 0] = square * shape[:, 1] + gravity * shape[:, 3] + spin * shape[:, 5]
-        force[:, 1] = STANDARD_GRAVITY_MPS2 * math.sin(plan.camber_rad)
+        force[:, 1] = square * shape[:, LATERAL] + STANDARD_GRAVITY_MPS2 * np.sin(camber)
+        if plan.reverse:
+            # theta grows with the rotation, but the sensor stays as it was glued.
+            np.negative(force[:, 0], out=force[:, 0])
         if self._road_gain > 0.0:
             shaking = self._road_filter(self._rng.standard_normal((len(time_s), 3)))
             force += shaking * (rolling.speed_mps * (self._road_gain / ROAD_SPEED_MPS))[:, None]
@@ -93,7 +97,12 @@ class WheelSimulator:
         """Return the tire's waveform under the conditions of a moment; the one at hand when they are the same."""
         plan = self.plan
         omega = float(plan.motion.at(np.array([time_s])).speed_mps[0]) / plan.radius_m
-        at = (plan.load_n.at(time_s), plan.pressure_pa.at(time_s), omega if self._table.depends_on_speed else 0.0)
+        at = (
+            plan.load_n.at(time_s),
+            plan.pressure_pa.at(time_s),
+            omega if self._table.depends_on_speed else 0.0,
+            plan.slip_angle_rad.at(time_s),
+        )
         if at != self._conditions:
             self._conditions = at
             return self._table.waveform(*at)

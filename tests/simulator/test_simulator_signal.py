@@ -18,7 +18,8 @@ from gateway.simulator.plan import wheel_plans
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.sensor import SensorChain, mounting_matrix
 from gateway.simulator.series import Series, constant
-from gateway.simulator.tire_table import RING_NODES, Range, TireModel, TireTable, look_up
+from gateway.simulator.tire_model import RING_NODES, TireModel
+from gateway.simulator.tire_table import Range, TireTable, look_up
 from gateway.simulator.wheel import WheelSimulator
 
 RING = RingParameters.from_numbers(3.08e-3, 0.195, 2.97, 2.53, radius_m=0.32, pressure_pa=2.1e5)
@@ -177,7 +178,9 @@ def test_samples_of_a_steady_wheel_are_the_rings_specific_force() -> None:
     lsb = 1000 * STANDARD_GRAVITY_MPS2 / 32767
     assert measured[:, 2] == pytest.approx(np.interp(theta, grid, np.r_[radial, radial[0]]), abs=3 * lsb + 0.5)
     assert measured[:, 0] == pytest.approx(np.interp(theta, grid, np.r_[along, along[0]]), abs=3 * lsb + 0.5)
-    assert np.abs(measured[:, 1]).max() < lsb
+    side = wheel.plan.tire.solve_lateral(ring, 0.0).specific_force(omega)
+    assert measured[:, 1] == pytest.approx(np.interp(theta, grid, np.r_[side, side[0]]), abs=lsb + 0.1)
+    assert 25.0 < measured[:, 1].max() < 45.0
     assert measured[:, 2].max() / (0.32 * omega**2) == pytest.approx(1.5, abs=0.02)
 
 

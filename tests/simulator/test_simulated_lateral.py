@@ -1,0 +1,153 @@
+"""The lateral axis of the simulator: belt, slip, camber, directions, and the truth that goes with them."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from firmware_protocol.decoder import FrameDecoder
+from gateway.estimators.ply_steer import separate_plysteer_conicity
+from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
+from gateway.pipeline.core import Pipeline
+from gateway.pipeline.setup import WheelSetup
+from gateway.simulator.lateral_truth import slopes_of
+from gateway.simulator.plan import wheel_plans
+from gateway.simulator.scenario import load_scenario, parse_scenario
+from gateway.simulator.simulation import simulate
+from gateway.simulator.tire_table import LATERAL, Range, TireTable, look_up
+from gateway.simulator.truth import WheelTruth
+from gateway.simulator.wheel import WheelSimulator
+
+QUIET = "[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\n"
+OMEGA = 65.0 / 3.6 / 0.32
+
+
+def plan_of(wheel: str = "", tables: str = ""):
+    text = f'{QUIET}{tables}\n[[wheel]]\nposition = "W"\nwheel = 0\nphase_deg = 0.0\n{wheel}\n'
+    return wheel_plans(parse_scenario(text, "test"))[0]
+
+
+def truth_of(wheel: str = "", tables: str = "") -> WheelTruth:
+    return WheelTruth(plan_of(wheel, tables), 0.0)
+
+
+def run(wheel: str = "", tables: str = "", until_s: float = 0.5) -> np.ndarray:
+    simulator = WheelSimulator(plan_of(wheel, tables), np.random.default_rng(1))
+    blocks = [simulator.advance(end).counts for end in np.arange(0.25, until_s + 1e-9, 0.25)]
+    return np.concatenate(blocks) * np.array(simulator.chain.scale_mps2)
+
+
+@pytest.mark.parametrize("slip_deg", [-0.7, 0.13, 0.9])
+def test_between_its_points_the_table_is_the_belt_under_slip(slip_deg: float) -> None:
+    tire, slip = plan_of().tire, math.radians(slip_deg)
+    table = TireTable(
+        tire, Range(5000, 5000), Range(2.1e5, 2.1e5), Range(0, 60), Range(-math.radians(1), math.radians(1))
+    )
+    direct = tire.solve_lateral(tire.solve(5000.0, 2.1e5, OMEGA), slip)
+    found = look_up(table.waveform(5000.0, 2.1e5, OMEGA, slip), direct.theta_rad)[:, LATERAL]
+    # Where sliding begins, a kink moves with the slip angle; there the polynomial is at its worst.
+    assert np.std(found - direct.lateral_m) < 0.003 * direct.lateral_m.std()
+    assert np.abs(found - direct.lateral_m).max() < 0.02 * np.abs(direct.lateral_m).max()
+
+
+def test_wide_and_narrow_sweeps_agree() -> None:
+    tire, at = plan_of().tire, (5000.0, 2.1e5, OMEGA, math.radians(0.2))
+    waves = [
+        TireTable(tire, Range(5000, 5000), Range(2.1e5, 2.1e5), Range(0, 60), Range(-math.radians(w), math.radians(w)))
+        .waveform(*at)[:, LATERAL]
+        for w in (0.2, 6.0)
+    ]  # fmt: skip
+    assert np.std(waves[1] - waves[0]) < 0.03 * waves[0].std()
+
+
+def test_a_belt_without_crossed_plies_does_not_steer() -> None:
+    assert np.abs(run("[wheel.tire]\ncord_angle_deg = 0.0")[:, 1]).max() < 0.1
+    assert np.abs(run()[:, 1]).max() > 20.0
+    mirrored = run("[wheel.tire]\ncord_angle_deg = 26.0")
+    assert mirrored[:, 1] == pytest.approx(-run()[:, 1], abs=0.7)
+
+
+def test_ply_steer_turns_with_the_rotation_and_conicity_with_the_side() -> None:
+    tire = "[wheel.tire]\nconicity_deg = 0.6"
+    right = f'side = "right"\n{tire}'
+    reverse = '[motion]\ndirection = "reverse"'
+    ahead, back = truth_of(tire).ply_steer(0.0), truth_of(tire, reverse).ply_steer(0.0)
+    plain, turned = truth_of().ply_steer(0.0), truth_of(right).ply_steer(0.0)
+    ply_steer, conicity, _ = separate_plysteer_conicity(ahead.first_half_rad, back.first_half_rad)
+    assert ply_steer == pytest.approx(plain.first_half_rad, rel=1e-6)
+    assert abs(conicity) > math.radians(0.01)
+    assert turned.first_half_rad == pytest.approx(ply_steer - conicity, rel=1e-6)
+
+
+def test_in_reverse_the_glued_sensor_reads_backwards_along_the_belt() -> None:
+    tire = "[wheel.tire]\nfoundation_damping_nspm2 = 100.0\ncord_angle_deg = 0.0"
+    ahead, back = run(tire), run(tire, '[motion]\ndirection = "reverse"')
+    assert back[:, 0] == pytest.approx(-ahead[:, 0], abs=0.7)
+    assert back[:, 1:] == pytest.approx(ahead[:, 1:], abs=1e-9)
+
+
+def test_camber_over_time_is_gravity_over_time() -> None:
+    text = "camber_deg = [[0, 0], [2, 20]]\n[wheel.tire]\ncord_angle_deg = 0.0\n[wheel.motion]\nspeed_kmh = 0.0"
+    measured = run(text, until_s=2.0)
+    camber = np.radians(10.0 * np.arange(len(measured)) / 9600.0)
+    assert measured[:, 1] == pytest.approx(STANDARD_GRAVITY_MPS2 * np.sin(camber), abs=0.2)
+    assert measured[:, 2] == pytest.approx(STANDARD_GRAVITY_MPS2 * np.cos(camber), abs=0.2)
+    assert truth_of(text).camber_rad(1.5) == pytest.approx(math.radians(15.0))
+
+
+def test_slip_over_time_reaches_the_lateral_axis_alone() -> None:
+    swept, straight = run("slip_angle_deg = [[0, 0], [1, 1]]", until_s=1.5), run(until_s=1.5)
+    held = run("slip_angle_deg = 1.0", until_s=1.5)
+    assert swept[:, [0, 2]] == pytest.approx(straight[:, [0, 2]], abs=1e-9)
+    assert swept[-2400:, 1] == pytest.approx(held[-2400:, 1], abs=0.7)
+    # One extremum stands out at one sign of slip; at 1 deg the waveform is no longer that of straight running.
+    assert np.abs(swept[-2400:, 1] - straight[-2400:, 1]).max() > 20.0
+    assert truth_of("slip_angle_deg = [[0, 0], [1, 1]]").slip_angle_rad(0.5) == pytest.approx(math.radians(0.5))
+
+
+def test_slopes_of_a_parabola_in_the_contact() -> None:
+    # y = c (theta - b)^2 / 2 inside, so that every definition has a closed form.
+    radius, leading, trailing, c, b = 0.3, -0.25, 0.2, -2e-3, 0.1
+    theta = -math.pi + 2 * math.pi * np.arange(1440) / 1440
+    # Continued smoothly to a closed curve: the window is 1 over the contact.
+    window = np.exp(-(np.maximum(np.abs(theta) - 0.6, 0.0) ** 2) / 0.1)
+    found = slopes_of(window * 0.5 * c * (theta - b) ** 2, radius, leading, trailing)
+    # The line through the contact rises; the slope is steepest at the leading edge and rises up to b.
+    assert found.peak_rad == pytest.approx(c * (leading - b) / radius, rel=1e-2)
+    middle = 0.5 * (leading + trailing)
+    assert found.first_half_rad == pytest.approx(c * (0.5 * (leading + middle) - b) / radius, rel=1e-3)
+    assert found.adhesion_line_rad == pytest.approx(c * (0.5 * (leading + b) - b) / radius, rel=1e-2)
+
+
+def test_the_demo_steers_and_the_sweep_goes_both_ways() -> None:
+    for truth in (WheelTruth(plan, 0.0) for plan in wheel_plans(load_scenario("demo"))):
+        for slope in truth.ply_steer(3.0):
+            assert 0.1 < math.degrees(slope) < 0.25
+        assert truth.slopes(3.0) == truth.ply_steer(3.0)
+    (plan,) = wheel_plans(load_scenario("slip"))
+    assert (plan.slip_angle_rad.low, plan.slip_angle_rad.high) == pytest.approx((-math.radians(1), math.radians(1)))
+    found = [WheelTruth(plan, 0.0).slopes(t).first_half_rad for t in (15.0, 20.0, 25.0)]
+    assert all(low < high for low, high in pairwise(found))
+
+
+def test_estimates_of_ply_steer_are_the_truth() -> None:
+    text = "[scenario]\nseed = 3\n[sensor]\nroll_deg = 1.0\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
+    simulation = simulate(parse_scenario(text, "test"), duration_s=8.0)
+    setup = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
+    pipeline, decoder, results = Pipeline((setup,), setup, ("ply-steer",)), FrameDecoder(), []
+    for chunk in simulation.chunks("link", 10**18):
+        results += pipeline.frames("link", decoder.feed(chunk.data), chunk.host_ns)
+    estimates = {estimate.name: estimate for estimate in results[-1].estimates}
+    truth = simulation.truth["FL"].ply_steer(8.0)
+    for name, value in zip(("peak", "first_half", "adhesion_line"), truth, strict=True):
+        estimate = estimates[f"ply_steer_{name}_rad"]
+        assert estimate.value == pytest.approx(value, abs=math.radians(0.01)), name
+        assert abs(estimate.value - value) < 4.0 * estimate.std, name
+
+
+def test_a_tread_that_slides_altogether_is_simulated_too() -> None:
+    measured = run("slip_angle_deg = 12.0")
+    assert np.isfinite(measured).all()
