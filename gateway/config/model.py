@@ -37,6 +37,7 @@ class Reference(Section):
     Rs_std: float | None = Field(default=None, ge=0, le=1000)
     Ts_std: float | None = Field(default=None, ge=0, le=1000)
     pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure they were measured at")
+    estimator: str | None = Field(default=None, description="which estimator they are of; weak-form when left out")
 
     def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
         """Return them in SI; the tire's stated pressure is taken where none is told."""

@@ -58,9 +58,8 @@ class Conditions:
         radius_std_m: one standard error of the belt radius.
         sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
         tire: the new tire's reference numbers, thickness and load calibration.
-        given: what the estimators that ran before this one made of this revolution, by name, invalid ones left out.
-            Estimators run in the order of the registry; of two estimates of one name the later holds. Empty outside
-            `Estimator.update`.
+        given: what the estimators that ran before this one made of this revolution: estimator, then estimate, by name.
+            Estimators run in the order of the registry. Empty outside `Estimator.update`.
     """
 
     radius_m: float
@@ -72,7 +71,7 @@ class Conditions:
     radius_std_m: float = 0.0
     sensor_offset_m: float = 0.0
     tire: TireData = field(default_factory=TireData)
-    given: Mapping[str, Estimate] = field(default_factory=dict)
+    given: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

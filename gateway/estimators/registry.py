@@ -16,6 +16,8 @@ ESTIMATORS: Final[dict[str, str]] = {
     "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
     "weak-form": "gateway.estimators.weak_form:WeakFormEstimator",
     "forward": "gateway.estimators.forward:ForwardEstimator",
+    "load": "gateway.estimators.load:LoadEstimator",
+    "wear": "gateway.estimators.wear:WearEstimator",
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
 }

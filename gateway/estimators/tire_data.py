@@ -19,6 +19,7 @@ class ReferenceNumbers:
         Rs_std: one standard error.
         Ts_std: one standard error.
         pressure_pa: inflation (gauge) pressure at which they hold; None when not told.
+        estimator: which estimator they are of; each has its own bias, so only its own numbers compare with them.
     """
 
     Bs: float | None = None
@@ -30,6 +31,7 @@ class ReferenceNumbers:
     Rs_std: float = 0.0
     Ts_std: float = 0.0
     pressure_pa: float | None = None
+    estimator: str = "weak-form"
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,7 +62,7 @@ class WheelSnapshot:
         average_mps2: (n,) running average of the radial axis at the last revolution's speed, None before the first.
         pressure_pa: latest measured or configured inflation pressure.
         temperature_degc: latest measured temperature.
-        load_n: configured load.
+        load_n: configured load, else the estimated one.
         wear_mm: tread wear when an estimator knows it.
         counters: sample and revolution counts.
     """

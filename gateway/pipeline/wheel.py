@@ -20,14 +20,14 @@ from gateway.pipeline.angle import revolution_in_angle
 from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
 from gateway.pipeline.ring import SampleRing
-from gateway.pipeline.segmenter import SEARCH_WINDOW_S, ContactPair, Segmenter
+from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.pipeline.setup import WheelSetup
 from gateway.pipeline.timebase import HostClock, SampleClock
 from gateway.signal.average import RunningAverage
 
 FloatArray = NDArray[np.float64]
 
-RING_S: Final = 6.0
+RING_S: Final = 8.0
 # Longer gaps are not bridged: the wheel is searched for anew behind them.
 _MAX_BRIDGE_S: Final = 0.25
 # A late block must carry a time stamp that fits its sample number; otherwise the hub has restarted.
@@ -152,7 +152,7 @@ class WheelPipeline:
         self._samples += len(counts)
         results: list[RevolutionResult] = []
         # Never more at once than the ring can take without pushing out what the segmenter still needs.
-        piece = ring.capacity - round(SEARCH_WINDOW_S * layout.hello.rate_hz) - 1
+        piece = ring.capacity - round(LOOK_BACK_S * layout.hello.rate_hz) - 1
         for begin in range(0, len(counts), piece):
             ring.append(counts[begin : begin + piece], self._segmenter.oldest_needed)
             if self._segmenter.next_index <= ring.head:
@@ -242,15 +242,13 @@ class WheelPipeline:
 
     def _estimate(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
         """Run the estimators in turn; each sees what those before it found."""
-        given: dict[str, Estimate] = {}
+        given: dict[str, dict[str, Estimate]] = {}
         seeing = replace(conditions, given=MappingProxyType(given))
         estimates: list[Estimate] = []
         for estimator in self._estimators:
             found = estimator.update(revolution, average, seeing)
             estimates += found
-            for estimate in found:
-                if estimate.status is not Status.INVALID:
-                    given[estimate.name] = estimate
+            given[estimator.name] = {estimate.name: estimate for estimate in found}
         return tuple(estimates)
 
     def _take_in(self, revolution: Revolution) -> AngleAverage:
@@ -298,14 +296,15 @@ class WheelPipeline:
         latest = self._average.latest
         return latest.radial_mps2 if latest is not None else None
 
-    def _wear_mm(self) -> Estimate | None:
-        """The latest wear, None where no estimator knows it."""
+    def _latest(self, name: str) -> Estimate | None:
+        """The latest estimate of a name, None where it is invalid or no estimator gives it."""
         estimates = self._last.estimates if self._last is not None else ()
-        return next((e for e in estimates if e.name == "wear_mm" and e.status is not Status.INVALID), None)
+        return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)
 
     def snapshot(self) -> WheelSnapshot:
         """Return the latest state for views."""
         conditions = self._conditions(math.inf)
+        load = self._latest("load_n") if conditions.load_n is None else None
         hello = self._axes.hello if self._axes is not None else None
         state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
         ring = self._ring
@@ -318,8 +317,8 @@ class WheelPipeline:
             average_mps2=self.average_mps2,
             pressure_pa=conditions.pressure_pa,
             temperature_degc=conditions.temperature_degc,
-            load_n=conditions.load_n,
-            wear_mm=self._wear_mm(),
+            load_n=load.value if load is not None else conditions.load_n,
+            wear_mm=self._latest("wear_mm"),
             counters=WheelCounters(
                 samples=self._samples,
                 samples_lost=self._lost,

@@ -1,0 +1,135 @@
+"""Vertical load from the contact, for wheels that nobody weighed, or beside a stated load for comparison.
+
+Two ways, each with its own needs: from contact half angle and pressure by a power law calibrated per tire (`treadlink
+calibrate`), which follows every revolution; and from the weak form, whose rows return the load when the belt's width is
+known instead: all four numbers are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw at any assumed load Q0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Estimator, Revolution, Status
+from gateway.estimators.registry import ESTIMATORS, make_estimator
+from gateway.signal.contact import EDGE_MODEL_STD_RAD
+
+NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
+
+_ASSUMED_LOAD_N: Final = 4000.0
+
+
+class LoadEstimator:
+    """Load by contact angle and by belt width, the better of the two, and the pressure number."""
+
+    def __init__(self) -> None:
+        """Start cold."""
+        self.reset()
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "load"
+
+    def reset(self) -> None:
+        """Forget the warm start of the weak form."""
+        self._numbers: Estimator | None = None
+
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+        """Return load_n, load_by_angle_n, load_by_width_n and pressure_number Q / (2 p0 theta R^2) (Eq. 33).
+
+        The pressure number takes the stated load where there is one. Never raises on values.
+        """
+        pressure = conditions.pressure_pa
+        if pressure is None or not (pressure > 0.0 and conditions.radius_m > 0.0):
+            missing = "needs the pressure (pressure_kpa of the tire in the vehicle file, or a sensor that reports it)"
+            return tuple(_invalid(name, missing) for name in NAMES)
+        half = 0.5 * (revolution.trailing_edge_rad - revolution.leading_edge_rad)
+        half_std = 0.5 * math.hypot(
+            _own_error(revolution.leading_edge_std_rad), _own_error(revolution.trailing_edge_std_rad)
+        )
+        by_angle = _by_angle(revolution, conditions, half, half_std, pressure)
+        by_width = self._by_width(revolution, average, conditions)
+        load = _better(by_angle, by_width)
+        return load, by_angle, by_width, _pressure_number(load, conditions, half, half_std, pressure)
+
+    def _by_width(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> Estimate:
+        reference = conditions.tire.reference
+        if reference.Cw is None:
+            return _invalid(NAMES[2], "needs Cw of the new tire, tire.reference in the vehicle file")
+        load, load_std = conditions.load_n, conditions.load_std_n
+        numbers = conditions.given.get(reference.estimator) if load is not None else None
+        if numbers is None or load is None:
+            load, load_std = _ASSUMED_LOAD_N, 0.0
+            if self._numbers is None:
+                if reference.estimator not in ESTIMATORS:
+                    return _invalid(NAMES[2], f"tire.reference is of '{reference.estimator}', which is no estimator")
+                self._numbers = make_estimator(reference.estimator)
+            assumed = replace(conditions, load_n=load, load_std_n=0.0)
+            numbers = {found.name: found for found in self._numbers.update(revolution, average, assumed)}
+        width = numbers.get("Cw")
+        if width is None or width.status is Status.INVALID:
+            return _invalid(NAMES[2], width.reason if width is not None else f"{reference.estimator} gives no Cw")
+        value = load * reference.Cw / width.value
+        # The stated load's error is in that of Cw, and not in this: it cancels.
+        relative2 = max(0.0, (width.std / width.value) ** 2 - (load_std / load) ** 2)
+        std = value * math.sqrt(relative2 + (reference.Cw_std / reference.Cw) ** 2)
+        return Estimate(NAMES[2], value, std, width.status, width.reason)
+
+
+def _by_angle(
+    revolution: Revolution, conditions: Conditions, half: float, half_std: float, pressure: float
+) -> Estimate:
+    calibration = conditions.tire.load_calibration
+    if calibration is None:
+        return _invalid(NAMES[1], "needs tire.load_calibration in the vehicle file (treadlink calibrate)")
+    if not half > 0.0:
+        return _invalid(NAMES[1], "no contact edges in this revolution")
+    load = calibration.load_at(half, pressure)
+    relative = math.hypot(
+        calibration.relative_std,
+        calibration.angle_exponent * half_std / half,
+        calibration.pressure_exponent * conditions.pressure_std_pa / pressure,
+    )
+    if not (math.isfinite(load) and math.isfinite(relative)):
+        return _invalid(NAMES[1], "contact edges without an error")
+    reasons = [*revolution.faults, calibration.outside(half, pressure)]
+    doubt = ", ".join(filter(None, reasons))
+    return Estimate(NAMES[1], load, load * relative, Status.PROVISIONAL if doubt else Status.VALID, doubt)
+
+
+def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
+    """Return the estimate of better status, then of smaller error, as load_n."""
+    rank = {Status.VALID: 0, Status.PROVISIONAL: 1, Status.INVALID: 2}
+    best = min(by_angle, by_width, key=lambda found: (rank[found.status], found.std))
+    if best.status is Status.INVALID:
+        return _invalid(NAMES[0], f"by contact angle: {by_angle.reason}; by belt width: {by_width.reason}")
+    how = "by contact angle and pressure" if best is by_angle else "by belt width"
+    return Estimate(NAMES[0], best.value, best.std, best.status, "; ".join(filter(None, (how, best.reason))))
+
+
+def _pressure_number(load: Estimate, conditions: Conditions, half: float, half_std: float, pressure: float) -> Estimate:
+    value, std, status, reason = load.value, load.std, load.status, load.reason
+    if conditions.load_n is not None:
+        value, std, status, reason = conditions.load_n, conditions.load_std_n, Status.VALID, ""
+    if status is Status.INVALID:
+        return _invalid(NAMES[3], reason)
+    if not (half > 0.0 and math.isfinite(half_std) and value > 0.0):
+        return _invalid(NAMES[3], "no contact edges in this revolution")
+    number = value / (2.0 * pressure * half * conditions.radius_m**2)
+    # The edge's definition counts here: this angle is compared with other tires'.
+    half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)
+    relative = math.hypot(std / value, half_std / half, conditions.pressure_std_pa / pressure)
+    return Estimate(NAMES[3], number, number * relative, status, reason)
+
+
+def _own_error(edge_std_rad: float) -> float:
+    """Return what an edge errs by beyond its definition, which a calibration has taken up."""
+    if not math.isfinite(edge_std_rad):
+        return math.nan
+    return math.sqrt(max(0.0, edge_std_rad**2 - EDGE_MODEL_STD_RAD**2))
+
+
+def _invalid(name: str, reason: str) -> Estimate:
+    return Estimate(name, math.nan, math.nan, Status.INVALID, reason)

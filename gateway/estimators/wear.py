@@ -1,0 +1,120 @@
+"""Tread wear from the bending stiffness number, against that of the new tire.
+
+A ring of thickness h bends with EI ~ h^3 and Bs = EI / (R^4 p0), so the wear is h0 (1 - (Bs p0 / (Bs_new p0_new))^1/3).
+h is the thickness of the whole ring, belt and tread; with the tread depth alone, as the ring paper prints it, 6.4 mm of
+wear would take Bs down to a hundredth. Pressure is compensated by this; temperature, which softens the rubber and takes
+Bs down with it, is not.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.signal.average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.signal.moments import RunningMoments
+
+NAMES: Final = ("wear_mm", "wear_number", "wear_drift_mm")
+
+# The running average forgets a revolution in about this many: values so far apart are independent.
+_APART: Final = round(2 * DEFAULT_HORIZON_REVOLUTIONS)
+# Values that a drift is fitted through at least.
+_LEAST_VALUES: Final = 4
+
+
+class WearEstimator:
+    """Wear in mm, the ring paper's wear number (Eq. 30), and how far the wear has drifted since the first value."""
+
+    def __init__(self) -> None:
+        """Start without a drift."""
+        self.reset()
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "wear"
+
+    def reset(self) -> None:
+        """Forget the drift."""
+        self._values = RunningMoments(2, covariance=True)
+        self._first = self._latest = 0.0
+        self._due: int | None = None
+
+    def update(
+        self,
+        revolution: Revolution,
+        average: AngleAverage,  # noqa: ARG002 - the numbers that come before hold what it tells
+        conditions: Conditions,
+    ) -> tuple[Estimate, ...]:
+        """Return wear_mm, wear_number and wear_drift_mm.
+
+        Without a load the ratio Bs/Cw takes the place of Bs: the belt's width does not wear. Never raises on values.
+        """
+        wear = _wear(conditions)
+        if wear.status is Status.INVALID:
+            return (wear, *(_invalid(name, wear.reason) for name in NAMES[1:]))
+        radius_mm = conditions.radius_m * 1e3
+        number = Estimate(NAMES[1], wear.value / radius_mm, wear.std / radius_mm, wear.status, wear.reason)
+        return wear, number, self._drift(revolution, wear)
+
+    def _drift(self, revolution: Revolution, wear: Estimate) -> Estimate:
+        """Take a value in when it is independent of the last, and return the drift along the line through all."""
+        if wear.status is Status.VALID and (self._due is None or revolution.index >= self._due):
+            if self._due is None:
+                self._first = float(revolution.index)
+            self._due = revolution.index + _APART
+            self._latest = float(revolution.index)
+            self._values.update(np.array([self._latest, wear.value]), 1.0 / (self._values.count + 1))
+        count = self._values.count
+        if count < _LEAST_VALUES:
+            needed = (_LEAST_VALUES - 1) * _APART
+            return _invalid(NAMES[2], f"needs {needed} revolutions with a valid wear, one in {_APART} counts")
+        (xx, xy), (_, yy) = self._values.variance()
+        span = self._latest - self._first
+        left = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)
+        std = math.sqrt(left / (xx * (count - 1))) * span
+        return Estimate(NAMES[2], float(xy / xx) * span, std, Status.VALID, f"over {span:.0f} revolutions")
+
+
+def _wear(conditions: Conditions) -> Estimate:
+    """Return the wear."""
+    tire = conditions.tire
+    reference, thickness = tire.reference, tire.ring_thickness_m
+    if thickness is None:
+        return _invalid(NAMES[0], "needs ring_thickness_mm of the tire in the vehicle file")
+    if reference.Bs is None:
+        return _invalid(NAMES[0], "needs Bs of the new tire, tire.reference in the vehicle file (treadlink calibrate)")
+    numbers = conditions.given.get(reference.estimator)
+    if numbers is None:
+        return _invalid(NAMES[0], f"needs the estimator {reference.estimator}, which the reference is of")
+    absent = _invalid("Bs", "no bending stiffness number")
+    bending, new, new_relative = numbers.get("Bs", absent), reference.Bs, reference.Bs_std / reference.Bs
+    notes = []
+    if bending.status is Status.INVALID and reference.Cw is not None:
+        ratio = numbers.get("Bs/Cw", absent)
+        if ratio.status is not Status.INVALID:
+            bending, new = ratio, reference.Bs / reference.Cw
+            new_relative = math.hypot(new_relative, reference.Cw_std / reference.Cw)
+            notes.append("from Bs/Cw, for want of a load")
+    if bending.status is Status.INVALID:
+        return _invalid(NAMES[0], bending.reason)
+    stiffness = bending.value / new
+    if conditions.pressure_pa and reference.pressure_pa:
+        stiffness *= conditions.pressure_pa / reference.pressure_pa
+    else:
+        notes.append("pressure not compensated")
+    if not (stiffness > 0.0 and math.isfinite(stiffness)):
+        return _invalid(NAMES[0], "no positive bending stiffness")
+    left = stiffness ** (1.0 / 3.0)
+    error = thickness * left / 3.0 * math.hypot(bending.std / bending.value, new_relative)
+    std = math.hypot(error, (1.0 - left) * tire.ring_thickness_std_m)
+    if bending.status is Status.PROVISIONAL:
+        notes.insert(0, bending.reason)
+    return Estimate(NAMES[0], 1e3 * thickness * (1.0 - left), 1e3 * std, bending.status, "; ".join(notes))
+
+
+def _invalid(name: str, reason: str) -> Estimate:
+    return Estimate(name, math.nan, math.nan, Status.INVALID, reason)
