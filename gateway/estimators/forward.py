@@ -131,7 +131,7 @@ def _shape(fit: ForwardFit, doubt: str) -> list[Estimate]:
     std = np.sqrt(np.diagonal(fit.noise + fit.model))
     before, after = fit.solution.packets()
     values = (
-        (fit.solution.half_angle_rad, fit.half_angle_std_rad()),
+        (fit.half_angle_rad, fit.half_angle_std_rad()),
         (before.amplitude, math.hypot(std[P.BEFORE_COSINE], std[P.BEFORE_SINE]) / math.sqrt(2.0)),
         (after.amplitude, math.hypot(std[P.AFTER_COSINE], std[P.AFTER_SINE]) / math.sqrt(2.0)),
     )

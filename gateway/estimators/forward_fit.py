@@ -74,6 +74,7 @@ class ForwardFit:
         noise: (SIZE, SIZE) covariance of the parameters from the noise of the orders.
         model: (SIZE, SIZE) covariance from model error (the residual by bands, signs drawn anew) and priors.
         misfit: mean square of the residual over its noise; about 1 when the model is right.
+        half_angle_rad: half of the contact angle, freed from the grid's error.
         half_angle_gradient: (SIZE,) derivative of the contact's half angle by the parameters.
         steps: of Gauss-Newton.
         converged: False when the steps ran out first.
@@ -85,6 +86,7 @@ class ForwardFit:
     noise: FloatArray
     model: FloatArray
     misfit: float
+    half_angle_rad: float
     half_angle_gradient: FloatArray
     steps: int
     converged: bool
@@ -149,7 +151,7 @@ def fit_forward(
         here = model.solve(cold_start(model, half_angle_rad) if start is None else start.copy())
         if start is None:
             here = place_centre(model, here, orders)
-        correction = model.refined(here) - here.orders
+        correction = model.refined(here)[0] - here.orders
         error = np.full(len(orders), _FIRST_ERROR**2)
         size = math.inf
         for step in range(1, _MAX_STEPS + 1):
@@ -172,8 +174,8 @@ def fit_forward(
             if size < _CONVERGED and (start is not None or step > _WAVES_FROM):
                 break
             if size < 1.0:
-                correction = model.refined(here) - here.orders
-        fine = model.refined(here)
+                correction = model.refined(here)[0] - here.orders
+        fine, half_angle = model.refined(here)
         derivatives, half_angle_gradient = model.derivatives(here)
         rows = np.where(free[:, np.newaxis], derivatives, 0.0)
     except (RingNotConvergedError, ValueError, np.linalg.LinAlgError):
@@ -193,6 +195,7 @@ def fit_forward(
         noise=by_noise @ by_noise.T,
         model=by_model @ by_model.T + by_prior @ by_prior.T,
         misfit=float(np.mean(np.abs(residual[used]) ** 2 / (2.0 * variance[used]))),
+        half_angle_rad=half_angle,
         half_angle_gradient=half_angle_gradient,
         steps=step,
         converged=size < 1.0,

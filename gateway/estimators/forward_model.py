@@ -243,10 +243,13 @@ class ForwardModel:
             rows[first + 3] = cosine * packet[4] + sine * packet[5]
         return rows, half_angle
 
-    def refined(self, at: ForwardSolution) -> ComplexArray:
-        """Return the orders at `at` freed from the grid's error: it falls with the square of the step."""
+    def refined(self, at: ForwardSolution) -> tuple[ComplexArray, float]:
+        """Return orders and half angle at `at`, freed from the grid's error: it falls with the square of the step."""
         fine = replace(self, nodes=2 * self.nodes).solve(at.parameters)
-        return fine.orders + (fine.orders - at.orders) / 3.0
+        return (
+            fine.orders + (fine.orders - at.orders) / 3.0,
+            fine.half_angle_rad + (fine.half_angle_rad - at.half_angle_rad) / 3.0,
+        )
 
 
 def stacked(orders: ComplexArray) -> FloatArray:

@@ -1,0 +1,228 @@
+"""Bias and spread of every estimator in one case, beside the Cramer-Rao bound."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from accuracy.cases import RADIUS_M, Case
+from accuracy.chain import Turn, hello_of, take, turns_of
+from accuracy.signals import samples_of, truth_of
+from gateway.estimators.base import Estimate, Status
+from gateway.estimators.registry import make_estimator
+from gateway.physics.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
+from gateway.physics.constants import STANDARD_GRAVITY_MPS2
+from gateway.pipeline.setup import WheelSetup
+from gateway.signal.average import RunningAverage
+
+LONG = 100
+# Of one revolution each, without averaging; after LONG revolutions the mean of theirs counts.
+PER_REVOLUTION = ("kinematic",)
+# A fit of these takes a second: fewer of them, and on the final average only.
+SLOW = ("forward",)
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How much is measured.
+
+    Attributes:
+        clean: revolutions averaged without noise, for the bias of the method.
+        single: revolutions estimated one by one.
+        single_slow: likewise for slow estimators.
+        runs: runs of LONG revolutions.
+    """
+
+    clean: int = 20
+    single: int = 40
+    single_slow: int = 12
+    runs: int = 6
+
+
+@dataclass(slots=True)
+class Sample:
+    """Relative errors of one quantity from one estimator, and how it judged itself.
+
+    Attributes:
+        errors: estimate over truth minus 1, of the estimates that were given at all.
+        stated: their stated relative standard errors.
+        valid: how many were called valid.
+        asked: how many were asked for.
+    """
+
+    errors: list[float] = field(default_factory=list)
+    stated: list[float] = field(default_factory=list)
+    valid: int = 0
+    asked: int = 0
+
+    def add(self, estimate: Estimate, truth: float) -> None:
+        """Take an estimate in."""
+        self.asked += 1
+        self.valid += estimate.status is Status.VALID
+        if math.isfinite(estimate.value):
+            self.errors.append(estimate.value / truth - 1.0)
+            self.stated.append(estimate.std / abs(truth))
+
+    @property
+    def bias(self) -> float:
+        """Mean error; NaN without estimates."""
+        return float(np.mean(self.errors)) if self.errors else math.nan
+
+    @property
+    def std(self) -> float:
+        """Spread, NaN of fewer than three."""
+        return float(np.std(self.errors, ddof=1)) if len(self.errors) > 2 else math.nan
+
+    @property
+    def rms(self) -> float:
+        """Root mean square error."""
+        return float(np.sqrt(np.mean(np.square(self.errors)))) if self.errors else math.nan
+
+    @property
+    def worth(self) -> float:
+        """Rms of the errors in units of their stated standard errors: 1 when they are what they say."""
+        known = [(e / s) ** 2 for e, s in zip(self.errors, self.stated, strict=True) if s > 0.0]
+        return math.sqrt(sum(known) / len(known)) if known else math.nan
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What came out of a case. Keys are (estimator, quantity).
+
+    Attributes:
+        case: the case.
+        clean: without noise.
+        single: of one revolution.
+        long: after LONG.
+        bound: of one revolution, relative, by quantity.
+        reasons: last reason why an estimate was not valid, after LONG.
+    """
+
+    case: Case
+    clean: dict[tuple[str, str], Sample] = field(default_factory=dict)
+    single: dict[tuple[str, str], Sample] = field(default_factory=dict)
+    long: dict[tuple[str, str], Sample] = field(default_factory=dict)
+    bound: dict[str, float] = field(default_factory=dict)
+    reasons: dict[tuple[str, str], str] = field(default_factory=dict)
+
+
+def truths(case: Case) -> dict[str, float]:
+    """Return the true value of every quantity that an estimator may give."""
+    ring = truth_of(case)
+    numbers = ring.numbers
+    return {
+        "speed_mps": case.speed_kmh / 3.6,
+        "half_angle_rad": ring.half_angle_rad,
+        "Bs": numbers.Bs,
+        "Cw": numbers.Cw,
+        "Rs": numbers.Rs,
+        "Ts": numbers.Ts,
+        "Bs/Cw": numbers.Bs / numbers.Cw,
+        "Rs/Cw": numbers.Rs / numbers.Cw,
+        "Ts/Cw": numbers.Ts / numbers.Cw,
+    }
+
+
+def bounds(case: Case) -> dict[str, float]:
+    """Return the relative Cramer-Rao bound of one revolution; of the base law, tread stiffness not known."""
+    sensitivity = waveform_sensitivity(
+        case.ring, case.load_n, case.pressure_pa, case.omega_radps, parameters=DEFAULT_PARAMETERS, nodes=960
+    )
+    highest = math.floor(0.5 * case.rate_hz * sensitivity.period_s)
+    variance = order_variance(
+        sensitivity.period_s,
+        case.noise_mg_rthz * 1e-3 * STANDARD_GRAVITY_MPS2,
+        road_rms_mps2=case.road_rms_mps2,
+        max_order=min(150, highest),
+    )
+    bound = cramer_rao(sensitivity, variance)
+    half = 0.5 * float(sensitivity.edges_rad[1] - sensitivity.edges_rad[0])
+    result = {name: bound.std(name) for name in ("Bs", "Cw", "Rs", "Ts")}
+    result |= {f"{name}/Cw": bound.ratio_std(name, "Cw") for name in ("Bs", "Rs", "Ts")}
+    result["half_angle_rad"] = bound.half_angle_std_rad / half
+    result["speed_mps"] = bound.period_std_s / sensitivity.period_s
+    return result
+
+
+def measure(case: Case, estimators: Sequence[str], effort: Effort) -> Outcome:
+    """Return what the estimators make of a case."""
+    outcome = Outcome(case, bound=bounds(case))
+    truth = truths(case)
+    if case.acceleration_mps2:
+        del truth["speed_mps"]  # a speed that changes has no mean that the revolutions share
+    seed = zlib.crc32(f"{case.group} {case.name}".encode())
+    clean = _turns(case, effort.clean, np.random.default_rng(seed), noise=False)
+    for name in estimators:
+        _add(outcome.clean, name, _after(name, clean), truth)
+    for run in range(effort.runs):
+        turns = _turns(case, LONG, np.random.default_rng([seed, run + 1]), noise=True)
+        for name in estimators:
+            final = _after(name, turns)
+            _add(outcome.long, name, final, truth)
+            outcome.reasons |= {(name, e.name): e.reason for e in final if e.status is not Status.VALID}
+            wanted = effort.single_slow if name in SLOW else effort.single
+            share = turns[: math.ceil(wanted / max(effort.runs, 1))]
+            for turn in share:
+                _add(outcome.single, name, _after(name, [turn]), truth)
+    return outcome
+
+
+def _turns(case: Case, revolutions: int, rng: np.random.Generator, *, noise: bool) -> list[Turn]:
+    setup = WheelSetup("bench", 0, 0, RADIUS_M, load_n=case.load_n, pressure_pa=case.pressure_pa)
+    samples = samples_of(case, revolutions, rng, noise=noise)
+    turns = turns_of(samples.counts, hello_of(case.rate_hz, samples.range_mps2, 7), setup)
+    usable = [turn for turn in turns if not turn.revolution.faults]
+    return usable[:revolutions]
+
+
+def _after(name: str, turns: Sequence[Turn]) -> tuple[Estimate, ...]:
+    """Return what an estimator says after these revolutions."""
+    estimator = make_estimator(name)
+    average = RunningAverage(horizon_revolutions=LONG)
+    history = []
+    for turn in turns:
+        latest = take(average, turn.revolution)
+        if name not in SLOW:
+            history.append(_with_half_angle(estimator.update(turn.revolution, latest, turn.conditions)))
+    if not turns:
+        return ()
+    if name in SLOW:
+        return estimator.update(turns[-1].revolution, latest, turns[-1].conditions)
+    return _mean(history) if name in PER_REVOLUTION else history[-1]
+
+
+def _with_half_angle(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
+    by_name = {estimate.name: estimate for estimate in estimates}
+    leading, trailing = by_name.get("leading_edge_rad"), by_name.get("trailing_edge_rad")
+    if leading is None or trailing is None or "half_angle_rad" in by_name:
+        return estimates
+    half = Estimate(
+        "half_angle_rad",
+        0.5 * (trailing.value - leading.value),
+        0.5 * math.hypot(leading.std, trailing.std),
+        leading.status,
+        leading.reason,
+    )
+    return (*estimates, half)
+
+
+def _mean(history: list[tuple[Estimate, ...]]) -> tuple[Estimate, ...]:
+    """Return the mean over revolutions of estimates that do not average by themselves."""
+    rows = []
+    for column in zip(*history, strict=True):
+        values = [estimate.value for estimate in column if math.isfinite(estimate.value)]
+        mean = float(np.mean(values)) if values else math.nan
+        rows.append(Estimate(column[0].name, mean, column[-1].std, column[-1].status, column[-1].reason))
+    return tuple(rows)
+
+
+def _add(
+    into: dict[tuple[str, str], Sample], name: str, estimates: Sequence[Estimate], truth: dict[str, float]
+) -> None:
+    for estimate in estimates:
+        if estimate.name in truth:
+            into.setdefault((name, estimate.name), Sample()).add(estimate, truth[estimate.name])

@@ -1,0 +1,174 @@
+"""Tables of what was measured: text for a terminal, or Markdown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from accuracy.cases import REFERENCE_PA, Case
+from accuracy.measure import LONG, Outcome
+
+QUANTITIES = ("speed_mps", "half_angle_rad", "Bs", "Cw", "Rs", "Ts")
+HEADS = ("speed", "half angle", "Bs", "Cw", "Rs", "Ts")
+RATIOS = ("Bs/Cw", "Rs/Cw", "Ts/Cw")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A title, heads and rows of text; `note` says how to read it."""
+
+    title: str
+    note: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def text(self, *, markdown: bool) -> str:
+        """Return it laid out in columns."""
+        lines = [self.heads, *self.rows]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.heads))]
+        if not markdown:
+            body = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
+            return "\n".join([self.title, self.note, "", *(line.rstrip() for line in body), ""])
+        padded = ["| " + " | ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + " |" for line in lines]
+        rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
+        return "\n".join([f"**{self.title}.** {self.note}", "", padded[0], rule, *padded[1:], ""])
+
+
+def percent(value: float) -> str:
+    """Return a share in percent, three digits; a dash when there is none."""
+    if not math.isfinite(value):
+        return "-"
+    size = abs(100.0 * value)
+    if size >= 99.5:
+        return f"{100.0 * value:.0f}"
+    return f"{100.0 * value:.3g}" if size >= 1e-3 else ("0" if size == 0.0 else f"{100.0 * value:.0e}")
+
+
+def grid_tables(outcomes: Sequence[Outcome], estimators: Sequence[str]) -> Iterable[Table]:
+    """Yield what holds over all conditions of the ring paper's Table 1."""
+    grid = [outcome for outcome in outcomes if outcome.case.group == "grid"]
+    if not grid:
+        return
+
+    def over(name: str, quantity: str, value: Callable[[Outcome], float]) -> list[float]:
+        key = (name, quantity)
+        return [value(o) for o in grid if key in o.clean and math.isfinite(value(o))]
+
+    bias, spread, long = [], [], []
+    for name in estimators:
+        biases, ratios, lasting = [name], [name], [name]
+        for quantity in QUANTITIES:
+            key = (name, quantity)
+            clean = over(name, quantity, lambda o, key=key: o.clean[key].bias)
+            biases.append(f"{percent(_rms(clean))} / {percent(_largest(clean))}" if clean else "-")
+            single = over(name, quantity, lambda o, key=key: o.single[key].std if key in o.single else math.nan)
+            times = over(
+                name,
+                quantity,
+                lambda o, key=key, q=quantity: o.single[key].std / o.bound[q] if key in o.single else math.nan,
+            )
+            ratios.append(f"{percent(_rms(single))} ({_median(times):.2g}x)" if single else "-")
+            late = over(name, quantity, lambda o, key=key: o.long[key].rms if key in o.long else math.nan)
+            worth = over(name, quantity, lambda o, key=key: o.long[key].worth if key in o.long else math.nan)
+            lasting.append(f"{percent(_rms(late))} ({_rms(worth):.2g})" if late else "-")
+        for rows, row in ((bias, biases), (spread, ratios), (long, lasting)):
+            if any(cell != "-" for cell in row[1:]):
+                rows.append(tuple(row))
+    heads = ("estimator", *HEADS)
+    count = f"{len(grid)} conditions of Table 1"
+    yield Table(f"Bias, {count}", "rms / largest, %, no noise", heads, tuple(bias))
+    yield Table(f"Per revolution, {count}", "rms standard deviation, % (median times the bound)", heads, tuple(spread))
+    yield Table(
+        f"After {LONG} revolutions, {count}",
+        "rms error, % (rms of the error over the stated standard error: 1 is honest)",
+        heads,
+        tuple(long),
+    )
+
+
+def case_tables(outcomes: Sequence[Outcome], estimators: Sequence[str], group: str) -> Iterable[Table]:
+    """Yield one group's conditions, each by itself."""
+    chosen = [outcome for outcome in outcomes if outcome.case.group == group]
+    if not chosen:
+        return
+    yield Table(
+        f"Per revolution, {group}",
+        "standard deviation, % (times the bound)",
+        ("condition", "estimator", *HEADS),
+        tuple(_rows(chosen, estimators, _single_cell)),
+    )
+    yield Table(
+        f"After {LONG} revolutions, {group}",
+        "mean error +- its standard deviation, % (share of estimates called valid, where not all)",
+        ("condition", "estimator", *HEADS),
+        tuple(_rows(chosen, estimators, _long_cell)),
+    )
+    if group == "variants":
+        yield Table(
+            f"Ratios after {LONG} revolutions, {group}",
+            "mean error +- its standard deviation, %",
+            ("condition", "estimator", *RATIOS),
+            tuple(_rows(chosen, estimators, _long_cell, RATIOS)),
+        )
+
+
+def _rows(
+    outcomes: Sequence[Outcome],
+    estimators: Sequence[str],
+    cell: Callable[[Outcome, str, str], str],
+    quantities: Sequence[str] = QUANTITIES,
+) -> Iterable[tuple[str, ...]]:
+    for outcome in outcomes:
+        for name in estimators:
+            cells = [cell(outcome, name, quantity) for quantity in quantities]
+            if any(text != "-" for text in cells):
+                yield (outcome.case.name, name, *cells)
+
+
+def _single_cell(outcome: Outcome, name: str, quantity: str) -> str:
+    sample = outcome.single.get((name, quantity))
+    if sample is None or not math.isfinite(sample.std):
+        return "-"
+    return f"{percent(sample.std)} ({sample.std / outcome.bound[quantity]:.2g}x)"
+
+
+def _long_cell(outcome: Outcome, name: str, quantity: str) -> str:
+    sample = outcome.long.get((name, quantity))
+    if sample is None or not sample.asked:
+        return "-"
+    if not sample.errors:
+        return "none"
+    share = "" if sample.valid == sample.asked else f" ({sample.valid / sample.asked:.0%})"
+    return f"{percent(sample.bias)} +- {percent(sample.std)}{share}"
+
+
+def bound_table(outcomes: Sequence[Outcome]) -> Table:
+    """Return the Cramer-Rao bounds of one revolution."""
+
+    def shown(case: Case) -> bool:
+        return case.group in ("sampling", "noise") or (
+            case.group == "grid" and not case.wear_mm and case.pressure_pa == REFERENCE_PA
+        )
+
+    rows = [(o.case.name, *(percent(o.bound[quantity]) for quantity in QUANTITIES)) for o in outcomes if shown(o.case)]
+    return Table(
+        "Cramer-Rao bound of one revolution",
+        "%, tread stiffness and contact centre estimated too, load known",
+        ("condition", *HEADS),
+        tuple(rows),
+    )
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else math.nan
+
+
+def _largest(values: Sequence[float]) -> float:
+    return max(values, key=abs)
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else math.nan
