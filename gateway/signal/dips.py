@@ -1,0 +1,198 @@
+"""Dips of a signal at every duration that a contact can have, of either sign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+FloatArray = NDArray[np.float64]
+
+MIN_DEPTH_MPS2: Final = 4.0
+# depth * duration^2 is about 1.3 L^2 / R; contact lengths of 40 to 550 mm on radii of 0.2 to 0.6 m.
+DEPTH_DURATION2_M: Final = (0.004, 1.5)
+# 250 km/h with a short contact, 9 km/h with a long one.
+DURATION_S: Final = (0.0006, 0.22)
+# Gravity makes dips too, half a revolution wide: a dip that grows up to durations beyond a contact's is one of those.
+_LONGEST_LOOK_S: Final = 0.9
+# Boxes of the dip score in units of the contact duration: centre +-0.35, flanks 0.75 to 1.5 on either side.
+_CENTRE, _FLANK_IN, _FLANK_OUT = 0.35, 0.75, 1.5
+_SCALE_STEP: Final = 2.0**0.5
+# A dip is looked for as far back as three of the longest periods that its duration allows, and at least so long.
+_LOOK_BACK_DURATIONS: Final = 256.0
+_LOOK_BACK_S: Final = 0.75
+# Durations of more samples than this are looked at in a signal of half the rate.
+_MOST_SAMPLES: Final = 17.0
+_NOISE_FACTOR: Final = 5.0
+# A signal that is at its own extreme for this share of the samples is clipped: depths say less than they should.
+_CLIPPED_SHARE: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Dips:
+    """Dips in time order, (k,) each: `at` in samples, `depth` and `floor` in the signal's unit, `width` in samples."""
+
+    at: FloatArray
+    depth: FloatArray
+    width: FloatArray
+    floor: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+
+def box_offsets(width: float) -> tuple[int, int, int]:
+    """Half centre box, inner and outer flank distances in samples for a contact of `width` samples."""
+    centre = max(1, round(_CENTRE * width))
+    inner = max(centre + 1, round(_FLANK_IN * width))
+    return centre, inner, max(inner + 1, round(_FLANK_OUT * width))
+
+
+def _boxes(prefix: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Means of the centre and of both flanks about every sample that has them, and the first such sample."""
+    centre, inner, outer = box_offsets(width)
+    count = len(prefix) - 1 - 2 * outer
+    if count <= 0:
+        return np.empty(0), np.empty(0), np.empty(0), outer
+
+    def box(first: int, end: int) -> FloatArray:
+        first, end = first + outer, end + outer
+        mean: FloatArray = prefix[end : end + count] - prefix[first : first + count]
+        mean *= 1.0 / (end - first)
+        return mean
+
+    return box(-centre, centre + 1), box(-outer, -inner + 1), box(inner, outer + 1), outer
+
+
+def dip_score(prefix: FloatArray, width: float) -> tuple[FloatArray, int]:
+    """Score every sample as the centre of a dip of `width` samples: the lower flank's mean minus the centre's mean.
+
+    Args:
+        prefix: (n + 1,) cumulative sum of the signal, starting with 0.
+        width: expected contact duration in samples.
+
+    Returns:
+        scores in the signal's unit and the sample number that the first belongs to; no scores when n is too small.
+    """
+    centre, left, right, first = _boxes(prefix, width)
+    flanks = np.minimum(left, right, out=left)
+    flanks -= centre
+    return flanks, first
+
+
+def noise_std_mps2(signal: FloatArray) -> float:
+    """Standard deviation of the white noise of a signal, robust against dips: median of second differences."""
+    if len(signal) < 8:
+        return 0.0
+    second = signal[2:] - 2.0 * signal[1:-1] + signal[:-2]
+    return float(np.median(np.abs(second)) / (0.6745 * 6.0**0.5))
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """Scores of one duration: sample i of `score` lies at `first + i * step` of the signal; `centre` is not negated."""
+
+    width: float
+    first: float
+    step: int
+    score: dict[int, FloatArray]
+    centre: FloatArray
+
+
+def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
+    """Find the dips of a signal and those of its negative that may be contacts, each at the duration that fits it best.
+
+    Args:
+        signal: (n,) radial axis in m/s^2.
+        rate_hz: sampling rate.
+
+    Returns:
+        for sign 1 and -1 the dips of the signal times that sign.
+    """
+    scales = _scales(signal, rate_hz)
+    noise = noise_std_mps2(signal[-round(2.0 * rate_hz) :])
+    lowest = 0.0 if is_clipped(signal) else DEPTH_DURATION2_M[0]
+    longest = DURATION_S[1] * rate_hz
+    found: dict[int, Dips] = {}
+    for sign in (1, -1):
+        parts: list[FloatArray] = []
+        for place, scale in enumerate(scales):
+            if scale.width > longest:
+                break
+            score = scale.score[sign]
+            centre, inner, outer = box_offsets(scale.width / scale.step)
+            floor = max(
+                MIN_DEPTH_MPS2,
+                lowest * (rate_hz / scale.width) ** 2,
+                _NOISE_FACTOR * noise * ((1.0 / (2 * centre + 1) + 1.0 / (outer - inner + 1)) / scale.step) ** 0.5,
+            )
+            highest = maximum_filter1d(score, 2 * max(1, round(0.5 * scale.width / scale.step)) + 1, mode="nearest")
+            top = np.flatnonzero((score >= highest) & (score > floor))
+            depth: FloatArray = score[top]
+            at: FloatArray = np.asarray(scale.first + top * scale.step, np.float64)
+            best = depth * (scale.width / rate_hz) ** 2 <= DEPTH_DURATION2_M[1]
+            for other in (place - 1, place + 1):
+                if 0 <= other < len(scales):
+                    best &= depth >= _score_at(scales[other], sign, at)
+            top = top[best]
+            parts.append(
+                np.stack((at[best], depth[best], np.full(len(top), scale.width), sign * scale.centre[top])),
+            )
+        found[sign] = _without_doubles(np.concatenate(parts, axis=1) if parts else np.empty((4, 0)))
+    return found
+
+
+def is_clipped(signal: FloatArray) -> bool:
+    """Whether a signal lies at its own extreme so often that it must be the end of the sensor's range."""
+    limit = _CLIPPED_SHARE * len(signal)
+    return bool(np.count_nonzero(signal == signal.max()) > limit or np.count_nonzero(signal == signal.min()) > limit)
+
+
+def _scales(signal: FloatArray, rate_hz: float) -> list[_Scale]:
+    scales: list[_Scale] = []
+    step, start = 1, 0
+    prefix = np.concatenate(([0.0], np.cumsum(signal)))
+    width = max(3.0, DURATION_S[0] * rate_hz)
+    while width <= _LONGEST_LOOK_S * rate_hz:
+        while width > _MOST_SAMPLES * step:
+            # Blocks end where the signal ends; what does not fill one is left at the beginning.
+            step *= 2
+            kept = (len(signal) // step) * step
+            start = len(signal) - kept
+            prefix = np.concatenate(([0.0], np.cumsum(signal[start:].reshape(-1, step).mean(axis=1))))
+        look_back = round(max(_LOOK_BACK_S * rate_hz, _LOOK_BACK_DURATIONS * width) / step)
+        skip = max(0, len(prefix) - 1 - look_back)
+        centre, left, right, first = _boxes(prefix[skip:], width / step)
+        if not len(centre):
+            break
+        score = {1: np.minimum(left, right) - centre, -1: centre - np.maximum(left, right)}
+        scales.append(_Scale(width, start + (skip + first + 0.5) * step - 0.5, step, score, centre))
+        width *= _SCALE_STEP
+    return scales
+
+
+def _score_at(scale: _Scale, sign: int, at: FloatArray) -> FloatArray:
+    """Scores of a scale at other scales' samples; -inf where it has none."""
+    index = np.rint((at - scale.first) / scale.step).astype(np.int64)
+    inside = (index >= 0) & (index < len(scale.score[sign]))
+    values = np.full(len(at), -np.inf)
+    values[inside] = scale.score[sign][index[inside]]
+    return values
+
+
+def _without_doubles(parts: FloatArray) -> Dips:
+    """Keep the deepest of dips that overlap by more than half."""
+    order = np.argsort(-parts[1], kind="stable")
+    at, _, width, _ = parts[:, order]
+    kept: list[int] = []
+    open_ = np.ones(len(at), bool)
+    for place in range(len(at)):
+        if open_[place]:
+            kept.append(place)
+            open_ &= np.abs(at - at[place]) > 0.5 * np.maximum(width, width[place])
+    chosen = parts[:, order[kept]]
+    chosen = chosen[:, np.argsort(chosen[0], kind="stable")]
+    return Dips(chosen[0], chosen[1], chosen[2], chosen[3])
