@@ -149,7 +149,7 @@ class ReconnectingSource:
             finally:
                 self._using.release()
 
-    def _chunks(self, stop: threading.Event) -> Iterator[Chunk]:
+    def _chunks(self, stop: threading.Event) -> Iterator[LinkItem]:
         while not stop.is_set():
             with self._using:
                 if self._closed.is_set() or self._current is None:

@@ -42,12 +42,21 @@ class LinkEventKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class LinkEvent:
-    """Something that happened to a link, told to the user and marked in the recording."""
+    """Something that happened to a link, told to the user and marked in the recording.
+
+    Attributes:
+        link: name of the link.
+        host_ns: when, ns since the epoch.
+        kind: what happened.
+        text: the same in plain words.
+        rssi_dbm: signal strength of a radio link when it was connected, None where there is none.
+    """
 
     link: str
     host_ns: int
     kind: LinkEventKind
     text: str
+    rssi_dbm: int | None = None
 
 
 LinkItem = Chunk | LinkEvent
@@ -93,6 +102,7 @@ class SourceAddress:
 SOURCES: Final[dict[str, str]] = {
     "serial": "gateway.io.serial_link:open_serial",
     "tcp": "gateway.io.tcp_link:open_tcp",
+    "ble": "gateway.io.ble:open_ble",
     "replay": "gateway.recording.replay:open_replay",
     "sim": "gateway.simulator.source:open_simulator",
 }
@@ -104,7 +114,10 @@ def parse_source_uri(uri: str) -> SourceAddress:
     Raises:
         SourceError: no known scheme, or no target.
     """
-    parts = urlsplit(uri)
+    try:
+        parts = urlsplit(uri)
+    except ValueError as error:
+        raise SourceError(f"source '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
     scheme = parts.scheme.lower()
     if scheme not in SOURCES:
         known = ", ".join(f"{name}:" for name in SOURCES)
@@ -113,7 +126,9 @@ def parse_source_uri(uri: str) -> SourceAddress:
         )
     target = unquote(parts.netloc + parts.path)
     if not target:
-        raise SourceError(f"source '{uri}' names nothing after '{scheme}:'", "Give a port, file, host or scenario.")
+        raise SourceError(
+            f"source '{uri}' names nothing after '{scheme}:'", "Give a port, file, host, hub or scenario."
+        )
     return SourceAddress(uri, scheme, target, dict(parse_qsl(parts.query, keep_blank_values=True)))
 
 

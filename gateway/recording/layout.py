@@ -90,9 +90,10 @@ def event_topic(link: str) -> str:
     return f"/link/{link}/event"
 
 
-def event_payload(event: LinkEvent) -> dict[str, str]:
+def event_payload(event: LinkEvent) -> dict[str, str | int]:
     """Return an event or mark as the JSON object that is recorded."""
-    return {"link": event.link, "kind": event.kind.value, "text": event.text}
+    payload: dict[str, str | int] = {"link": event.link, "kind": event.kind.value, "text": event.text}
+    return payload if event.rssi_dbm is None else payload | {"rssi_dbm": event.rssi_dbm}
 
 
 def message_to_item(message: RecordedMessage) -> LinkItem | None:
@@ -104,7 +105,14 @@ def message_to_item(message: RecordedMessage) -> LinkItem | None:
         return None
     try:
         payload = json.loads(message.data)
-        return LinkEvent(str(payload["link"]), message.log_time_ns, LinkEventKind(payload["kind"]), payload["text"])
+        kind, rssi_dbm = LinkEventKind(payload["kind"]), payload.get("rssi_dbm")
+        return LinkEvent(
+            str(payload["link"]),
+            message.log_time_ns,
+            kind,
+            payload["text"],
+            None if rssi_dbm is None else int(rssi_dbm),
+        )
     except (ValueError, KeyError, TypeError):
         return None
 

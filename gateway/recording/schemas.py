@@ -149,6 +149,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         link: s: name of the link
         kind: s: connected, lost, retrying, restored or ended
         text: s: what happened, in plain words
+        rssi_dbm: i: signal strength of a radio link when it was connected
         """,
     ),
     _topic(

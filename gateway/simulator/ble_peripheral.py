@@ -41,7 +41,8 @@ class Peripheral:
         advertising: whether it can be found.
         known: whether BlueZ has an object for it.
         connected: whether a client is connected.
-        resolved: whether its services have been looked at since then.
+        resolved: whether its services are known in this connection.
+        explored: whether BlueZ has objects for its services; they outlast a connection.
         notifying: whether somebody subscribed.
     """
 
@@ -62,6 +63,7 @@ class Peripheral:
     known: bool = False
     connected: bool = False
     resolved: bool = False
+    explored: bool = False
     notifying: bool = False
 
     def path(self, adapter: str) -> str:
@@ -69,9 +71,9 @@ class Peripheral:
         return f"{adapter}/dev_{self.address.replace(':', '_')}"
 
     def notify_path(self, adapter: str) -> str:
-        """Return the path of the characteristic that notifies."""
-        number = next(i for i, (_, flags) in enumerate(self.characteristics) if "notify" in flags)
-        return self._characteristic_path(adapter, number)
+        """Return the path of the characteristic that notifies, empty when none does."""
+        numbers = [i for i, (_, flags) in enumerate(self.characteristics) if "notify" in flags]
+        return self._characteristic_path(adapter, numbers[0]) if numbers else ""
 
     def device(self, adapter: str) -> Interfaces:
         """Return the properties of the device."""

@@ -82,8 +82,6 @@ class BluezService:
         for end in self._sockets.values():
             end.close()
         self._bus.disconnect()
-        with suppress(Exception):
-            await self._bus.wait_for_disconnect()
         self._bus = None
 
     def add(self, peripheral: Peripheral) -> None:
@@ -103,8 +101,10 @@ class BluezService:
         if peripheral.known:
             peripheral.known = False
             path = peripheral.path(self.adapter)
-            for below, interfaces in reversed(peripheral.attributes(self.adapter).items()):
-                await self._removed(below, interfaces)
+            if peripheral.explored:
+                peripheral.explored = False
+                for below, interfaces in reversed([*peripheral.attributes(self.adapter).items()]):
+                    await self._removed(below, interfaces)
             await self._removed(path, peripheral.device(self.adapter))
 
     async def power(self, on: bool) -> None:
@@ -199,15 +199,16 @@ class BluezService:
             self._send(Message.new_error(message, *peripheral.failures.pop(0)))
             return
         if not peripheral.advertising:
-            self._send(Message.new_error(message, "org.bluez.Error.Failed", "le-connection-abort-by-local"))
+            self._send(Message.new_error(message, "org.bluez.Error.Failed", "Connection Timeout"))
             return
         path = peripheral.path(self.adapter)
         peripheral.connected = True
         await self._changed(path, DEVICE, {"Connected": Variant("b", True)})
         self._send(Message.new_method_return(message))
-        for below, interfaces in peripheral.attributes(self.adapter).items():
-            await self._added(below, interfaces)
-        peripheral.resolved = True
+        if not peripheral.explored:
+            for below, interfaces in peripheral.attributes(self.adapter).items():
+                await self._added(below, interfaces)
+        peripheral.explored = peripheral.resolved = True
         await self._changed(path, DEVICE, {"ServicesResolved": Variant("b", True)})
 
     async def _disconnect(self, message: Message, peripheral: Peripheral) -> None:
@@ -225,8 +226,8 @@ class BluezService:
         down = {"ServicesResolved": Variant("b", False), "Connected": Variant("b", False)}
         self._unsubscribe(peripheral)
         await self._changed(peripheral.path(self.adapter), DEVICE, down)
-        path = peripheral.notify_path(self.adapter)
-        await self._changed(path, CHARACTERISTIC, {"Notifying": Variant("b", False)})
+        if path := peripheral.notify_path(self.adapter):
+            await self._changed(path, CHARACTERISTIC, {"Notifying": Variant("b", False)})
 
     async def _start_notify(self, message: Message, peripheral: Peripheral) -> None:
         self._subscribers.setdefault(message.path or "", set()).add(message.sender or "")
@@ -239,6 +240,7 @@ class BluezService:
         self._send(Message.new_method_return(message))
 
     async def _acquire_notify(self, message: Message, peripheral: Peripheral) -> None:
+        self._subscribers.setdefault(message.path or "", set()).add(message.sender or "")
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
         self._sockets[message.path or ""] = ours
         with theirs:
@@ -271,9 +273,9 @@ class BluezService:
 
     def _client_gone(self, client: str) -> None:
         self._discovering.discard(client)
-        for path, peripheral in self._peripherals.items():
+        for peripheral in self._peripherals.values():
             subscribers = self._subscribers.get(peripheral.notify_path(self.adapter), set())
-            if path and client in subscribers:
+            if client in subscribers:
                 subscribers.discard(client)
                 if not subscribers:
                     self._unsubscribe(peripheral)
@@ -288,7 +290,7 @@ class BluezService:
         for path, peripheral in self._peripherals.items():
             if peripheral.known:
                 objects[path] = peripheral.device(self.adapter)
-                if peripheral.connected:
+                if peripheral.explored:
                     objects |= peripheral.attributes(self.adapter)
         return objects
 

@@ -44,10 +44,11 @@ def frames(rng: np.random.Generator, count: int, *, hub: int = 0, wheels: int = 
     """Return `count` encoded frames as a hub interleaves them: hellos, samples, environment, status."""
     sequences = dict.fromkeys([*range(wheels), 0xFF], 0)
     samples = dict.fromkeys(range(wheels), 0)
+    boot_us = int(rng.integers(0, 60_000_000))
     encoded = []
     for number in range(count):
         wheel = number % wheels
-        tick_us = round(samples[wheel] / RATE_HZ * 1e6) + 17
+        tick_us = round(samples[wheel] / RATE_HZ * 1e6) + boot_us
         if number < wheels:
             kind, message = MessageType.HELLO, hello(wheel)
         elif number % 211 == 0:
@@ -105,7 +106,7 @@ def some_events(link: str) -> list[LinkEvent]:
         LinkEvent(link, START_NS, LinkEventKind.CONNECTED, "open"),
         LinkEvent(link, START_NS + 10, LinkEventKind.LOST, "gone – unplugged?"),
         LinkEvent(link, START_NS + 20, LinkEventKind.RETRYING, "no port"),
-        LinkEvent(link, START_NS + 30, LinkEventKind.RESTORED, "back"),
+        LinkEvent(link, START_NS + 30, LinkEventKind.RESTORED, "back", -61),
         LinkEvent("", START_NS + 40, LinkEventKind.MARK, "pothole"),
     ]
 

@@ -1,0 +1,259 @@
+"""One Bluetooth LE connection to a hub: found by a scan, subscribed, read until it breaks."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Final
+
+from bleak import BleakClient
+from bleak.backends.characteristic import BleakGATTCharacteristic
+from bleak.backends.device import BLEDevice
+
+from gateway.clock import Clock
+from gateway.errors import LinkLostError, SourceError
+from gateway.io.ble_errors import BLE_ERRORS, explain
+from gateway.io.ble_hub import Sighting, is_address, is_meant, pick, uart_characteristics
+from gateway.io.ble_radio import radio
+
+FRAME_MTU: Final = 247
+"""ATT MTU that a frame of 244 bytes needs."""
+
+_SETTLE_SHARE: Final = 0.2  # of the time for scanning, for a second hub of the same name to show up
+_CONNECT_TIMEOUT_S: Final = 10.0
+_ATTEMPTS: Final = 3
+_PAUSE_S: Final = 0.25
+_CLOSE_TIMEOUT_S: Final = 15.0
+_WRITE_TIMEOUT_S: Final = 5.0
+_MTU_POLLS: Final = 5
+_MTU_POLL_S: Final = 0.1
+_LEAST_WRITE_BYTES: Final = 20
+_ATT_HEADER_BYTES: Final = 3
+_PENDING_BYTES: Final = 16 << 20
+
+
+@dataclass(slots=True)
+class BleSettings:
+    """How to find and to treat a hub.
+
+    Attributes:
+        target: name or address.
+        adapter: of this computer, as `hci0`; empty for the system's first.
+        scan_s: how long to look for it.
+        silence_s: a connection without a byte for so long counts as lost; 0 for never.
+        by_socket: take notifications by a socket of their own (Linux) instead of by D-Bus signals.
+    """
+
+    target: str
+    adapter: str = ""
+    scan_s: float = 10.0
+    silence_s: float = 6.0
+    by_socket: bool = False
+
+
+async def find(settings: BleSettings) -> Sighting:
+    """Look for the hub; a name is listened for a while longer, in case that another hub has it too.
+
+    Raises:
+        SourceError: not found, or several have the name.
+        BleakError: Bluetooth fails; BLE_ERRORS has all of it.
+    """
+    seen: dict[str, Sighting] = {}
+    found = asyncio.Event()
+
+    def hear(sighting: Sighting) -> None:
+        seen[sighting.address] = sighting
+        if is_meant(sighting, settings.target):
+            found.set()
+
+    async with radio().air(settings.adapter).listen(hear):
+        with suppress(TimeoutError):
+            await asyncio.wait_for(found.wait(), settings.scan_s)
+            if not is_address(settings.target):
+                await asyncio.sleep(settings.scan_s * _SETTLE_SHARE)
+    return pick(seen.values(), settings.target)
+
+
+class BleLink:
+    """A `Link` of `gateway.io.reconnect` that can also be written to.
+
+    Attributes:
+        sighting: the hub it is connected to, None before.
+        mtu: ATT MTU of the connection, None when the system does not tell.
+    """
+
+    def __init__(self, settings: BleSettings, clock: Clock) -> None:
+        """Describe the connection.
+
+        Args:
+            settings: which hub, and how.
+            clock: tells how long the hub has been silent.
+        """
+        self.sighting: Sighting | None = None
+        self.mtu: int | None = None
+        self._settings = settings
+        self._clock = clock
+        self._client: BleakClient | None = None
+        self._write_to: BleakGATTCharacteristic | None = None
+        self._arrival = threading.Condition()
+        self._arrived: list[bytes] = []
+        self._arrived_bytes = 0
+        self._dropped = 0
+        self._lost = False
+        self._closing = False
+        self._heard_ns = 0
+
+    def open(self) -> None:
+        """Find the hub, connect and subscribe.
+
+        Raises:
+            SourceError: no adapter, no such hub, or it refuses.
+        """
+        try:
+            radio().run(self._open())
+        except BLE_ERRORS as error:
+            raise explain(error, f"connect to {self.sighting or self._settings.target}") from error
+        self._heard_ns = self._clock.now_ns()
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has arrived, or wait for the first notification; empty after `timeout_s`.
+
+        Raises:
+            LinkLostError: the connection broke, or nothing came for too long.
+        """
+        with self._arrival:
+            if not self._arrived and not self._lost:
+                self._arrival.wait(timeout_s)
+            data = b"".join(self._arrived)
+            self._arrived.clear()
+            self._arrived_bytes = 0
+            lost = self._lost
+        now_ns = self._clock.now_ns()
+        if data:
+            self._heard_ns = now_ns
+        elif lost:
+            raise LinkLostError(
+                f"{self._name()} was lost unexpectedly", "Out of range, or without power? It is searched for."
+            )
+        elif 0 < self._settings.silence_s <= (now_ns - self._heard_ns) * 1e-9:
+            raise LinkLostError(
+                f"{self._name()} is connected, but silent for {self._settings.silence_s:g} s",
+                "Does its firmware hang? It is connected anew.",
+            )
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the hub, a frame at a time.
+
+        Raises:
+            SourceError: the hub has nothing to write to.
+            LinkLostError: they did not go out.
+        """
+        client, target = self._client, self._write_to
+        if client is None or self._lost:
+            raise LinkLostError(f"{self._name()} is not connected")
+        if target is None:
+            raise SourceError(f"{self._name()} takes no commands", "Its firmware has no characteristic to write to.")
+        confirmed = "write" in target.properties
+        try:
+            radio().run(client.write_gatt_char(target, data, response=confirmed), _WRITE_TIMEOUT_S)
+        except BLE_ERRORS as error:
+            reason = explain(error, f"write to {self._name()}")
+            raise LinkLostError(str(reason), reason.remedy) from error
+
+    def close(self) -> None:
+        """Disconnect; may be called at any time and twice, never raises."""
+        self._closing = True
+        client, self._client = self._client, None
+        if client is not None:
+            with suppress(*BLE_ERRORS):
+                radio().run(_leave(client), _CLOSE_TIMEOUT_S)
+
+    def take_dropped(self) -> int:
+        """Return how many notifications found no room since the last call."""
+        with self._arrival:
+            dropped, self._dropped = self._dropped, 0
+        return dropped
+
+    def details(self) -> str:
+        """Return in words what is connected."""
+        if self.mtu is None:
+            mtu = f"MTU not told (frames need {FRAME_MTU})"
+        elif self.mtu < FRAME_MTU:
+            mtu = f"MTU {self.mtu} is less than the {FRAME_MTU} that frames need: expect losses"
+        else:
+            mtu = f"MTU {self.mtu}"
+        battery = self.sighting.battery_percent if self.sighting is not None else None
+        return f"{self.sighting}, {mtu}" + (f", battery {battery} %" if battery is not None else "")
+
+    def _name(self) -> str:
+        return f"{self.sighting.name} ({self.sighting.address})" if self.sighting else self._settings.target
+
+    async def _open(self) -> None:
+        attempt = 0
+        while True:
+            attempt += 1
+            self.sighting = await find(self._settings)
+            try:
+                async with radio().connecting:
+                    await self._connect(self.sighting.device)
+            except BLE_ERRORS:
+                if attempt == _ATTEMPTS:
+                    raise
+                # What failed once mostly works the second time, after a new scan: the system may have dropped the
+                # device that the first one found.
+                await asyncio.sleep(_PAUSE_S * attempt)
+            else:
+                return
+
+    async def _connect(self, device: BLEDevice) -> None:
+        self._lost = False
+        client = BleakClient(device, disconnected_callback=self._on_disconnected, timeout=_CONNECT_TIMEOUT_S)
+        try:
+            await client.connect()
+            notifying, self._write_to = uart_characteristics(client.services, str(self.sighting))
+            await client.start_notify(
+                notifying, self._on_notification, bluez={"use_start_notify": not self._settings.by_socket}
+            )
+            self.mtu = await _mtu(notifying)
+        except BaseException:
+            await _leave(client)
+            raise
+        self._client = client
+
+    def _on_notification(self, _: BleakGATTCharacteristic, data: bytearray) -> None:
+        if not data:
+            return
+        with self._arrival:
+            if self._arrived_bytes + len(data) > _PENDING_BYTES:
+                self._dropped += 1
+                return
+            self._arrived.append(bytes(data))
+            self._arrived_bytes += len(data)
+            self._arrival.notify()
+
+    def _on_disconnected(self, _: BleakClient) -> None:
+        if self._closing:
+            return
+        with self._arrival:
+            self._lost = True
+            self._arrival.notify()
+
+
+async def _leave(client: BleakClient) -> None:
+    """Disconnect: also after the hub has left, or bleak keeps a D-Bus connection open for good."""
+    with suppress(*BLE_ERRORS, AssertionError):
+        await client.disconnect()
+
+
+async def _mtu(characteristic: BleakGATTCharacteristic) -> int | None:
+    """Return the ATT MTU once it is known: Windows may tell it a moment after connecting, an old BlueZ never."""
+    for poll in range(_MTU_POLLS + 1):
+        room: Any = characteristic.max_write_without_response_size
+        if room > _LEAST_WRITE_BYTES:
+            return int(room) + _ATT_HEADER_BYTES
+        if poll < _MTU_POLLS:
+            await asyncio.sleep(_MTU_POLL_S)
+    return None

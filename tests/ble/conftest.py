@@ -1,0 +1,58 @@
+"""Fixtures: a real D-Bus of one's own, BlueZ's stand-in on it, and hubs in range of the real bleak client."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from gateway.io.source import Source
+from gateway.simulator.ble_peripheral import Peripheral
+from gateway.simulator.bluez_stand_in import BluezStandIn
+from gateway.simulator.dbus_daemon import PROGRAM, PrivateBus
+from tests.io.hub_ends import Reader
+
+ADDRESSES = [f"C0:FF:EE:00:00:{number:02X}" for number in range(1, 9)]
+
+
+def require_dbus_daemon() -> None:
+    if shutil.which(PROGRAM) is None:
+        if os.environ.get("CI"):
+            pytest.fail(f"{PROGRAM} is missing; CI must have it")
+        pytest.skip(f"{PROGRAM} is not installed")
+
+
+@pytest.fixture(scope="session")
+def bus() -> Iterator[PrivateBus]:
+    """One for all tests of this process: the radio's thread keeps its connection as long as the process lives."""
+    require_dbus_daemon()
+    with PrivateBus() as bus, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DBUS_SYSTEM_BUS_ADDRESS", bus.address)
+        yield bus
+
+
+@pytest.fixture
+def bluez(bus: PrivateBus) -> Iterator[BluezStandIn]:
+    with BluezStandIn(bus.address, advertising_interval_s=0.02) as stand_in:
+        yield stand_in
+
+
+@pytest.fixture
+def hub(bluez: BluezStandIn) -> Peripheral:
+    return bluez.add(Peripheral(ADDRESSES[0], "Treadlink-FL", rssi_dbm=-57, battery_percent=83))
+
+
+@pytest.fixture
+def read() -> Iterator[Callable[[Source], Reader]]:
+    readers: list[Reader] = []
+
+    def start(source: Source) -> Reader:
+        readers.append(Reader(source))
+        return readers[-1]
+
+    yield start
+    for reader in readers:
+        reader.finish()
+        reader.source.close()
