@@ -21,6 +21,9 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "repair": ("gateway.cli.repair:repair", "Rescue a recording that was cut off or damaged."),
     "compact": ("gateway.cli.repair:compact", "Compress a finished recording."),
     "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires to a file or a pseudo-terminal."),
+    "figures": ("gateway.cli.figures:figures", "Redraw the papers' figures from simulated tires."),
+    "scan": ("gateway.cli.scan:scan", "List the hubs and serial ports that there are, with signal and battery."),
+    "command": ("gateway.cli.command:command", "Tell a hub to start, stop, change its rate, or the time."),
     "doctor": ("gateway.cli.doctor:doctor", "Check ports, permissions, configuration and optional packages."),
     "protocol": ("gateway.cli.protocol:protocol", "Generate the firmware's C header, encoder and test vectors."),
 }
