@@ -146,6 +146,11 @@ class McapOutput:
         """End the chunk in progress and hand all bytes to the operating system."""
         self._guard(self._writer.flush)
 
+    def sync(self) -> None:
+        """Hand all bytes to the disk itself, where a power cut cannot lose them."""
+        self._guard(self._writer.flush)
+        self._guard(self._stream.sync)
+
     def close(self) -> None:
         """Write index and footer, sync, close. After a failure only close: the written part stays readable."""
         if self.closed:

@@ -110,13 +110,24 @@ class RecordingWriter:
             self._flush_when_due(host_ns)
 
     def tick(self, now_ns: int) -> None:
-        """Flush when 0.1 s have passed since the last flush.
+        """Flush when 0.1 s have passed since the last flush; nothing after `close`.
 
         Raises:
             RecordingError: the disk is full or gone.
         """
         with self._lock:
-            self._flush_when_due(now_ns)
+            if not self._output.closed:
+                self._flush_when_due(now_ns)
+
+    def sync(self) -> None:
+        """Hand what was written to the disk itself; may take as long as the disk does.
+
+        Raises:
+            RecordingError: the disk is full or gone.
+        """
+        with self._lock:
+            if not self._output.closed:
+                self._output.sync()
 
     def close(self) -> None:
         """Finish the file; may be called twice.

@@ -1,0 +1,216 @@
+"""What frame checksums and counters tell about bytes of unknown origin: whose they are, and where they belong."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.wire import LENGTH_OFFSET, MAX_FRAME_BYTES, OVERHEAD_BYTES, SYNC
+
+REACH: Final = MAX_FRAME_BYTES - 1
+"""A frame that began before a place needs at most so many bytes behind it."""
+_MOST_TRIMS: Final = 65_536
+_HISTORY_BYTES: Final = 16_384
+_NO_CHANCE_BYTES: Final = 3
+
+
+class FrameAt(NamedTuple):
+    """An intact frame's hub and the hub's time, and where it begins and ends in the bytes looked at."""
+
+    hub: int
+    tick_us: int
+    start: int
+    end: int
+
+
+class Run(NamedTuple):
+    """Frames in a row of one link: where the first begins and the last ends."""
+
+    link: int
+    start: int
+    end: int
+
+
+class LinkHistory:
+    """The latest bytes of one link's stream, before a torn place."""
+
+    def __init__(self) -> None:
+        self._bytes = bytearray()
+        self._ticks: dict[int, int] | None = None
+
+    def append(self, data: bytes) -> None:
+        """Note what the stream went on with."""
+        self._bytes += data
+        self._ticks = None
+        if len(self._bytes) > 2 * _HISTORY_BYTES:
+            del self._bytes[:-_HISTORY_BYTES]
+
+    def unfinished(self) -> bytes:
+        """Return the end of the stream from where a frame may have begun that is not complete."""
+        return unfinished(bytes(self._bytes[-REACH:]))
+
+    def ticks_us(self) -> dict[int, int]:
+        """Return the latest time of each hub that spoke lately."""
+        if self._ticks is None:
+            self._ticks = ticks_in(bytes(self._bytes))
+        return self._ticks
+
+
+def frames_in(data: bytes) -> list[FrameAt]:
+    """Return the frames in `data`, which may begin and end anywhere."""
+    decoder = FrameDecoder()
+    return [
+        FrameAt(frame.hub, frame.tick_us, _start_of_frame(data, position + 1), position + 1)
+        for position in range(len(data))
+        for frame in decoder.feed(data[position : position + 1])
+    ]
+
+
+def ticks_in(data: bytes) -> dict[int, int]:
+    """Return the latest time of each hub in `data`."""
+    return {frame.hub: frame.tick_us for frame in frames_in(data)}
+
+
+def _start_of_frame(data: bytes, end: int) -> int:
+    """Return where the frame begins that passes its checksum up to `end`."""
+    start = end - OVERHEAD_BYTES
+    while start > 0 and not (
+        data.startswith(SYNC, start) and start + OVERHEAD_BYTES + data[start + LENGTH_OFFSET] == end
+    ):
+        start -= 1
+    return start
+
+
+def intact(data: bytes) -> int:
+    """Return how many frames pass their checksum in `data`."""
+    decoder = FrameDecoder()
+    decoder.feed(data)
+    decoder.finish()
+    return decoder.counters.intact
+
+
+def unfinished(self) -> bytes:
+        """Return the end of the stream from where a frame may have begun that is not complete."""
+        return unfinished(bytes(self._bytes[-REACH:]))
+
+    def ticks_us(self) -> dict[int, int]:
+        """Return the latest time of each hub that spoke lately."""
+        if self._ticks is None:
+            self._ticks = ticks_in(bytes(self._bytes))
+        return self._ticks
+
+
+def frames_in(data: bytes) -> list[FrameAt]:
+    """Return the frames in `data`, which may begin and end anywhere."""
+    decoder = FrameDecoder()
+    return [
+        FrameAt(frame.hub, frame.tick_us, _start_of_frame(data, position + 1), position + 1)
+        for position in range(len(data))
+        for frame in decoder.feed(data[position : position + 1])
+    ]
+
+
+def ticks_in(data: bytes) -> dict[int, int]:
+    """Return the latest time of each hub in `data`."""
+    return {frame.hub: frame.tick_us for frame in frames_in(data)}
+
+
+def _start_of_frame(data: bytes, end: int) -> int:
+    """Return where the frame begins that passes its checksum up to `end`."""
+    start = end - OVERHEAD_BYTES
+    while start > 0 and not (
+        data.startswith(SYNC, start) and start + OVERHEAD_BYTES + data[start + LENGTH_OFFSET] == end
+    ):
+        start -= 1
+    return start
+
+
+def intact(data: bytes) -> int:
+    """Return how many frames pass their checksum in `data`."""
+    decoder = FrameDecoder()
+    decoder.feed(data)
+    decoder.finish()
+    return int(decoder.counters.intact)
+
+
+def unfinished(tail: bytes) -> bytes:
+    """Return the end of `tail` from where a frame may have begun that is not complete."""
+    decoder = FrameDecoder()
+    decoder.feed(tail)
+    return tail[len(tail) - decoder.pending_bytes :]
+
+
+def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, until: int | None = None) -> int | None:
+    """Return how many bytes of `data` must go so that the frame that `pending` begins passes.
+
+    A frame that lacks only its last bytes may pass by chance at a wrong place; the next frame must begin behind it then.
+
+    Args:
+        pending: start of a frame, as `unfinished` returns it.
+        data: bytes that may hold its rest, behind bytes that do not belong to the stream.
+        following: how the stream goes on behind `data`.
+        begin: the least to go.
+        until: the most to go; the frame cannot go on behind the link's next one.
+
+    Returns:
+        The trim, len(data) when the frame goes on right at `following`, None when it passes nowhere.
+    """
+    if not pending:
+        return None
+    passing: int | None = None
+    last = len(data) if until is None else until
+    for trim in [*range(begin, min(last, begin + _MOST_TRIMS)), last]:
+        window = data[trim : trim + REACH]
+        window += following[: REACH - len(window)]
+        if intact(pending + window) > intact(window):
+            end = next((at.end for at in frames_in(pending + window) if at.start < len(pending)), len(pending))
+            used = end - len(pending)
+            if SYNC.startswith((data[trim:] + following)[used : used + len(SYNC)]):
+                return trim
+            if passing is None and used >= _NO_CHANCE_BYTES:
+                passing = trim
+    return passing
+
+
+def completes(data: bytes, following: bytes) -> bool:
+    """Tell whether a frame begins in `data` and passes with what follows."""
+    tail = unfinished(data[-REACH:])
+    return bool(tail) and intact(tail + following[:REACH]) > intact(following[:REACH])
+
+
+def divide(
+    frames: list[FrameAt],
+    ticks_us: dict[int, dict[int, int]],
+    head: int | None = None,
+    bounds: tuple[int, int] = (0, 1 << 62),
+) -> list[Run]:
+    """Say which link the frames of a torn place belong to.
+
+    Every hub has its own clock, so that frames follow those of their own link within moments.
+
+    Args:
+        frames: in the order of the stream.
+        ticks_us: for each link that comes into question the latest time of each of its hubs.
+        head: the link of the message that begins here, None when not known.
+        bounds: before the first only `head` can have frames, behind the second it can have none.
+    """
+    ticks = {link: dict(hubs) for link, hubs in ticks_us.items()}
+
+    def distance_us(link: int, frame: FrameAt) -> int:
+        known = ticks[link].get(frame.hub)
+        return abs((frame.tick_us - known + (1 << 31)) % (1 << 32) - (1 << 31)) if known is not None else 1 << 32
+
+    found: list[Run] = []
+    for frame in frames:
+        links = list(ticks)
+        if head is not None and frame.start < bounds[0]:
+            links = [head]
+        elif frame.end > bounds[1] and len(links) > 1:
+            links = [link for link in links if link != head]
+        owner = min(links, key=lambda link: (distance_us(link, frame), link != head))
+        ticks[owner][frame.hub] = frame.tick_us
+        if found and found[-1].link == owner:
+            found[-1] = found[-1]._replace(end=frame.end)
+        else:
+            found.append(Run(owner, frame.start, frame.end))
+    return found

@@ -1,0 +1,157 @@
+"""Rescuing a recording whose writer was killed, that was cut off, or that lost bytes in the middle."""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from firmware_protocol.decoder import FrameDecoder
+from gateway.errors import RecordingError
+from gateway.recording.container import McapOutput
+from gateway.recording.layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
+from gateway.recording.reader import RecordingReader
+from gateway.recording.salvage import Salvage
+from gateway.recording.stitch import Losses, Stitcher
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class RepairReport:
+    """What a repair rescued and what it could not.
+
+    Attributes:
+        source: the damaged file.
+        target: the repaired file, None when there was nothing to repair.
+        messages: messages rescued.
+        link_bytes: bytes of links rescued.
+        frames: intact frames in them.
+        frames_lost: frames missing by their counters.
+        frames_broken: frames that begin but do not pass, the ones that the damage hit among them.
+        losses: what happened at the torn places.
+        session_kept: whether the description (vehicle configuration, sources) survived.
+    """
+
+    source: Path
+    target: Path | None
+    messages: int = 0
+    link_bytes: int = 0
+    frames: int = 0
+    frames_lost: int = 0
+    frames_broken: int = 0
+    losses: Losses | None = None
+    session_kept: bool = True
+
+
+def needs_repair(path: Path, progress: Progress | None = None) -> bool:
+    """Tell whether a recording is unfinished or damaged; reads all of it.
+
+    Raises:
+        RecordingError: not there or not readable.
+    """
+    try:
+        reader = RecordingReader(path)
+    except RecordingError:
+        if not path.is_file():
+            raise
+        return True
+    for number, _ in enumerate(reader.messages()):
+        if progress is not None and number % 4096 == 0:
+            progress(reader.position, reader.info.size_bytes)
+    return reader.damage is not None or not reader.info.finished
+
+
+def repair_recording(path: Path, target: Path, progress: Progress | None = None) -> RepairReport:
+    """Write what can be rescued of a recording to a new file.
+
+    Of a plain recording only the frames that lost bytes are lost. Of a compressed one whole chunks survive or not.
+
+    Args:
+        path: the damaged file; it is only read.
+        target: must not exist yet.
+        progress: called now and then with (bytes done, bytes in all).
+
+    Raises:
+        RecordingError: nothing in it can be rescued, `target` exists, or the disk is full.
+    """
+    with _mapped(path) as data:
+        salvage = Salvage(data)
+        stitcher = Stitcher(salvage)
+        output = McapOutput(target)
+        try:
+            report = _write(path, salvage, stitcher, output, progress)
+        except BaseException:
+            output.abandon()
+            raise
+        if not report.messages:
+            output.abandon()
+            raise RecordingError(f"nothing in '{path}' can be rescued", "It holds no message of a recording.")
+        output.close()
+    return report
+
+
+def _write(
+    path: Path, salvage: Salvage, stitcher: Stitcher, output: McapOutput, progress: Progress | None
+) -> RepairReport:
+    if salvage.session:
+        output.add_metadata(SESSION_METADATA, salvage.session)
+    decoders: dict[str, FrameDecoder] = {}
+    messages = link_bytes = 0
+    for message in stitcher.messages():
+        channel = output.register(message.channel)
+        output.add_message(channel, message.log_time_ns, message.data)
+        messages += 1
+        if message.channel.encoding == RAW_ENCODING:
+            link_bytes += len(message.data)
+            decoders.setdefault(message.channel.link, FrameDecoder()).feed(message.data)
+        if progress is not None and messages % 4096 == 0:
+            progress(salvage.position, path.stat().st_size)
+    for decoder in decoders.values():
+        decoder.finish()
+    counters = [decoder.counters for decoder in decoders.values()]
+    losses = stitcher.losses
+    if salvage.session:
+        output.add_metadata(SESSION_METADATA, salvage.session)
+    output.add_metadata(
+        REPAIR_METADATA,
+        {
+            "file": path.name,
+            "torn_places": str(losses.torn_places),
+            "bytes_kept": str(losses.bytes_kept),
+            "bytes_dropped": str(losses.bytes_dropped),
+            "compressed_chunks_lost": str(losses.compressed_chunks),
+        },
+    )
+    return RepairReport(
+        source=path,
+        target=output.path,
+        messages=messages,
+        link_bytes=link_bytes,
+        frames=sum(count.intact for count in counters),
+        frames_lost=sum(count.lost for count in counters),
+        frames_broken=sum(count.crc_errors + count.truncated for count in counters),
+        losses=losses,
+        session_kept=bool(salvage.session),
+    )
+
+
+@contextlib.contextmanager
+def _mapped(path: Path) -> Iterator[memoryview]:
+    try:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
+            view = memoryview(mapped)
+            try:
+                yield view
+            finally:
+                # Pieces still held by a traceback keep the map alive; it goes with them.
+                with contextlib.suppress(BufferError):
+                    view.release()
+    except FileNotFoundError as error:
+        raise RecordingError(f"no recording '{path}'", "Check the path.") from error
+    except ValueError as error:
+        raise RecordingError(f"'{path}' is empty", "Nothing was recorded in it.") from error
+    except OSError as error:
+        raise RecordingError(f"cannot read '{path}': {error.strerror}", "Check its permissions.") from error

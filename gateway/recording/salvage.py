@@ -1,0 +1,289 @@
+"""Finding what is left in a damaged recording: whole messages, and torn places between them.
+
+A plain chunk is not needed to find the messages in it, so the file is walked as one flat chain of records. Where the
+chain breaks, the walk goes on at the next place that can only be a record: a message states its time twice and names
+a known channel, a chunk states its length three times, other records must fill their length.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, MessageIndex, Metadata
+
+from gateway.recording.layout import (
+    CHANNEL_METADATA,
+    JSON_ENCODING,
+    MAX_RECORD_BYTES,
+    RAW_ENCODING,
+    SESSION_METADATA,
+    ChannelInfo,
+    declared_channel,
+    is_sealed,
+)
+from gateway.recording.records import (
+    MAGIC,
+    MESSAGE_HEAD,
+    MESSAGE_HEAD_BYTES,
+    RECORD_HEAD,
+    MessageParts,
+    channel_info,
+    chunk_records,
+    parse_chunk,
+    parse_message,
+    parse_small,
+    walk,
+)
+
+# Within these of its channel's last message a time is believable; others are left-overs of other files on the disk.
+_MOST_BACK_NS: Final = 60 * 10**9
+_MOST_FORWARD_NS: Final = 30 * 86_400 * 10**9
+_MAX_SMALL_BYTES: Final = 1 << 20
+# Channel numbers count up from 1, so that a number beyond the known ones by more than this is no channel.
+_UNKNOWN_CHANNELS: Final = 64
+_RECORD_START: Final = re.compile(rb"[\x01-\x0f][\s\S]{4}\x00{4}")
+_DECLARATION: Final = re.compile(rb"[\x04\x0c][\s\S]{2}[\x00-\x0f]\x00{5}")
+
+
+class Whole(NamedTuple):
+    """A message whose header is good and after which the chain goes on; its data may hold overwritten bytes.
+
+    Attributes:
+        message: its parts.
+        verified: whether it lay in a chunk with the right checksum.
+        end: position in the file behind it, or behind its verified chunk.
+    """
+
+    message: MessageParts
+    verified: bool
+    end: int
+
+
+class Torn(NamedTuple):
+    """Bytes between two places where the chain holds.
+
+    Attributes:
+        data: the bytes after `head`, or after the last good record.
+        head: header of the message that begins here, None when that is lost too.
+        stated: bytes that `head` announces.
+        compressed: True for a damaged compressed chunk, in which nothing can be found.
+        end: position in the file where the chain holds again.
+    """
+
+    data: memoryview
+    head: MessageParts | None
+    stated: int
+    compressed: bool
+    end: int
+
+
+class Indexed(NamedTuple):
+    """A message as the index behind its chunk knows it; `most_bytes` bounds the length of its data."""
+
+    channel: int
+    time_ns: int
+    most_bytes: int
+
+
+class Salvage:
+    """The good records of a file, wherever they are.
+
+    Attributes:
+        channels: every channel declared anywhere in the file.
+        session: the session's metadata, empty when no copy is whole.
+        size: of the file.
+        position: how far `pieces` has come, for progress bars.
+    """
+
+    def __init__(self, data: memoryview) -> None:
+        """Look through the whole file for declarations.
+
+        Args:
+            data: the file, mapped.
+        """
+        self.channels: dict[int, ChannelInfo] = {}
+        self.session: dict[str, str] = {}
+        self.position = 0
+        self._data = data
+        self.size = len(data)
+        self._find_declarations()
+
+    def pieces(self, start: int | None = None, times_ns: Mapping[int, int] | None = None) -> Iterator[Whole | Torn]:
+        """Yield whole messages and torn places in file order.
+
+        Args:
+            start: where to begin, a place where the chain holds; the file's begin when not given.
+            times_ns: time of the last message of each channel before `start`.
+        """
+        main = start is None
+        at = start if start is not None else len(MAGIC) if bytes(self._data[: len(MAGIC)]) == MAGIC else 0
+        base = dict(times_ns or {})
+        while at < self.size:
+            if main:
+                self.position = at
+            opcode, end = self._plausible(at, base)
+            body = at + RECORD_HEAD.size
+            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                return
+            if opcode == Opcode.CHUNK:
+                chunk = parse_chunk(self._data[body : min(end, self.size)], length=end - body)
+                whole = self._whole_chunk(body, end)
+                if whole is not None:
+                    for message in whole:
+                        base[message.channel] = message.log_time_ns
+                        yield Whole(message, True, end)
+                    at = end
+                elif chunk.compression:
+                    at = self._next_record(at + 1, base)
+                    yield Torn(self._data[body:at], None, 0, True, at)
+                else:
+                    at = body + chunk.data_offset
+                continue
+            if opcode and end <= self.size and (self.size - end < RECORD_HEAD.size or self._plausible(end, base)[0]):
+                if opcode == Opcode.MESSAGE:
+                    message = parse_message(self._data[body:end])
+                    base[message.channel] = message.log_time_ns
+                    yield Whole(message, False, end)
+                at = end
+                continue
+            head = parse_message(self._data[body:]) if opcode == Opcode.MESSAGE else None
+            begin = body + MESSAGE_HEAD.size if head is not None else at
+            at = self._next_record(max(begin, at + 1), base)
+            yield Torn(self._data[begin:at], head, end - begin if head is not None else 0, False, at)
+            if head is not None:
+                base[head.channel] = head.log_time_ns
+
+    def message_before(self, position: int, times_ns: Mapping[int, int]) -> Indexed | None:
+        """Return the message that stood right before `position` when the file was whole.
+
+        The index behind a chunk names all messages of it in order; None when it is damaged too.
+        """
+        first: tuple[int, int] | None = None
+        entries: list[tuple[int, int, int]] = []
+        at = position
+        while at < self.size:
+            opcode, end = self._plausible(at, times_ns)
+            if opcode == Opcode.MESSAGE and not entries:
+                if first is None:
+                    message = parse_message(self._data[at + RECORD_HEAD.size : end])
+                    first = message.channel, message.log_time_ns
+            elif opcode == Opcode.MESSAGE_INDEX:
+                index: MessageIndex = parse_small(opcode, self._data[at + RECORD_HEAD.size : end])
+                entries += ((offset, index.channel_id, time_ns) for time_ns, offset in index.records)
+            elif not opcode and first is not None and not entries:
+                end = self._next_record(at + 1, times_ns)
+            elif opcode not in (Opcode.CHANNEL, Opcode.SCHEMA) or entries:
+                break
+            at = end
+        entries.sort()
+        places = [place for place, (_, *known) in enumerate(entries) if tuple(known) == first]
+        place = places[0] if len(places) == 1 else len(entries) if first is None else 0
+        if not place:
+            return None
+        offset, channel, time_ns = entries[place - 1]
+        following = entries[place][0] if place < len(entries) else MAX_RECORD_BYTES
+        return Indexed(channel, time_ns, following - offset - MESSAGE_HEAD_BYTES)
+
+    def _whole_chunk(self, body: int, end: int) -> list[MessageParts] | None:
+        """Return the messages of a chunk that is whole and has the right checksum, else None."""
+        if end > self.size:
+            return None
+        try:
+            records = chunk_records(parse_chunk(self._data[body:end]))
+        except ValueError:
+            return None
+        messages = []
+        for opcode, inner in walk(records):
+            if opcode == Opcode.MESSAGE:
+                messages.append(parse_message(inner))
+            elif opcode == Opcode.CHANNEL:
+                channel: Channel = parse_small(opcode, inner)
+                self.channels.setdefault(channel.id, channel_info(channel))
+        return messages
+
+    def _plausible(self, at: int, base: Mapping[int, int]) -> tuple[int, int]:
+        """Return (opcode, end) of the record that must begin at `at`, opcode 0 when none does."""
+        body = at + RECORD_HEAD.size
+        if body > self.size:
+            return 0, at
+        opcode, length = RECORD_HEAD.unpack_from(self._data, at)
+        end = body + length
+        if length > MAX_RECORD_BYTES or not self._believable(opcode, body, end, base):
+            return 0, at
+        return opcode, end
+
+    def _believable(self, opcode: int, body: int, end: int, base: Mapping[int, int]) -> bool:
+        if opcode == Opcode.MESSAGE:
+            if end - body < MESSAGE_HEAD.size or body + MESSAGE_HEAD.size > self.size:
+                return False
+            number, _, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(self._data, body)
+            return (
+                log_time_ns == publish_time_ns
+                and 0 < number <= max(self.channels, default=0) + _UNKNOWN_CHANNELS
+                and _near(log_time_ns, [base[number]] if number in base else ())
+            )
+        try:
+            if opcode == Opcode.CHUNK:
+                chunk = parse_chunk(self._data[body : min(end, self.size)], length=end - body)
+                return _near(chunk.end_time_ns, base.values())
+            if end > self.size or end - body > _MAX_SMALL_BYTES:
+                return False
+            if opcode == Opcode.DATA_END:
+                follows = self._data[end] if end < self.size else 0
+                return end - body == 4 and follows in (0, *range(Opcode.FOOTER, Opcode.SUMMARY_OFFSET + 1))
+            record = parse_small(opcode, self._data[body:end])
+        except ValueError:
+            return False
+        if isinstance(record, MessageIndex):
+            return all(
+                _near(time_ns, base.values()) and offset < MAX_RECORD_BYTES for time_ns, offset in record.records
+            )
+        if isinstance(record, Channel):
+            return record.message_encoding in (RAW_ENCODING, JSON_ENCODING)
+        return True
+
+    def _next_record(self, start: int, base: Mapping[int, int]) -> int:
+        """Return the next position from `start` at which a record must begin, or the end of the file."""
+        at = start
+        while (match := _RECORD_START.search(self._data, at)) is not None:
+            at = match.start()
+            opcode, end = self._plausible(at, base)
+            if opcode in (Opcode.MESSAGE, Opcode.CHUNK):
+                return at
+            # The others say less about themselves: what follows must be a record as well.
+            if opcode and (self.size - end < RECORD_HEAD.size or self._plausible(end, base)[0]):
+                return at
+            at += 1
+        return self.size
+
+    def _find_declarations(self) -> None:
+        unsealed: dict[int, ChannelInfo] = {}
+        at = 0
+        while (match := _DECLARATION.search(self._data, at)) is not None:
+            at = match.start()
+            opcode, length = RECORD_HEAD.unpack_from(self._data, at)
+            end = at + RECORD_HEAD.size + length
+            try:
+                record = parse_small(opcode, self._data[at + RECORD_HEAD.size : end]) if end <= self.size else None
+            except ValueError:
+                record = None
+            at += 1
+            if isinstance(record, Channel) and record.message_encoding in (RAW_ENCODING, JSON_ENCODING):
+                unsealed.setdefault(record.id, channel_info(record))
+            elif isinstance(record, Metadata) and record.name == CHANNEL_METADATA:
+                declared = declared_channel(record.metadata)
+                if declared is not None:
+                    self.channels.setdefault(*declared)
+            elif isinstance(record, Metadata) and record.name == SESSION_METADATA and is_sealed(record.metadata):
+                self.session = self.session or record.metadata
+        for number, info in unsealed.items():
+            self.channels.setdefault(number, info)
+
+
+def _near(time_ns: int, bases_ns: Iterable[int]) -> bool:
+    """Tell whether a time follows one of those; anything does when there are none."""
+    bases = tuple(bases_ns)
+    return not bases or any(-_MOST_BACK_NS <= time_ns - base <= _MOST_FORWARD_NS for base in bases)

@@ -1,0 +1,276 @@
+"""Putting the bytes of torn places back into the links' streams, so that every frame that lost no byte passes again.
+
+A torn place holds what was left of a message, perhaps the rest of a damaged record header, and perhaps the end of a
+later message whose header is lost. A rest of a header must not stay between two halves of a frame. Which bytes are
+which is written nowhere, but frames tell: the cut is right where the frame across it passes its checksum.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from gateway.recording.evidence import REACH, LinkHistory, completes, continuation, divide, frames_in, ticks_in
+from gateway.recording.layout import RAW_ENCODING, ChannelInfo, raw_topic
+from gateway.recording.salvage import Indexed, Salvage, Torn, Whole
+
+_MOST_PIECES_AHEAD: Final = 4096
+# Enough for the rest of a frame and a whole one, which tells the hub's time.
+_AHEAD_BYTES: Final = 2 * REACH
+
+
+class Rescued(NamedTuple):
+    """A message for the repaired file."""
+
+    channel: ChannelInfo
+    log_time_ns: int
+    data: bytes
+
+
+@dataclass
+class Losses:
+    """What the stitching kept and gave up.
+
+    Attributes:
+        torn_places: places where the chain of records was broken.
+        unverified: messages without a right checksum around them; their bytes are kept as they are.
+        bytes_kept: link bytes kept from torn places.
+        bytes_dropped: bytes of torn places that serve no frame.
+        compressed_chunks: damaged compressed chunks, lost whole.
+        topics_lost: messages of decoded topics that were damaged.
+    """
+
+    torn_places: int = 0
+    unverified: int = 0
+    bytes_kept: int = 0
+    bytes_dropped: int = 0
+    compressed_chunks: int = 0
+    topics_lost: int = 0
+
+
+class _Ahead(NamedTuple):
+    """What follows a torn place.
+
+    Attributes:
+        streams: the next bytes of each link.
+        time_ns: time of the next message.
+        sequences: number of the next message of each link that has one.
+        before: the message whose end stood right before it, None when not known.
+    """
+
+    streams: dict[int, bytes]
+    time_ns: int
+    sequences: dict[int, int]
+    before: Indexed | None
+
+
+class Stitcher:
+    """Turns pieces into messages, deciding at torn places from the streams before and after."""
+
+    def __init__(self, salvage: Salvage) -> None:
+        """Stitch what `salvage` finds."""
+        self.losses = Losses()
+        self._salvage = salvage
+        self._history: dict[int, LinkHistory] = defaultdict(LinkHistory)
+        self._times_ns: dict[int, int] = {}
+        self._sequences: dict[int, int] = {}
+        self._adopt_undeclared_links()
+
+    def messages(self) -> Iterator[Rescued]:
+        """Yield the messages of the repaired file in order."""
+        for piece in self._salvage.pieces():
+            if isinstance(piece, Whole):
+                yield from self._whole(piece)
+                continue
+            self.losses.torn_places += 1
+            if piece.compressed:
+                self.losses.compressed_chunks += 1
+                self.losses.bytes_dropped += len(piece.data)
+            else:
+                yield from self._torn(piece)
+
+    def _whole(self, piece: Whole) -> Iterator[Rescued]:
+        number, sequence, time_ns, _, view = piece.message
+        info = self._salvage.channels.get(number)
+        data = bytes(view)
+        self.losses.unverified += not piece.verified
+        if info is not None and info.encoding == RAW_ENCODING:
+            self._times_ns[number] = time_ns
+            self._sequences[number] = sequence
+            yield self._link_bytes(number, time_ns, data)
+        elif info is not None and (piece.verified or _is_json(data)):
+            self._times_ns[number] = time_ns
+            yield Rescued(info, time_ns, data)
+        elif info is not None or _is_json(data):
+            self.losses.topics_lost += 1
+        else:
+            # Link bytes under a channel number that was damaged.
+            yield from self._place(data, self._look_ahead(piece.end))
+
+    def _torn(self, piece: Torn) -> Iterator[Rescued]:
+        ahead = self._look_ahead(piece.end)
+        data = bytes(piece.data)
+        info = self._salvage.channels.get(piece.head.channel) if piece.head is not None else None
+        if piece.head is None or info is None:
+            yield from self._place(data, ahead)
+            return
+        complete = piece.stated <= len(data)
+        if info.encoding != RAW_ENCODING:
+            if complete and _is_json(data[: piece.stated]):
+                yield Rescued(info, piece.head.log_time_ns, data[: piece.stated])
+                data = data[piece.stated :]
+            else:
+                self.losses.topics_lost += 1
+            yield from self._place(data, ahead)
+            return
+        number = piece.head.channel
+        self._sequences[number] = piece.head.sequence
+        self._times_ns[number] = piece.head.log_time_ns
+        at_end = piece.end == self._salvage.size and not complete
+        foreign = None if at_end else self._foreign(data, number, piece.stated, ahead)
+        if foreign is not None:
+            link, until, begin = foreign
+            yield self._kept(number, ahead.time_ns, data[: min(until, piece.stated)])
+            yield self._kept(link, ahead.time_ns, data[begin:])
+        elif complete:
+            # Either the message is whole and the damage lies behind it, or not: joined they are the same.
+            yield self._kept(number, ahead.time_ns, data[: piece.stated])
+            yield from self._place(data[piece.stated :], ahead)
+        elif self._goes_on_behind(number, ahead):
+            self.losses.bytes_dropped += len(data)
+        else:
+            yield self._kept(number, ahead.time_ns, data)
+
+    def _foreign(self, data: bytes, number: int, stated: int, ahead: _Ahead) -> tuple[int, int, int] | None:
+        """Find the end of another link's message, whose header is lost, behind the begin of `number`'s.
+
+        Returns:
+            The other link, where `number`'s part ends at the latest, where the other's begins at the earliest.
+        """
+        others = [link for link in self._links_missing(ahead) if link != number]
+        if not others:
+            return None
+        before = max(0, len(data) - ahead.before.most_bytes) if ahead.before is not None else 0
+        runs = divide(frames_in(data), self._ticks_us([number, *others], ahead), number, (before, stated))
+        for link in others:
+            until = next((run.start for run in runs if run.link == link), len(data))
+            trim = self._continuation(link, data, ahead, before, until)
+            if trim is not None and trim < len(data):
+                return link, trim, trim
+        for run in runs:
+            if run.link != number:
+                return run.link, run.start, before
+            before = max(before, run.end)
+        for link in others:
+            if completes(data[before:], ahead.streams.get(link, b"")):
+                return link, len(data), before
+        return None
+
+    def _place(self, data: bytes, ahead: _Ahead) -> Iterator[Rescued]:
+        """Give bytes of unknown origin to the link whose frames they hold, without the rest of a header."""
+        if not data:
+            return
+        # Where a frame goes on behind these bytes, they must not come between.
+        links = [link for link in self._links_missing(ahead) if not self._goes_on_behind(link, ahead)]
+        runs = divide(frames_in(data), self._ticks_us(links, ahead)) if links else []
+        for link in links:
+            until = next((run.start for run in runs if run.link == link), len(data))
+            trim = self._continuation(link, data, ahead, 0, until)
+            if trim is not None and trim < len(data):
+                self.losses.bytes_dropped += trim
+                yield self._kept(link, ahead.time_ns, data[trim:])
+                return
+        for index, run in enumerate(runs):
+            begin = runs[index - 1].end if index else 0
+            until = runs[index + 1].start if index + 1 < len(runs) else len(data)
+            yield self._kept(run.link, ahead.time_ns, data[begin:until])
+        if runs:
+            return
+        for link in links:
+            if completes(data, ahead.streams.get(link, b"")):
+                yield self._kept(link, ahead.time_ns, data)
+                return
+        self.losses.bytes_dropped += len(data)
+
+    def _goes_on_behind(self, link: int, ahead: _Ahead) -> bool:
+        return self._continuation(link, b"", ahead, 0, 0) is not None
+
+    def _continuation(self, link: int, data: bytes, ahead: _Ahead, begin: int, until: int) -> int | None:
+        pending = self._history[link].unfinished()
+        return continuation(pending, data, ahead.streams.get(link, b""), begin, until)
+
+    def _ticks_us(self, links: list[int], ahead: _Ahead) -> dict[int, dict[int, int]]:
+        """Return the times of each link's hubs before the place, or behind it where nothing came before."""
+        return {link: {**ticks_in(ahead.streams.get(link, b"")), **self._history[link].ticks_us()} for link in links}
+
+    def _look_ahead(self, position: int) -> _Ahead:
+        """Read on until every link has given enough bytes, or the next torn place."""
+        streams: dict[int, bytes] = dict.fromkeys(self._links(), b"")
+        sequences: dict[int, int] = {}
+        time_ns: int | None = None
+        for count, piece in enumerate(self._salvage.pieces(position, self._times_ns)):
+            if isinstance(piece, Torn):
+                message, data = piece.head, piece.data[: piece.stated]
+            else:
+                message, data = piece.message, piece.message.data
+            if message is None or count > _MOST_PIECES_AHEAD:
+                break
+            if time_ns is None:
+                time_ns = message.log_time_ns
+            if message.channel in streams:
+                sequences.setdefault(message.channel, message.sequence)
+                streams[message.channel] += bytes(data[:_AHEAD_BYTES])
+                if all(len(stream) >= _AHEAD_BYTES for stream in streams.values()):
+                    break
+            if isinstance(piece, Torn) and len(data) < piece.stated:
+                break
+        if time_ns is None:
+            time_ns = max(self._times_ns.values(), default=0)
+        # An arrival that is not known must not be stated too early: that would upset the time base.
+        return _Ahead(streams, time_ns, sequences, self._salvage.message_before(position, self._times_ns))
+
+    def _links(self) -> list[int]:
+        return [number for number, info in self._salvage.channels.items() if info.encoding == RAW_ENCODING]
+
+    def _links_missing(self, ahead: _Ahead) -> list[int]:
+        """Return the links of which a message without header may lie here."""
+        links = self._links()
+        after = ahead.sequences
+        # Consecutive numbers say that none is missing.
+        missing = [link for link in links if link not in after or after[link] != self._sequences.get(link, -1) + 1]
+        if ahead.before is None:
+            return missing
+        channel = ahead.before.channel
+        known = self._times_ns.get(channel) == ahead.before.time_ns and channel not in missing
+        return [channel] if channel in links and not known else []
+
+    def _kept(self, number: int, time_ns: int, data: bytes) -> Rescued:
+        self.losses.bytes_kept += len(data)
+        return self._link_bytes(number, time_ns, data)
+
+    def _link_bytes(self, number: int, time_ns: int, data: bytes) -> Rescued:
+        self._history[number].append(data)
+        return Rescued(self._salvage.channels[number], time_ns, data)
+
+    def _adopt_undeclared_links(self) -> None:
+        """Where every declaration of the links is lost, take what is no JSON for a link's bytes."""
+        if self._links():
+            return
+        for piece in self._salvage.pieces():
+            if isinstance(piece, Whole) and piece.message.channel not in self._salvage.channels:
+                number = piece.message.channel
+                if not _is_json(bytes(piece.message.data)):
+                    names = [info.link for info in self._salvage.channels.values() if info.link]
+                    link = names[0] if names else "recovered"
+                    self._salvage.channels[number] = ChannelInfo(raw_topic(link), RAW_ENCODING, link)
+                    return
+
+
+def _is_json(data: bytes) -> bool:
+    try:
+        return isinstance(json.loads(data), dict)
+    except ValueError:
+        return False
