@@ -19,6 +19,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gateway.physics.contact_pressure import road_orders
+
 FloatArray = NDArray[np.float64]
 
 
@@ -72,10 +74,7 @@ def modal_force(
     if road is RoadForce.RADIAL:
         radial: FloatArray = load_n * np.sin(n * half_angle_rad) / (n * radius_m * half_angle_rad)
         return radial
-    # Products of sines and cosines, integrated: np.sinc keeps n = 1 finite.
-    below = half_angle_rad * np.sinc((n - 1.0) * half_angle_rad / math.pi)
-    above = half_angle_rad * np.sinc((n + 1.0) * half_angle_rad / math.pi)
-    vertical: FloatArray = load_n / (2.0 * radius_m * half_angle_rad) * ((below + above) + (below - above) / n)
+    vertical: FloatArray = road_orders(n, load_n, radius_m, half_angle_rad).real
     return vertical
 
 
