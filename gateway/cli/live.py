@@ -43,6 +43,7 @@ def live(
     SOURCE is one of
       serial:///dev/ttyUSB0?baudrate=921600   a hub on a serial port
       tcp://host:port                         a hub behind a TCP server
+      ble://NAME-or-ADDRESS                   a hub on Bluetooth LE (treadlink scan lists them)
       sim:demo                                a simulated vehicle (treadlink simulate --list)
       replay:FILE?speed=1                     a recording; speed=10, speed=max
 

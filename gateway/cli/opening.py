@@ -18,6 +18,7 @@ from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS
 from gateway.io.source import Source, open_source, parse_source_uri
 from gateway.pipeline.results import SessionSnapshot
 from gateway.recording.writer import RecordingWriter
+from gateway.session.commands import with_commands
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.views.plain import PlainView
@@ -77,7 +78,7 @@ def start_session(
     clock = clock or SystemClock()
     sources: list[Source] = []
     try:
-        sources += [open_source(uri, clock) for uri in uris]
+        sources += [with_commands(open_source(uri, clock), clock) for uri in uris]
         vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
         recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
     except BaseException:

@@ -1,4 +1,4 @@
-"""`treadlink simulate`: a scenario to a file or a pseudo-terminal."""
+"""`treadlink simulate`: a scenario to a file, a pseudo-terminal or Bluetooth."""
 
 from __future__ import annotations
 
@@ -41,6 +41,7 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     "--out", type=click.Path(path_type=Path), help="New file: .mcap is a recording, .bin the link's bytes alone."
 )
 @click.option("--pty", is_flag=True, help="Feed a pseudo-terminal, as a hub on a serial port would, until Ctrl-C.")
+@click.option("--ble", is_flag=True, help="Appear as Bluetooth LE hubs, on a D-Bus of its own (Linux), until Ctrl-C.")
 @click.option("--fault", "faults", multiple=True, metavar="KIND:OPTION=VALUE", help="Fault on the link; see --list.")
 @click.option("--seed", type=click.IntRange(min=0), help="Instead of the scenario's.")
 @click.option("--duration", "duration_s", type=click.FloatRange(min=0.01), help="Length in s, instead of its own.")
@@ -51,6 +52,7 @@ def simulate(
     scenario: str,
     out: Path | None,
     pty: bool,
+    ble: bool,
     faults: tuple[str, ...],
     seed: int | None,
     duration_s: float | None,
@@ -61,8 +63,10 @@ def simulate(
 
     The bytes are those of the real protocol. To watch them at once, use `treadlink live sim:SCENARIO`.
     """
-    if (out is None) == (not pty):
-        raise click.UsageError("Give either --out FILE or --pty.")
+    if (out is not None) + pty + ble != 1:
+        raise click.UsageError("Give one of --out FILE, --pty and --ble.")
+    if ble and faults:
+        raise click.UsageError("--fault damages a stream of bytes; Bluetooth carries whole frames or none.")
     loaded = load_scenario(scenario)
     used_seed = loaded.scenario.seed if seed is None else seed
     simulation = make_simulation(
@@ -78,6 +82,10 @@ def simulate(
         uri = f"sim:{quote(scenario)}?seed={used_seed}"
         size = _to_file(source, simulation.duration_s, out, uri, clock)
         click.echo(f"wrote {out}: {simulation.duration_s:g} s, {size / 1e6:.2f} MB")
+    elif ble:
+        from gateway.cli.simulate_ble import to_ble
+
+        to_ble(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), loaded, vehicle)
     else:
         _to_pty(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), vehicle)
     _report(simulation)

@@ -99,7 +99,7 @@ class LinkSnapshot:
         latency_s: delay of the newest samples against the fastest seen, or None before time is known.
         queue_dropped: items that a stage could not take, by stage name.
         battery_percent: of the hub, None when unknown.
-        rssi_dbm: of the hub's sensor link, None when unknown.
+        rssi_dbm: of the hub's sensor link, else of the link itself when it was connected; None when unknown.
         supply_w: of the hub, None when unknown.
     """
 

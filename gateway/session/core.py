@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import Frame, HubStatus, LogText, MessageType
+from firmware_protocol.messages import CommandResult, Frame, HubStatus, LogText, MessageType
 from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
@@ -19,6 +19,7 @@ from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnap
 from gateway.pipeline.setup import WheelSetup
 from gateway.recording.writer import RecordingWriter
 from gateway.session.alarms import alarms
+from gateway.session.commands import refusal
 from gateway.session.topics import log_level, message_topic, revolution_payload, waveform_payload
 
 _NOTICES: Final = 20
@@ -37,6 +38,7 @@ class _Link:
     note: str = ""
     bytes_received: int = 0
     status: HubStatus | None = None
+    connected_rssi_dbm: int | None = None
     queue_dropped: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -111,6 +113,8 @@ class SessionCore:
             return
         link = self._links.setdefault(event.link, _Link())
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
+        if event.rssi_dbm is not None:
+            link.connected_rssi_dbm = event.rssi_dbm
         if event.kind is not LinkEventKind.RETRYING or link.note != event.text:
             self.notify(f"{event.link}: {event.text}" if event.text else f"{event.link}: {event.kind}")
         link.note = event.text or str(event.kind)
@@ -127,6 +131,8 @@ class SessionCore:
             link.status = message
         elif isinstance(message, LogText):
             self.notify(f"hub {frame.hub} ({log_level(message)}): {message.text}")
+        elif isinstance(message, CommandResult) and refusal(message):
+            self.notify(f"hub {frame.hub} did not do as told: {refusal(message)}")
         if self.recorder is not None:
             entry = message_topic(frame, self._pipeline.position(name, frame.hub, frame.wheel), name)
             if entry is not None:
@@ -205,6 +211,7 @@ class SessionCore:
 
     def _link_snapshot(self, name: str, link: _Link) -> LinkSnapshot:
         counters, status = link.decoder.counters, link.status
+        rssi_dbm = status.rssi_dbm if status is not None else None
         return LinkSnapshot(
             link=name,
             connected=link.connected,
@@ -220,6 +227,6 @@ class SessionCore:
             latency_s=self._pipeline.latency_s(name),
             queue_dropped=dict(link.queue_dropped),
             battery_percent=status.battery_percent if status is not None else None,
-            rssi_dbm=status.rssi_dbm if status is not None else None,
+            rssi_dbm=rssi_dbm if rssi_dbm is not None else link.connected_rssi_dbm,
             supply_w=status.supply_w if status is not None else None,
         )

@@ -1,0 +1,110 @@
+"""`treadlink scan`: the hubs and serial ports that can be given to `treadlink live`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gateway.cli.checks import Level, check_device
+
+if TYPE_CHECKING:
+    from gateway.io.ble import Around
+    from gateway.io.ble_hub import Sighting
+
+
+@click.command()
+@click.option(
+    "--timeout", "seconds", type=click.FloatRange(0.1, 120.0), default=5.0, show_default=True, help="Listen so many s."
+)
+@click.option("--adapter", default="", metavar="NAME", help="Bluetooth adapter, as hci1 (Linux); default: the first.")
+@click.option("--all", "everything", is_flag=True, help="Also Bluetooth devices that do not advertise as hubs.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def scan(seconds: float, adapter: str, everything: bool, as_json: bool) -> None:
+    """List hubs on Bluetooth LE and serial ports, with signal strength and battery where they are told.
+
+    Without Bluetooth the serial ports are listed all the same, and what is missing is said.
+    """
+    from gateway.io.ble import scan as listen
+
+    around = listen(seconds, adapter)
+    hubs = [sighting for sighting in around.sightings if sighting.is_hub or everything]
+    ports = _ports()
+    if as_json:
+        click.echo(json.dumps(_report(around, hubs, ports), indent=2, ensure_ascii=False))
+    else:
+        _print(around, hubs, ports, seconds)
+
+
+def _ports() -> list[dict[str, Any]]:
+    from serial.tools import list_ports
+
+    found = []
+    for port in sorted(list_ports.comports()):
+        check = check_device(Path(port.device))
+        known = port.description if port.description not in (None, "", "n/a") else ""
+        found.append(
+            {
+                "source": f"serial:{'//' if port.device.startswith('/') else ''}{port.device}",
+                "device": port.device,
+                "description": known,
+                "usable": check.level is Level.OK,
+                "remedy": check.remedy,
+            }
+        )
+    return found
+
+
+def _report(around: Around, hubs: list[Sighting], ports: list[dict[str, Any]]) -> dict[str, Any]:
+    fault = around.fault
+    return {
+        "bluetooth_fault": None if fault is None else {"text": str(fault), "remedy": fault.remedy},
+        "hubs": [
+            {
+                "source": _source(hub, hubs),
+                "name": hub.name,
+                "address": hub.address,
+                "rssi_dbm": hub.rssi_dbm,
+                "battery_percent": hub.battery_percent,
+                "is_hub": hub.is_hub,
+            }
+            for hub in hubs
+        ],
+        "serial_ports": ports,
+    }
+
+
+def _print(around: Around, hubs: list[Sighting], ports: list[dict[str, Any]], seconds: float) -> None:
+    if around.fault is not None:
+        click.secho(f"Bluetooth: {around.fault}", fg="yellow")
+        click.echo(f"  {around.fault.remedy}")
+    elif not hubs:
+        others = len(around.sightings)
+        click.echo(f"No hub answered within {seconds:g} s" + (f" ({others} other devices; --all)" if others else "."))
+    width = max((len(_source(hub, hubs)) for hub in hubs), default=0)
+    for hub in hubs:
+        signal = f"{hub.rssi_dbm} dBm" if hub.rssi_dbm is not None else "connected"
+        battery = f"battery {hub.battery_percent} %" if hub.battery_percent is not None else "battery not told"
+        name = f"{hub.name or 'unnamed'} at {hub.address}"
+        click.echo(f"{_source(hub, hubs):<{width}}  {signal:>9}  {battery:<16}  {name}")
+    twins = sorted({hub.name for hub in hubs if hub.name and _twins(hub, hubs)})
+    for name in twins:
+        click.secho(f"Several are named '{name}': give the address.", fg="yellow")
+    if not ports:
+        click.echo("No serial port is present.")
+    for port in ports:
+        note = "" if port["usable"] else f"  not usable: {port['remedy']}"
+        click.echo(f"{port['source']}  {port['description']}{note}".rstrip())
+
+
+def _source(hub: Sighting, hubs: list[Sighting]) -> str:
+    """Return the URI that means this hub and no other in range."""
+    from urllib.parse import quote
+
+    return f"ble://{hub.address if _twins(hub, hubs) or not hub.name else quote(hub.name)}"
+
+
+def _twins(hub: Sighting, hubs: list[Sighting]) -> bool:
+    return sum(other.name.casefold() == hub.name.casefold() for other in hubs) > 1
