@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from firmware_protocol.batch import BatchDecoder, FrameBatch
+from firmware_protocol.batch import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
@@ -16,9 +16,7 @@ from gateway.io.source import Chunk, LinkItem
 from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.setup import WheelSetup
-
-# Bytes of one link that are decoded together.
-_BLOCK_BYTES: Final = 1 << 20
+from gateway.recording.blocks import LinkBlocks
 
 
 class Items(Protocol):
@@ -27,40 +25,6 @@ class Items(Protocol):
     def items(self) -> Iterator[LinkItem]:
         """Yield items in the order of arrival."""
         ...
-
-
-@dataclass(slots=True)
-class _Link:
-    """Bytes of one link that wait to be decoded, and when they came."""
-
-    name: str
-    decoder: BatchDecoder = field(default_factory=lambda: BatchDecoder(_BLOCK_BYTES))
-    pending: bytearray = field(default_factory=bytearray)
-    fed: int = 0
-    ends: list[int] = field(default_factory=list)
-    arrivals_ns: list[int] = field(default_factory=list)
-
-    def add(self, chunk: Chunk) -> None:
-        self.pending += chunk.data
-        self.ends.append(self.fed + len(self.pending))
-        self.arrivals_ns.append(chunk.host_ns)
-
-    def decode(self, *, final: bool) -> Iterator[FrameBatch]:
-        block = bytes(self.pending)
-        self.fed += len(block)
-        self.pending.clear()
-        yield self.decoder.feed(block)
-        if final:
-            yield self.decoder.finish()
-
-    def arrival_ns(self, batch: FrameBatch) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """Arrival of the chunk that completed each frame."""
-        place = np.searchsorted(np.array(self.ends), batch.end_offset, side="left")
-        return np.array(self.arrivals_ns, np.int64)[np.minimum(place, len(self.arrivals_ns) - 1)]
-
-    def forget(self) -> None:
-        """Drop arrivals that no later frame can need: the last chunk of a block may still complete one."""
-        del self.ends[:-1], self.arrivals_ns[:-1]
 
 
 def estimate_items(
@@ -85,29 +49,24 @@ def estimate_items(
     """
     setups = vehicle.wheel_setups() if vehicle is not None else ()
     pipeline = Pipeline(setups, WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3), estimators)
-    links: dict[str, _Link] = {}
+    links: dict[str, LinkBlocks] = {}
 
-    def flush(link: _Link, *, final: bool = False) -> None:
-        for batch in link.decode(final=final):
-            if len(batch.type):
-                for result in pipeline.batch(link.name, batch, link.arrival_ns(batch)):
-                    on_result(result)
-        link.forget()
+    def deliver(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
+        for batch, arrivals_ns in batches:
+            for result in pipeline.batch(link, batch, arrivals_ns):
+                on_result(result)
 
     for item in source.items():
         if not isinstance(item, Chunk):
             continue
-        link = links.get(item.link)
-        if link is None:
-            link = links[item.link] = _Link(item.link)
-        link.add(item)
+        blocks = links.get(item.link)
+        if blocks is None:
+            blocks = links[item.link] = LinkBlocks(item.link)
         if on_bytes is not None:
             on_bytes(len(item.data))
-        if len(link.pending) >= _BLOCK_BYTES:
-            flush(link)
-    for link in links.values():
-        if link.arrivals_ns:
-            flush(link, final=True)
+        deliver(item.link, blocks.add(item))
+    for name, blocks in links.items():
+        deliver(name, blocks.finish())
     for result in pipeline.finish():
         on_result(result)
-    return {name: link.decoder.counters for name, link in links.items()}
+    return {name: blocks.counters for name, blocks in links.items()}

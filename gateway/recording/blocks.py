@@ -1,0 +1,65 @@
+"""Chunks of a recording put together to blocks for the batch decoder, arrival times kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.batch import BatchDecoder, FrameBatch
+from firmware_protocol.counters import LinkCounters
+from gateway.io.source import Chunk
+
+# Below half a MiB the cost per block shows.
+_BLOCK_BYTES: Final = 1 << 20
+
+
+class LinkBlocks:
+    """Decodes the chunks of one link in blocks; memory stays flat."""
+
+    def __init__(self, link: str) -> None:
+        """Start with the link's first byte."""
+        self.link = link
+        self._decoder = BatchDecoder(_BLOCK_BYTES)
+        self._pending = bytearray()
+        self._fed = 0
+        self._ends: list[int] = []
+        self._arrivals_ns: list[int] = []
+
+    @property
+    def counters(self) -> LinkCounters:
+        """What the decoder counted so far."""
+        return self._decoder.counters
+
+    def add(self, chunk: Chunk) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:
+        """Take a chunk; yield a batch and its frames' arrival times, ns, when a block is full.
+
+        A batch is valid until the next one.
+        """
+        self._pending += chunk.data
+        self._ends.append(self._fed + len(self._pending))
+        self._arrivals_ns.append(chunk.host_ns)
+        if len(self._pending) >= _BLOCK_BYTES:
+            yield from self._decode(self._decoder.feed(self._take()))
+
+    def finish(self) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:
+        """Yield what is left at the end of the link."""
+        if self._arrivals_ns:
+            yield from self._decode(self._decoder.feed(self._take()))
+            yield from self._decode(self._decoder.finish())
+
+    def _take(self) -> bytes:
+        block = bytes(self._pending)
+        self._fed += len(block)
+        self._pending.clear()
+        return block
+
+    def _decode(self, batch: FrameBatch) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:
+        if len(batch):
+            place = np.searchsorted(np.array(self._ends), batch.end_offset, side="left")
+            arrivals = np.array(self._arrivals_ns, np.int64)
+            yield batch, arrivals[np.minimum(place, len(arrivals) - 1)]
+        # Only the last chunk of a block can still complete a frame of the next.
+        del self._ends[:-1], self._arrivals_ns[:-1]

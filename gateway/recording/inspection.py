@@ -1,0 +1,197 @@
+"""What is in a recording: links, wheels, rates, losses and a time line, in one pass."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.batch import FrameBatch, SampleGroup
+from firmware_protocol.counters import LinkCounters
+from firmware_protocol.messages import Hello, MessageType
+from firmware_protocol.sequence import unwrap
+from gateway.io.source import LinkEvent
+from gateway.recording.blocks import LinkBlocks
+from gateway.recording.layout import RAW_ENCODING, message_to_item
+from gateway.recording.reader import RecordingInfo, RecordingReader
+
+_SECOND_NS: Final = 1_000_000_000
+
+
+@dataclass(slots=True)
+class WheelInspection:
+    """One source (hub, wheel) of a link.
+
+    Attributes:
+        frames: frames by type.
+        hello: the last hello, None when there was none.
+        boots: boot counts seen, in order.
+        samples: samples that arrived.
+        samples_lost: missing by their running numbers, late ones taken off again; restarts are no loss.
+        measured_hz: sampling rate by the hub's clock, None when too little arrived.
+        seconds: host second -> [samples, samples lost].
+    """
+
+    frames: Counter[str] = field(default_factory=Counter)
+    hello: Hello | None = None
+    boots: list[int] = field(default_factory=list)
+    samples: int = 0
+    samples_lost: int = 0
+    measured_hz: float | None = None
+    seconds: dict[int, list[int]] = field(default_factory=dict)
+    _next: int | None = None
+    _first: tuple[int, int] | None = None
+    _tick: int | None = None
+
+    def restart(self, boot_count: int) -> None:
+        """Note a boot; counters begin anew at every one but the first."""
+        if not self.boots or self.boots[-1] != boot_count:
+            self.boots.append(boot_count)
+            self._next = self._first = self._tick = None
+
+    def take(self, group: SampleGroup, place: int, host_s: int) -> None:
+        """Count one block of samples."""
+        n = group.counts.shape[1]
+        number = int(group.first_sample[place])
+        expected = self._next
+        first = number if expected is None else unwrap(expected, number)
+        second = self.seconds.setdefault(host_s, [0, 0])
+        self.samples += n
+        second[0] += n
+        if expected is None or first >= expected:
+            gap = 0 if expected is None else first - expected
+            self.samples_lost += gap
+            second[1] += gap
+            self._next = first + n
+        else:
+            self.samples_lost = max(0, self.samples_lost - n)
+        tick = int(group.tick_us[place])
+        self._tick = tick if self._tick is None else unwrap(self._tick, tick)
+        if self._first is None:
+            self._first = (first, self._tick)
+        elif self._tick - self._first[1] > 1_000_000 and first > self._first[0]:
+            self.measured_hz = (first - self._first[0]) * 1e6 / (self._tick - self._first[1])
+
+
+@dataclass(slots=True)
+class LinkInspection:
+    """One link of a recording.
+
+    Attributes:
+        chunks: reads recorded.
+        bytes_received: link bytes.
+        first_ns: arrival of the first chunk.
+        last_ns: arrival of the last.
+        longest_silence_s: longest time between two chunks.
+        counters: what the decoder counted.
+        wheels: per (hub, wheel).
+    """
+
+    chunks: int = 0
+    bytes_received: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    longest_silence_s: float = 0.0
+    counters: LinkCounters = field(default_factory=LinkCounters)
+    wheels: dict[tuple[int, int], WheelInspection] = field(default_factory=dict)
+
+    def wheel(self, hub: int, wheel: int) -> WheelInspection:
+        """Return the source's record, made when new."""
+        return self.wheels.setdefault((hub, wheel), WheelInspection())
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """Everything about a recording.
+
+    Attributes:
+        info: what it says of itself.
+        links: by name.
+        events: link events and marks in order.
+        topics: messages per decoded topic.
+        damage: what could not be read and the remedy, None when all was.
+    """
+
+    info: RecordingInfo
+    links: dict[str, LinkInspection]
+    events: tuple[LinkEvent, ...]
+    topics: dict[str, int]
+    damage: str | None
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """Arrival of the first and the last chunk of all links; (0, 0) when there is none."""
+        known = [link for link in self.links.values() if link.chunks]
+        if not known:
+            return 0, 0
+        return min(link.first_ns for link in known), max(link.last_ns for link in known)
+
+
+def inspect_recording(path: Path, on_position: Callable[[int], None] | None = None) -> Inspection:
+    """Read a recording through once.
+
+    Args:
+        path: the file.
+        on_position: called with the number of bytes read so far, for a progress bar.
+
+    Raises:
+        RecordingError: not there, or no recording at all.
+    """
+    reader = RecordingReader(path)
+    links: dict[str, LinkInspection] = {}
+    blocks: dict[str, LinkBlocks] = {}
+    events: list[LinkEvent] = []
+    topics: Counter[str] = Counter()
+    for message in reader.messages():
+        if on_position is not None:
+            on_position(reader.position)
+        item = message_to_item(message)
+        if isinstance(item, LinkEvent):
+            events.append(item)
+        if message.channel.encoding != RAW_ENCODING:
+            topics[message.channel.topic] += 1
+        if item is None or isinstance(item, LinkEvent):
+            continue
+        link = links.setdefault(item.link, LinkInspection(first_ns=item.host_ns, last_ns=item.host_ns))
+        link.chunks += 1
+        link.bytes_received += len(item.data)
+        link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - link.last_ns) * 1e-9)
+        link.last_ns = max(link.last_ns, item.host_ns)
+        for batch, arrivals_ns in blocks.setdefault(item.link, LinkBlocks(item.link)).add(item):
+            _count(link, batch, arrivals_ns)
+    for name, rest in blocks.items():
+        for batch, arrivals_ns in rest.finish():
+            _count(links[name], batch, arrivals_ns)
+        links[name].counters = rest.counters
+    return Inspection(reader.info, links, tuple(events), dict(topics), reader.damage)
+
+
+def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+    kinds = np.asarray(batch.type).astype(np.int64)
+    sources = np.asarray(batch.hub).astype(np.int64) << 8 | np.asarray(batch.wheel)
+    for key, count in zip(*np.unique(sources << 8 | kinds, return_counts=True), strict=True):
+        name = MessageType(int(key) & 0xFF).name.lower()
+        link.wheel(int(key) >> 16, int(key) >> 8 & 0xFF).frames[name] += int(count)
+    blocks = {
+        int(frame): (group, place)
+        for group in batch.sample_groups()
+        for place, frame in enumerate(group.frame_index.tolist())
+    }
+    seconds = (arrivals_ns // _SECOND_NS).tolist()
+    for frame in range(len(batch)):
+        entry = blocks.get(frame)
+        if entry is not None:
+            group, place = entry
+            link.wheel(group.hub, group.wheel).take(group, place, seconds[frame])
+        elif kinds[frame] == MessageType.HELLO:
+            hello = batch.message(frame)
+            assert isinstance(hello, Hello)
+            for (hub, _), wheel in link.wheels.items():
+                if hub == int(batch.hub[frame]):
+                    wheel.restart(hello.boot_count)
+            link.wheel(int(batch.hub[frame]), int(batch.wheel[frame])).hello = hello
