@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import CommandResult, Frame, HubStatus, LogText, MessageType
+from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
 from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
@@ -17,13 +17,22 @@ from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
 from gateway.pipeline.setup import WheelSetup
-from gateway.recording.writer import RecordingWriter
 from gateway.session.alarms import alarms
 from gateway.session.commands import refusal
+from gateway.session.diagnosis import LinkDiagnosis
+from gateway.session.recording_stage import Recorder
 from gateway.session.topics import log_level, message_topic, revolution_payload, waveform_payload
 
 _NOTICES: Final = 20
 _WAVEFORM_EVERY_NS: Final = 1_000_000_000
+
+# What it means when a stage first drops something, by stage.
+_BEHIND: Final = {
+    "recording": "the disk does not keep up: bytes are MISSING FROM THE RECORDING",
+    "recorded topics": "the disk does not keep up: decoded values are left out of the recording, raw bytes are kept",
+    "decoding": "this computer does not keep up with decoding and estimating; the recording is complete",
+    "view": "the screen does not keep up: lines are left out",
+}
 
 Listener = Callable[[RevolutionResult], None]
 Notify = Callable[[str], None]
@@ -33,6 +42,7 @@ Notify = Callable[[str], None]
 class _Link:
     """What the session knows of one link."""
 
+    diagnosis: LinkDiagnosis
     decoder: FrameDecoder = field(default_factory=FrameDecoder)
     connected: bool = False
     note: str = ""
@@ -50,6 +60,7 @@ class SessionCore:
     Attributes:
         recorder: the recording, None when there is none or it failed.
         recording_fault: why the recording stopped early, None when it did not.
+        records_items: False when somebody before the core records the link items already.
         on_result: called for every completed revolution.
         on_notice: called with everything the user should be told.
     """
@@ -58,7 +69,7 @@ class SessionCore:
         self,
         vehicle: VehicleConfig | None,
         *,
-        recorder: RecordingWriter | None = None,
+        recorder: Recorder | None = None,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
     ) -> None:
         """Put the parts together.
@@ -71,6 +82,7 @@ class SessionCore:
         self._vehicle = vehicle
         self.recorder = recorder
         self.recording_fault: str | None = None
+        self.records_items = True
         self.on_result: Listener | None = None
         self.on_notice: Notify | None = None
         self._notices: deque[str] = deque(maxlen=_NOTICES)
@@ -92,27 +104,46 @@ class SessionCore:
 
     def add_link(self, name: str) -> None:
         """Show a link before its first item."""
-        self._links.setdefault(name, _Link())
+        self._link(name)
 
     def take(self, item: LinkItem) -> list[RevolutionResult]:
         """Record an item, decode it and return the revolutions that it completes."""
-        self._record(lambda recorder: recorder.write(item))
+        if self.records_items:
+            self._record(lambda recorder: recorder.write(item))
         self._newest_ns = max(self._newest_ns, item.host_ns)
         if isinstance(item, LinkEvent):
             self._event(item)
             return []
-        link = self._links.setdefault(item.link, _Link())
+        link = self._link(item.link)
         if not link.connected:
             link.connected, link.note = True, "connected"
         link.bytes_received += len(item.data)
-        return self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
+        results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
+        self._diagnosed(item.link, link.diagnosis.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
+        return results
+
+    def _link(self, name: str) -> _Link:
+        link = self._links.get(name)
+        if link is None:
+            diagnosis = LinkDiagnosis(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
+            link = self._links[name] = _Link(diagnosis)
+        return link
+
+    def _diagnosed(self, name: str, findings: list[str], host_ns: int) -> None:
+        """Tell what was found and keep it with the recording."""
+        for text in findings:
+            self.notify(text)
+            entry = {"level": "warning", "text": text, "link": name}
+            self._record(lambda recorder, entry=entry: recorder.write_topic("/log", host_ns, entry))  # type: ignore[misc]
 
     def _event(self, event: LinkEvent) -> None:
         if event.kind is LinkEventKind.MARK:
             self.notify(f"mark: {event.text}")
             return
-        link = self._links.setdefault(event.link, _Link())
+        link = self._link(event.link)
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
+        if link.connected:
+            link.diagnosis.reconnected()
         if event.rssi_dbm is not None:
             link.connected_rssi_dbm = event.rssi_dbm
         if event.kind is not LinkEventKind.RETRYING or link.note != event.text:
@@ -127,7 +158,9 @@ class SessionCore:
 
     def _slow(self, name: str, link: _Link, frame: Frame, host_ns: int) -> None:
         message = frame.message
-        if isinstance(message, HubStatus):
+        if isinstance(message, Hello):
+            self._diagnosed(name, link.diagnosis.hello(frame, host_ns), host_ns)
+        elif isinstance(message, HubStatus):
             link.status = message
         elif isinstance(message, LogText):
             self.notify(f"hub {frame.hub} ({log_level(message)}): {message.text}")
@@ -162,7 +195,7 @@ class SessionCore:
                 payload = waveform_payload(result, average)
                 self._record(lambda recorder: recorder.write_topic(f"{base}/waveform", host_ns, payload))
 
-    def _record(self, write: Callable[[RecordingWriter], None]) -> None:
+    def _record(self, write: Callable[[Recorder], None]) -> None:
         if self.recorder is None:
             return
         try:
@@ -180,12 +213,18 @@ class SessionCore:
         self.notify(f"RECORDING STOPPED: {error} {error.remedy}".rstrip())
 
     def tick(self, now_ns: int) -> None:
-        """Let the recording reach the disk though nothing arrives."""
+        """Let the recording reach the disk, and silence be noticed, though nothing arrives."""
         self._record(lambda recorder: recorder.tick(now_ns))
+        for name, link in self._links.items():
+            if link.connected:
+                self._diagnosed(name, link.diagnosis.tick(now_ns), now_ns)
 
     def dropped(self, link: str, stages: Mapping[str, int]) -> None:
-        """Note what a stage before this one could not take."""
-        self._links.setdefault(link, _Link()).queue_dropped = stages
+        """Note what the other stages of the session could not take; the first time is told."""
+        known = self._link(link)
+        for stage in stages.keys() - known.queue_dropped.keys():
+            self.notify(f"{link}: {_BEHIND.get(stage, f'{stage} falls behind')}; what is dropped is counted")
+        known.queue_dropped = stages
 
     def finish(self) -> list[RevolutionResult]:
         """End the session: complete what can be completed, close the recording."""

@@ -1,8 +1,7 @@
-"""A running session: one reader thread per source, one core thread, snapshots for the view."""
+"""A running session: a reader thread per source, one for the recording, one for the core, snapshots for the view."""
 
 from __future__ import annotations
 
-import queue
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
@@ -13,11 +12,14 @@ from gateway.clock import Clock
 from gateway.errors import TreadlinkError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
+from gateway.session.buffer import Buffer
 from gateway.session.core import SessionCore
+from gateway.session.recording_stage import RecordingStage
 from gateway.views.summary import ResultSummary
 
-# Chunks between the readers and the core: half a minute and more of any link.
+# Between the readers and the core: half a minute and more of any link.
 _QUEUE_ITEMS: Final = 8192
+_QUEUE_BYTES: Final = 32 << 20
 # Results that a view has not fetched yet; the oldest are dropped and counted.
 _RESULT_ITEMS: Final = 8192
 _SNAPSHOT_EVERY_NS: Final = 100_000_000
@@ -28,8 +30,10 @@ _JOIN_S: Final = 5.0
 class LiveSession:
     """Runs sources through a `SessionCore` in the background.
 
-    A device cannot wait, so a chunk of a link that finds the queue full is dropped and counted; a recording or the
-    simulator can, so it waits. Any thread that fails ends the session, and `check` raises its error.
+    Every item goes to the recording first, then to the core, each with a bounded queue and a thread of its own: neither
+    a slow disk nor a slow estimator nor a view that fetches nothing holds up the others. A device cannot wait, so a
+    chunk that finds a queue full is dropped there and counted by stage; a recording or the simulator can, so it waits.
+    Any thread that fails ends the session, and `check` raises its error.
     """
 
     def __init__(
@@ -57,7 +61,7 @@ class LiveSession:
         self._clock = clock
         self._stop = threading.Event()
         self._done = threading.Event()
-        self._items: queue.Queue[LinkItem] = queue.Queue(_QUEUE_ITEMS)
+        self._items: Buffer[LinkItem] = Buffer(_QUEUE_ITEMS, _QUEUE_BYTES)
         self._results: deque[RevolutionResult] = deque(maxlen=_RESULT_ITEMS)
         self._results_lost = 0
         self._notices: deque[str] = deque(core.snapshot(0.0).notices, maxlen=_RESULT_ITEMS)
@@ -66,6 +70,10 @@ class LiveSession:
         self._reading = len(self._sources)
         self._lock = threading.Lock()
         self._start_ns = clock.now_ns()
+        self._recording: RecordingStage | None = None
+        if core.recorder is not None:
+            self._recording = core.recorder = RecordingStage(core.recorder, clock, self._fail)
+            core.records_items = False
         core.on_result = self._take_result
         core.on_notice = self._notices.append
         for source in self._sources:
@@ -91,8 +99,8 @@ class LiveSession:
 
     def mark(self, text: str) -> None:
         """Mark an event in the recording, with the time of now."""
-        with suppress(queue.Full):
-            self._items.put(LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text), timeout=1.0)
+        event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text)
+        self._offer(event, False, self._dropped[self._sources[0].link])
 
     def request_stop(self) -> None:
         """Ask the sources to end; what they delivered is still processed."""
@@ -130,9 +138,13 @@ class LiveSession:
         self._done.wait(_JOIN_S)
         for source in self._sources:
             source.close()
+        waiting = -1
+        # What arrived is worth waiting for as long as it gets less, or the disk takes it.
+        while not self._done.wait(_JOIN_S) and (len(self._items) != waiting or self._is_recording_ending()):
+            waiting = len(self._items)
         for thread in self._threads:
             if thread.ident is not None:
-                thread.join(_JOIN_S)
+                thread.join(_JOIN_S if self._done.is_set() else 0.0)
         self.check()
         return self._snapshot
 
@@ -147,15 +159,29 @@ class LiveSession:
                 "Please report it with the recording; what was recorded so far is safe.",
             ) from failure
 
+    def _is_recording_ending(self) -> bool:
+        return self._recording is not None and self._recording.ending
+
     def _guard(self, target: Callable[..., None], *arguments: object) -> None:
         try:
             target(*arguments)
         except BaseException as error:
-            if self._failure is None:
-                self._failure = error
-            self._stop.set()
+            self._fail(error)
             if target == self._run:
+                self._save_recording()
                 self._done.set()
+
+    def _fail(self, error: BaseException) -> None:
+        """End the session for this reason, unless it ends for another already."""
+        if self._failure is None:
+            self._failure = error
+        self._stop.set()
+
+    def _save_recording(self) -> None:
+        """Finish the recording though the core has failed: what arrived is worth as much as ever."""
+        if self._recording is not None:
+            with suppress(TreadlinkError):  # the failure of the core is the one to be told
+                self._recording.close()
 
     def _read(self, source: Source, patient: bool) -> None:
         dropped = self._dropped[source.link]
@@ -167,33 +193,38 @@ class LiveSession:
                 self._reading -= 1
 
     def _offer(self, item: LinkItem, patient: bool, dropped: Counter[str]) -> None:
-        if not patient and isinstance(item, Chunk):
-            try:
-                self._items.put_nowait(item)
-            except queue.Full:
-                dropped["chunks before recording"] += 1
-            return
-        while True:
-            try:
-                self._items.put(item, timeout=_IDLE_S)
-            except queue.Full:
-                if self._stop.is_set():
-                    return
-            else:
-                return
+        """Hand an item to the recording, then to the core; what is no chunk of a device may wait for room."""
+        is_chunk = isinstance(item, Chunk)
+        size = len(item.data) if isinstance(item, Chunk) else len(item.text)
+        recording = self._recording
+        if recording is not None and not self._hand_over(
+            lambda timeout_s: recording.offer(item, timeout_s=timeout_s), patient or not is_chunk
+        ):
+            dropped["recording"] += 1
+        if not self._hand_over(
+            lambda timeout_s: self._items.put(item, size, timeout_s=timeout_s), patient or not is_chunk
+        ):
+            dropped["decoding"] += 1
+
+    def _hand_over(self, put: Callable[[float], bool], patient: bool) -> bool:
+        if put(0.0):
+            return True
+        while patient and not self._stop.is_set():
+            if put(_IDLE_S):
+                return True
+        return False
 
     def _run(self) -> None:
         due_ns = 0
         while True:
-            try:
-                item = self._items.get(timeout=_IDLE_S)
-            except queue.Empty:
+            item = self._items.get(_IDLE_S)
+            if item is not None:
+                self._core.take(item)
+            else:
                 with self._lock:
                     reading = self._reading
-                if not reading and self._items.empty():
+                if not reading and not self._items:
                     break
-            else:
-                self._core.take(item)
             now_ns = self._clock.now_ns()
             if now_ns >= due_ns:
                 due_ns = now_ns + _SNAPSHOT_EVERY_NS
@@ -210,9 +241,13 @@ class LiveSession:
         self._results.append(result)
 
     def _publish(self, now_ns: int, *, ended: bool) -> None:
+        # What concerns no link in particular is counted with the first.
+        first = self._dropped[self._sources[0].link]
+        if self._results_lost:
+            first["view"] = self._results_lost
+        if self._recording is not None and self._recording.topics_dropped:
+            first["recorded topics"] = self._recording.topics_dropped
         for link, stages in self._dropped.items():
-            if self._results_lost:
-                stages["view lines"] = self._results_lost
             if stages:
                 self._core.dropped(link, dict(stages))
         self._snapshot = self._core.snapshot((now_ns - self._start_ns) * 1e-9, ended=ended)

@@ -143,6 +143,6 @@ def test_a_device_that_outruns_the_core_is_counted_not_waited_for(demo):
     hold.set()
     assert live.wait(TIMEOUT_S)
     (link,) = live.close().links
-    dropped = link.queue_dropped["chunks before recording"]
+    dropped = link.queue_dropped["decoding"]
     assert dropped >= 9000 - 8192 - 1
     assert link.bytes_received + dropped == 9000
