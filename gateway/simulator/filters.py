@@ -61,11 +61,39 @@ def highpass(corner_hz: float, rate_hz: float) -> Biquad:
     return Biquad((b0, -b0, 0.0), ((k - 1.0) / (1.0 + k), 0.0))
 
 
+def resonator(centre_hz: float, width_hz: float, rate_hz: float) -> Biquad:
+    """Return a two-pole band-pass of gain 1 at its centre and -3 dB at the ends of its width."""
+    k = math.tan(math.pi * centre_hz / rate_hz)
+    across = k * width_hz / centre_hz
+    scale = 1.0 + across + k * k
+    return Biquad((across / scale, 0.0, -across / scale), (2.0 * (k * k - 1.0) / scale, (1.0 - across + k * k) / scale))
+
+
+def loose_mass(resonance_hz: float, quality: float, rate_hz: float) -> Biquad:
+    """Return what a mass on a damped spring feels of its base: gain 1 below, sqrt(1 + Q^2) at the resonance."""
+    k = math.tan(math.pi * resonance_hz / rate_hz)
+    across = k / quality
+    scale = 1.0 + across + k * k
+    return Biquad(
+        ((across + k * k) / scale, 2.0 * k * k / scale, (k * k - across) / scale),
+        (2.0 * (k * k - 1.0) / scale, (1.0 - across + k * k) / scale),
+    )
+
+
 def lowpass_noise_gain(corner_hz: float, rate_hz: float) -> float:
     """Return the standard deviation of unit white noise behind `lowpass`."""
-    # Sum of the squared impulse response; the poles lie within corner_hz, so this many samples hold all of it.
-    impulse = np.zeros((max(64, round(8.0 * rate_hz / corner_hz)), 1))
-    probe = lowpass(corner_hz, rate_hz)
+    # The poles lie within corner_hz, so this many samples hold all of the impulse response.
+    return _noise_gain(lowpass(corner_hz, rate_hz), max(64, round(8.0 * rate_hz / corner_hz)))
+
+
+def band_noise_gain(centre_hz: float, width_hz: float, rate_hz: float) -> float:
+    """Return the standard deviation of unit white noise behind `resonator`."""
+    return _noise_gain(resonator(centre_hz, width_hz, rate_hz), max(64, round(8.0 * rate_hz / width_hz)))
+
+
+def _noise_gain(probe: Biquad, samples: int) -> float:
+    """Return the root of the sum of the squared impulse response."""
+    impulse = np.zeros((samples, 1))
     probe(np.zeros((1, 1)))
     impulse[0] = 1.0
     return float(np.sqrt((probe(impulse) ** 2).sum()))

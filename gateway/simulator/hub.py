@@ -70,6 +70,7 @@ class HubSimulator:
         for pending in self._pending.values():
             due += pending.blocks(until_s, self._tick)
         self._now_s = until_s
+        due = [item for item in due if item.wheel == HUB_ITSELF or self._pending[item.wheel].speaks(item.time_s)]
         due.sort(key=lambda item: item.time_s)
         return [self._encoded(item) for item in due]
 
@@ -95,7 +96,7 @@ class HubSimulator:
                 yield self._due(time_s, wheel.plan.wheel, MessageType.HELLO, self._hello(wheel))
         for time_s in _times(begin_s, end_s, wire.ENVIRONMENT_PERIOD_S):
             for wheel in self._wheels:
-                pressure, temperature = wheel.plan.pressure_pa.at(time_s), wheel.plan.temperature_degc.at(time_s)
+                pressure, temperature = wheel.plan.told_pressure_pa(time_s), wheel.plan.temperature_degc.at(time_s)
                 message = Environment(pressure, temperature, _SUPPLY_V)
                 yield self._due(time_s, wheel.plan.wheel, MessageType.ENVIRONMENT, message)
         for time_s in _times(begin_s, end_s, wire.HUB_STATUS_PERIOD_S):
@@ -147,6 +148,7 @@ class _Pending:
 
     def __init__(self, wheel: WheelSimulator) -> None:
         self._wheel = wheel
+        self.speaks = wheel.plan.speaks
         self._axes = wheel.chain.axes
         room = wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES
         self._size = room // (2 * self._axes.bit_count())

@@ -7,15 +7,13 @@ import zlib
 from dataclasses import dataclass
 
 from gateway.simulator.motion import MotionProfile
+from gateway.simulator.rotation import Ripple, WheelRotation
 from gateway.simulator.scenario_model import Scenario, Wheel
-from gateway.simulator.scenario_tables import Hub, Sensor
+from gateway.simulator.scenario_tables import Defect, Hub, Impact, Road, Sensor, Vibration
 from gateway.simulator.series import Series
 from gateway.simulator.tire_model import TireModel
 from gateway.simulator.tire_plan import tire_model
 from gateway.simulator.tire_table import Range, TireTable, tire_table
-
-ROAD_SPEED_MPS = 65.0 / 3.6
-"""Speed at which the road's rms is stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +35,12 @@ class WheelPlan:
         camber_rad: inclination of the wheel plane over time, positive reads positive on the lateral axis.
         reverse: whether the wheel rolls backwards.
         phase_rad: material angle at the start; None for a random one.
-        road_rms_mps2: road noise of each axis at ROAD_SPEED_MPS.
-        road_bandwidth_hz: its bandwidth.
-        sensor: the sensor as the scenario tells it.
+        ripple: over the steady rotation.
+        road: road noise as the scenario tells it.
+        vibration: of hub and cavity, as the scenario tells it.
+        impact: once a revolution, as the scenario tells it.
+        sensor: as the scenario tells it.
+        defect: of the sensor, as the scenario tells it.
     """
 
     position: str
@@ -56,9 +57,12 @@ class WheelPlan:
     camber_rad: Series
     reverse: bool
     phase_rad: float | None
-    road_rms_mps2: float
-    road_bandwidth_hz: float
+    ripple: Ripple
+    road: Road
+    vibration: Vibration
+    impact: Impact
     sensor: Sensor
+    defect: Defect
 
     def table(self) -> TireTable:
         """Return the tire's waveforms over what this wheel meets; solved once per process."""
@@ -69,6 +73,19 @@ class WheelPlan:
             Range(0.0, self.motion.highest_mps / self.radius_m),
             Range(self.slip_angle_rad.low, self.slip_angle_rad.high),
         )
+
+    def rotation(self, phase_rad: float) -> WheelRotation:
+        """Return the wheel's angle over time from a given angle at the start."""
+        return WheelRotation(self.motion, self.radius_m, phase_rad, self.ripple)
+
+    def told_pressure_pa(self, time_s: float) -> float:
+        """Return what the pressure sensor says."""
+        stuck_s = self.defect.pressure_stuck_from_s
+        return self.pressure_pa.at(time_s if stuck_s is None else min(time_s, stuck_s))
+
+    def speaks(self, time_s: float) -> bool:
+        """Return whether anything is heard of the wheel."""
+        return self.defect.silent_from_s is None or time_s < self.defect.silent_from_s
 
     @property
     def sample_rate_hz(self) -> float:
@@ -98,7 +115,14 @@ def _plan(wheel: Wheel, hub: Hub) -> WheelPlan:
         camber_rad=wheel.camber_deg.scaled(math.radians(1.0)),
         reverse=wheel.motion.direction == "reverse",
         phase_rad=None if wheel.phase_deg is None else math.radians(wheel.phase_deg),
-        road_rms_mps2=wheel.road.rms_mps2,
-        road_bandwidth_hz=wheel.road.bandwidth_hz,
+        ripple=Ripple(
+            wheel.vibration.ripple_percent * 1e-2,
+            wheel.vibration.ripple_order,
+            math.radians(wheel.vibration.ripple_deg),
+        ),
+        road=wheel.road,
+        vibration=wheel.vibration,
+        impact=wheel.impact,
         sensor=wheel.sensor,
+        defect=wheel.defect,
     )

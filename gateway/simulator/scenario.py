@@ -59,31 +59,41 @@ def parse_scenario(text: str, origin: str) -> Scenario:
 def vehicle_toml(scenario: Scenario) -> str:
     """Return the vehicle configuration that a user of this vehicle would write: what is known, not what is simulated.
 
-    Loads and pressures are those of the beginning. The new tire's numbers are stated, its wear is not.
+    Loads and pressures are those of the beginning. The new tire's numbers are stated, its wear is not. What the
+    scenario says is stated wrongly is stated so, and nobody knows of a sensor that is upside down.
     """
     wheels = []
     for wheel, plan in zip(scenario.wheels(), wheel_plans(scenario), strict=True):
-        tire = wheel.tire
+        tire, sensor, stated = wheel.tire, wheel.sensor, wheel.stated
         wheels.append(
             {
                 "position": wheel.position,
                 "hub": wheel.hub,
                 "wheel": wheel.wheel,
                 "sensor_id": f"{plan.sensor_id:08x}",
-                "load_n": wheel.load_n.at(0.0),
+                "load_n": _said(stated.load_n, wheel.load_n.at(0.0)),
                 "tire": {
                     **({"size": tire.size} if tire.size else {}),
-                    "radius_mm": tire.radius_mm,
-                    "pressure_kpa": wheel.pressure_kpa.at(0.0),
+                    "radius_mm": _said(stated.radius_mm, tire.radius_mm),
+                    "pressure_kpa": _said(stated.pressure_kpa, wheel.pressure_kpa.at(0.0)),
                     "temperature_degc": wheel.temperature_degc.at(0.0),
                     "ring_thickness_mm": tire.ring_thickness_mm,
                     "reference": {"Bs": tire.Bs, "Cw": tire.Cw, "Rs": tire.Rs, "Ts": tire.Ts},
                 },
                 "mounting": {
-                    "offset_mm": wheel.sensor.offset_mm,
-                    "roll_deg": wheel.sensor.roll_deg,
-                    "pitch_deg": wheel.sensor.pitch_deg,
+                    "offset_mm": _said(stated.offset_mm, sensor.offset_mm),
+                    "roll_deg": _said(stated.roll_deg, _meant(sensor.roll_deg)),
+                    "pitch_deg": _said(stated.pitch_deg, _meant(sensor.pitch_deg)),
                 },
             }
         )
     return toml_text({"vehicle": {"name": scenario.scenario.name}, "wheel": wheels})
+
+
+def _said(stated: float | None, true: float) -> float:
+    return true if stated is None else stated
+
+
+def _meant(angle_deg: float) -> float:
+    """Return the angle that a mounting was meant to have: beyond 45 deg it is a mistake."""
+    return angle_deg if abs(angle_deg) <= 45.0 else 0.0

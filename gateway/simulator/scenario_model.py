@@ -7,12 +7,25 @@ from typing import Annotated, Final, Literal, TypeVar
 from pydantic import Field
 
 from gateway.config.faults import Section
-from gateway.simulator.scenario_tables import EdgeWaveTable, Header, Hub, Link, Motion, Road, Sensor, Tire
+from gateway.simulator.scenario_tables import (
+    Defect,
+    EdgeWaveTable,
+    Header,
+    Hub,
+    Impact,
+    Link,
+    Motion,
+    Road,
+    Sensor,
+    Stated,
+    Tire,
+    Vibration,
+)
 from gateway.simulator.series import Series, constant, in_range
 
 SectionT = TypeVar("SectionT", bound=Section)
 
-_INHERITED: Final = ("motion", "road", "tire", "edge_waves", "sensor")
+_INHERITED: Final = ("motion", "road", "vibration", "impact", "tire", "edge_waves", "sensor", "defect")
 
 
 class Wheel(Section):
@@ -31,9 +44,13 @@ class Wheel(Section):
     phase_deg: float | None = Field(default=None, ge=-360, le=360, description="at the start; nothing for random")
     motion: Motion = Motion()
     road: Road = Road()
+    vibration: Vibration = Vibration()
+    impact: Impact = Impact()
     tire: Tire = Tire()
     edge_waves: EdgeWaveTable = EdgeWaveTable()
     sensor: Sensor = Sensor()
+    defect: Defect = Defect()
+    stated: Stated = Stated()
 
 
 class Scenario(Section):
@@ -43,9 +60,12 @@ class Scenario(Section):
     link: Link = Link()
     motion: Motion = Motion()
     road: Road = Road()
+    vibration: Vibration = Vibration()
+    impact: Impact = Impact()
     tire: Tire = Tire()
     edge_waves: EdgeWaveTable = EdgeWaveTable()
     sensor: Sensor = Sensor()
+    defect: Defect = Defect()
     hub: tuple[Hub, ...] = Field(default=(), strict=False)
     wheel: tuple[Wheel, ...] = Field(strict=False, min_length=1, description="one [[wheel]] table at least")
 

@@ -45,6 +45,33 @@ class Road(Section):
 
     rms_mps2: float = Field(default=0.0, ge=0, le=1000, description="per axis, at 65 km/h")
     bandwidth_hz: float = Field(default=500.0, ge=10, le=10_000)
+    leading_jitter_mm: float = Field(default=0.0, ge=0, le=20, description="rms from revolution to revolution")
+    trailing_jitter_mm: float = Field(default=0.0, ge=0, le=20)
+
+
+class Vibration(Section):
+    """`[vibration]` and `[wheel.vibration]`: what the car does to the wheel."""
+
+    ripple_percent: float = Field(default=0.0, ge=0, le=20, description="of the angular speed")
+    ripple_order: float = Field(default=2.0, ge=0.1, le=200, description="periods a revolution")
+    ripple_deg: float = Field(default=0.0, ge=-360, le=360)
+    imbalance_mps2: float = Field(default=0.0, ge=0, le=100, description="at 65 km/h, with the square of the speed")
+    imbalance_deg: float = Field(default=0.0, ge=-360, le=360)
+    hub_rms_mps2: float = Field(default=0.0, ge=0, le=100, description="at 65 km/h, with the speed")
+    hub_hz: float = Field(default=11.3, ge=1, le=500)
+    hub_bandwidth_hz: float = Field(default=8.0, ge=0.5, le=500)
+    cavity_rms_mps2: float = Field(default=0.0, ge=0, le=1000, description="at 65 km/h, with the speed")
+    cavity_hz: float = Field(default=222.0, ge=50, le=900)
+    cavity_bandwidth_hz: float = Field(default=6.0, ge=0.5, le=200)
+
+
+class Impact(Section):
+    """`[impact]` and `[wheel.impact]`: a stone in the tread or a bump, striking once a revolution."""
+
+    amplitude_mps2: float = Field(default=0.0, ge=0, le=10_000, description="at 65 km/h, with the speed")
+    at_deg: float = Field(default=90.0, ge=-360, le=360, description="the sensor's angle when it strikes")
+    frequency_hz: float = Field(default=600.0, ge=10, le=5000)
+    decay_ms: float = Field(default=2.0, ge=0.1, le=100)
 
 
 class Tire(Section):
@@ -89,6 +116,8 @@ class Tire(Section):
     lateral_sidewall_stiffness_mpa: float = Field(default=0.25, gt=0, le=100)
     lateral_tread_stiffness_mpa: float = Field(default=8.0, gt=0, le=1000)
     lateral_friction: float = Field(default=1.0, ge=0, le=3)
+    runout_mm: float = Field(default=0.0, ge=0, le=3, description="height of the high spot")
+    runout_deg: float = Field(default=0.0, ge=-360, le=360, description="from the sensor to the high spot")
 
 
 class EdgeWaveTable(Section):
@@ -116,11 +145,40 @@ class Sensor(Section):
     radial_sign: Literal[-1, 1] = 1
     sign_declared: bool = Field(default=True, description="whether the hello tells radial_sign")
     offset_mm: float = Field(default=0.0, ge=-20, le=80, description="sensor below the belt's neutral layer")
-    roll_deg: float = Field(default=0.0, ge=-45, le=45)
-    pitch_deg: float = Field(default=0.0, ge=-45, le=45)
+    roll_deg: float = Field(default=0.0, ge=-180, le=180)
+    pitch_deg: float = Field(default=0.0, ge=-180, le=180)
+    yaw_deg: float = Field(default=0.0, ge=-180, le=180)
     zero_g_offset_g: Annotated[Triple, per_axis(-1000, 1000)] = (0.0, 0.0, 0.0)
     gain_error_percent: Annotated[Triple, per_axis(-50, 50)] = (0.0, 0.0, 0.0)
+    zero_g_drift_mg_per_k: Annotated[Triple, per_axis(-1000, 1000)] = (0.0, 0.0, 0.0)
+    gain_drift_percent_per_k: Annotated[Triple, per_axis(-1, 1)] = (0.0, 0.0, 0.0)
+    tone_mg: Annotated[Triple, per_axis(0, 100_000)] = (0.0, 0.0, 0.0)
+    tone_hz: float = Field(default=50.0, gt=0, le=11_520, description="of an electrical tone")
     rate_error_ppm: float = Field(default=0.0, ge=-10_000, le=10_000)
+
+
+class Defect(Section):
+    """`[defect]` and `[wheel.defect]`: what is broken, from a time on; nothing for what works."""
+
+    axes: tuple[AxisName, ...] = Field(default=AXIS_NAMES, strict=False, max_length=3)
+    dead_from_s: float | None = Field(default=None, ge=0, description="reads 0")
+    stuck_from_s: float | None = Field(default=None, ge=0, description="repeats its last value")
+    clip_g: float | None = Field(default=None, gt=0, le=10_000, description="saturates here, below range_g")
+    loose_hz: float | None = Field(default=None, ge=10, le=5000, description="resonance of a loose sensor")
+    loose_q: float = Field(default=10.0, ge=0.5, le=1000)
+    silent_from_s: float | None = Field(default=None, ge=0, description="nothing more is heard of the wheel")
+    pressure_stuck_from_s: float | None = Field(default=None, ge=0, description="the pressure repeats its last value")
+
+
+class Stated(Section):
+    """`[wheel.stated]`: what the vehicle's file says, where that is not the truth; nothing for the truth."""
+
+    load_n: float | None = Field(default=None, ge=50, le=50_000)
+    pressure_kpa: float | None = Field(default=None, ge=20, le=1500)
+    radius_mm: float | None = Field(default=None, ge=100, le=1200)
+    offset_mm: float | None = Field(default=None, ge=-20, le=80)
+    roll_deg: float | None = Field(default=None, ge=-45, le=45)
+    pitch_deg: float | None = Field(default=None, ge=-45, le=45)
 
 
 class Hub(Section):

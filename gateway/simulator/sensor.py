@@ -10,11 +10,16 @@ from numpy.typing import NDArray
 from firmware_protocol.messages import Axis, Coupling
 from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
 from gateway.simulator.filters import Biquad, highpass, lowpass
-from gateway.simulator.scenario_tables import Sensor
+from gateway.simulator.scenario_tables import AXIS_NAMES, Defect, Sensor
+from gateway.simulator.sensor_defect import SensorDefect
 
 FloatArray = NDArray[np.float64]
 
 FULL_SCALE_COUNTS = 32767
+REFERENCE_DEGC = 25.0
+"""Temperature at which gain and zero-g offset are as stated."""
+NO_DEFECT = Defect()
+
 _AXES = {"circumferential": Axis.CIRCUMFERENTIAL, "lateral": Axis.LATERAL, "radial": Axis.RADIAL}
 
 
@@ -30,8 +35,8 @@ class SensorChain:
         scale_mps2: m/s^2 per count per axis as the hello tells it.
     """
 
-    def __init__(self, sensor: Sensor, rng: np.random.Generator) -> None:
-        """Take the sensor's data sheet and its random numbers."""
+    def __init__(self, sensor: Sensor, rng: np.random.Generator, defect: Defect = NO_DEFECT) -> None:
+        """Take the sensor's data sheet, its random numbers and what is broken."""
         present = sorted({_AXES[name] for name in sensor.axes})
         self._columns = [int(axis) for axis in present]
         self.channels = len(present)
@@ -48,12 +53,18 @@ class SensorChain:
         gain = 1.0 + 0.01 * np.array(sensor.gain_error_percent)
         to_counts = np.array(signs) * FULL_SCALE_COUNTS / full_scale
         # (3, channels): from the belt's directions to counts of the channels.
-        self._matrix = (gain * to_counts)[self._columns] * mounting_matrix(sensor.roll_deg, sensor.pitch_deg).T[
-            :, self._columns
-        ]
+        mounting = mounting_matrix(sensor.roll_deg, sensor.pitch_deg, sensor.yaw_deg)
+        self._matrix = (gain * to_counts)[self._columns] * mounting.T[:, self._columns]
         self._offset = (to_counts * np.array(sensor.zero_g_offset_g) * STANDARD_GRAVITY_MPS2)[self._columns]
         density = np.array(sensor.noise_mg_rthz) * 1e-3 * STANDARD_GRAVITY_MPS2
         self._noise = (np.abs(to_counts) * density * math.sqrt(0.5 * sensor.rate_hz))[self._columns]
+        self._counts_per_mps2 = to_counts[self._columns]
+        per_mg = 1e-3 * STANDARD_GRAVITY_MPS2 * self._counts_per_mps2
+        self._gain_drift = 0.01 * np.array(sensor.gain_drift_percent_per_k)[self._columns]
+        self._offset_drift = per_mg * np.array(sensor.zero_g_drift_mg_per_k)[self._columns]
+        self._tone = np.abs(per_mg) * np.array(sensor.tone_mg)[self._columns]
+        self._tone_radps = 2.0 * math.pi * sensor.tone_hz
+        self._defect = SensorDefect(defect, [AXIS_NAMES[axis] for axis in self._columns], sensor.rate_hz)
         self._rng = rng
         self._filters: list[Biquad] = []
         if sensor.bandwidth_hz is not None:
@@ -61,31 +72,48 @@ class SensorChain:
         if self.highpass_hz:
             self._filters.append(highpass(self.highpass_hz, sensor.rate_hz))
 
-    def __call__(self, force_mps2: FloatArray) -> NDArray[np.int16]:
-        """Return (n, channels) counts of (n, 3) specific force along circumferential, lateral, radial."""
+    def __call__(self, force_mps2: FloatArray, time_s: FloatArray, temperature_degc: float) -> NDArray[np.int16]:
+        """Return (n, channels) counts of (n, 3) specific force along circumferential, lateral, radial.
+
+        Args:
+            force_mps2: at the sensor's place.
+            time_s: (n,) of the samples.
+            temperature_degc: of the sensor.
+        """
         signal = force_mps2 @ self._matrix
-        signal += self._offset
+        self._defect.mechanical(signal)
+        warmer = temperature_degc - REFERENCE_DEGC
+        if self._gain_drift.any():
+            signal *= 1.0 + warmer * self._gain_drift
+        signal += self._offset + warmer * self._offset_drift
         if self._noise.any():
             signal += self._rng.standard_normal(signal.shape) * self._noise
+        self._defect.element(signal, self._counts_per_mps2)
         for section in self._filters:
             signal = section(signal)
+        if self._tone.any():
+            signal += np.sin(self._tone_radps * time_s)[:, None] * self._tone
         np.rint(signal, out=signal)
         np.clip(signal, -FULL_SCALE_COUNTS, FULL_SCALE_COUNTS, out=signal)
-        return signal.astype(np.int16)
+        counts = signal.astype(np.int16)
+        self._defect.output(counts, time_s)
+        return counts
 
 
-def mounting_matrix(roll_deg: float, pitch_deg: float) -> FloatArray:
+def mounting_matrix(roll_deg: float, pitch_deg: float, yaw_deg: float = 0.0) -> FloatArray:
     """Return the matrix from the belt's directions (circumferential, lateral, radial) to the sensor's axes.
 
     Roll, about the circumferential axis, lets the radial acceleration leak into +lateral; pitch, about the lateral
-    axis, lets it leak into +circumferential.
+    axis, lets it leak into +circumferential; yaw, about the radial axis and first of the three, lets the
+    circumferential acceleration leak into +lateral.
     """
-    roll, pitch = math.radians(roll_deg), math.radians(pitch_deg)
-    rolled = np.array([[1.0, 0.0, 0.0], [0.0, math.cos(roll), math.sin(roll)], [0.0, -math.sin(roll), math.cos(roll)]])
-    pitched = np.array(
-        [[math.cos(pitch), 0.0, math.sin(pitch)], [0.0, 1.0, 0.0], [-math.sin(pitch), 0.0, math.cos(pitch)]]
-    )
-    matrix: FloatArray = pitched @ rolled
+    cos_roll, sin_roll = math.cos(math.radians(roll_deg)), math.sin(math.radians(roll_deg))
+    cos_pitch, sin_pitch = math.cos(math.radians(pitch_deg)), math.sin(math.radians(pitch_deg))
+    cos_yaw, sin_yaw = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
+    rolled = np.array([[1.0, 0.0, 0.0], [0.0, cos_roll, sin_roll], [0.0, -sin_roll, cos_roll]])
+    pitched = np.array([[cos_pitch, 0.0, sin_pitch], [0.0, 1.0, 0.0], [-sin_pitch, 0.0, cos_pitch]])
+    yawed = np.array([[cos_yaw, -sin_yaw, 0.0], [sin_yaw, cos_yaw, 0.0], [0.0, 0.0, 1.0]])
+    matrix: FloatArray = pitched @ rolled @ yawed
     return matrix
 
 

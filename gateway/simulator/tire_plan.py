@@ -26,6 +26,8 @@ def tire_model(wheel: Wheel) -> TireModel:
         drum_radius_m=math.inf if tire.drum_radius_mm is None else tire.drum_radius_mm * 1e-3,
         axle_torque_nm=tire.axle_torque_nm,
         waves=_waves(wheel.edge_waves),
+        runout_m=tire.runout_mm * 1e-3,
+        runout_rad=math.radians(tire.runout_deg),
     )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring import RingSolution
 from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.simulator.runout import SolvedPoint, with_runout
 from gateway.simulator.tire_model import TireModel
 
 FloatArray = NDArray[np.float64]
@@ -67,11 +68,24 @@ class TireTable:
         near: RingSolution | None = None
         for row, place in enumerate(np.ndindex(*shape)):
             load, pressure, omega = (float(axis[i]) for axis, i in zip(self._axes, place, strict=True))
-            near = tire.solve(load, pressure, omega, near)
-            self._planar[row] = self._fine(near).reshape(-1)
-            self._edges[row] = near.leading_edge_rad, near.trailing_edge_rad
-            lateral = [tire.solve_lateral(near, float(slip)).lateral_m for slip in self._slips]
-            self._lateral[row * len(self._slips) : (row + 1) * len(self._slips)] = _interpolated(np.stack(lateral, 1)).T
+            point = self._point(load, pressure, omega, near)
+            near = point.ring
+            self._planar[row] = point.planar.reshape(-1)
+            self._lateral[row * len(self._slips) : (row + 1) * len(self._slips)] = point.lateral.T
+            self._edges[row] = point.edges_rad
+
+    def _point(self, load_n: float, pressure_pa: float, omega_radps: float, near: RingSolution | None) -> SolvedPoint:
+        """Return the tire under one set of conditions, run-out included."""
+
+        def solve(load_n: float) -> SolvedPoint:
+            ring = self.tire.solve(load_n, pressure_pa, omega_radps, near)
+            lateral = [self.tire.solve_lateral(ring, float(slip)).lateral_m for slip in self._slips]
+            edges = np.array([ring.leading_edge_rad, ring.trailing_edge_rad])
+            return SolvedPoint(ring, self._fine(ring), _interpolated(np.stack(lateral, axis=1)), edges)
+
+        if not self.tire.runout_m:
+            return solve(load_n)
+        return with_runout(solve, load_n, self.tire.runout_m, self.tire.runout_rad)
 
     def _fine(self, solution: RingSolution) -> FloatArray:
         """Return a solution's planar columns on the table's angles."""

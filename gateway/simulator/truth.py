@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,7 @@ class WheelTruth:
 
     Attributes:
         plan: the wheel.
-        phase_rad: material angle of the sensor at time 0.
+        phase_rad: material angle of the sensor at time 0, without ripple.
     """
 
     plan: WheelPlan
@@ -32,20 +31,17 @@ class WheelTruth:
         return float(self.plan.motion.at(np.array([time_s])).speed_mps[0])
 
     def omega_radps(self, time_s: float) -> float:
-        """Return the angular speed."""
+        """Return the angular speed, without ripple."""
         return self.speed_mps(time_s) / self.plan.radius_m
 
     def angle_rad(self, time_s: FloatArray) -> FloatArray:
         """Return the unwrapped material angle of the sensor; multiples of 2 pi are straight below the axle."""
-        angle: FloatArray = self.plan.motion.at(time_s).distance_m / self.plan.radius_m + self.phase_rad
-        return angle
+        return self.plan.rotation(self.phase_rad).at(time_s).angle_rad
 
     def bottom_times_s(self, begin_s: float, end_s: float) -> FloatArray:
         """Return the times in [begin, end) at which the sensor is straight below the axle (theta = 0)."""
-        first, last = self.angle_rad(np.array([begin_s, end_s])) / (2.0 * math.pi)
-        turns = np.arange(math.ceil(first), math.ceil(last))
-        angles = 2.0 * math.pi * turns - self.phase_rad
-        return self.plan.motion.time_at(angles * self.plan.radius_m)
+        rotation = self.plan.rotation(self.phase_rad)
+        return rotation.times_at(rotation.bottoms_rad(begin_s, end_s))
 
     def contact_edges_rad(self, time_s: float) -> tuple[float, float]:
         """Return the true (leading, trailing) contact angle, negative and positive."""

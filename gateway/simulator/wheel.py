@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
-from gateway.simulator.filters import lowpass, lowpass_noise_gain
-from gateway.simulator.plan import ROAD_SPEED_MPS, WheelPlan
+from gateway.simulator.edge_jitter import EdgeJitter
+from gateway.simulator.plan import WheelPlan
 from gateway.simulator.sensor import SensorChain
+from gateway.simulator.shaking import Blows, HubMotion, NarrowNoise, RoadNoise
 from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, look_up
 
 FloatArray = NDArray[np.float64]
@@ -41,17 +42,27 @@ class WheelSimulator:
         """
         self.plan = plan
         self.phase_rad = float(rng.uniform(-math.pi, math.pi)) if plan.phase_rad is None else plan.phase_rad
-        self.chain = SensorChain(plan.sensor, rng)
-        self._rng = rng
+        self.chain = SensorChain(plan.sensor, rng, plan.defect)
+        rate = plan.sensor.rate_hz
+        # Streams of their own, so that one effect does not change the noise of another.
+        hub_rng, cavity_rng, edge_rng = rng.spawn(3)
+        self._rotation = plan.rotation(self.phase_rad)
+        self._road = RoadNoise(plan.road, rate, rng)
+        self._hub = HubMotion(plan.vibration, rate, hub_rng)
+        vibration = plan.vibration
+        self._cavity = NarrowNoise(
+            vibration.cavity_rms_mps2, vibration.cavity_hz, vibration.cavity_bandwidth_hz, rate, cavity_rng
+        )
+        self._blows = Blows(plan.impact, self._rotation)
+        per_mm = 1e-3 / plan.radius_m
+        self._jitter = EdgeJitter(plan.road.leading_jitter_mm * per_mm, plan.road.trailing_jitter_mm * per_mm, edge_rng)
         self._table = plan.table()
         self._conditions: tuple[float, ...] | None = None
+        self._edges_rad = (0.0, 0.0)
         self._waveform: WaveformTable = np.empty((0, COLUMNS), np.float32)
         self._waveform = self._waveform_at(0.0)
         self._rate_hz = plan.sample_rate_hz
         self._next = 0
-        bandwidth = min(plan.road_bandwidth_hz, 0.45 * plan.sensor.rate_hz)
-        self._road_filter = lowpass(bandwidth, plan.sensor.rate_hz)
-        self._road_gain = plan.road_rms_mps2 / lowpass_noise_gain(bandwidth, plan.sensor.rate_hz)
 
     def advance(self, until_s: float) -> WheelSamples:
         """Return the samples taken since the last call and before `until_s` (true time since the beginning)."""
@@ -59,7 +70,9 @@ class WheelSimulator:
         end = self._waveform_at(until_s)
         samples = WheelSamples(first, np.empty((0, self.chain.channels), np.int16))
         if last > first:
-            samples = WheelSamples(first, self.chain(self._force(np.arange(first, last) / self._rate_hz, end)))
+            time_s = np.arange(first, last) / self._rate_hz
+            force = self._force(time_s, end)
+            samples = WheelSamples(first, self.chain(force, time_s, self.plan.temperature_degc.at(float(time_s[0]))))
         self._next, self._waveform = last, end
         return samples
 
@@ -70,27 +83,24 @@ class WheelSimulator:
         the block's begin to that of its end. There is no model of the belt's lateral deformation: the lateral axis
         carries gravity (camber), the road, and what leaks in by the mounting.
         """
-        plan = self.plan
-        rolling = plan.motion.at(time_s)
-        omega = rolling.speed_mps * (1.0 / plan.radius_m)
-        spin = rolling.acceleration_mps2 * (1.0 / plan.radius_m)
-        angle = rolling.distance_m * (1.0 / plan.radius_m) + self.phase_rad
+        turning = self._rotation.at(time_s)
+        angle = self._jitter.place(turning.angle_rad, self._edges_rad)
         shape = look_up(self._waveform, angle)
         if end is not self._waveform:
             shape += np.linspace(0.0, 1.0, len(time_s), dtype=np.float32)[:, None] * (look_up(end, angle) - shape)
-        camber = plan.camber_rad.at_times(time_s)
-        gravity = STANDARD_GRAVITY_MPS2 * np.cos(camber)
+        camber = self.plan.camber_rad.at_times(time_s)
+        gravity = STANDARD_GRAVITY_MPS2 * np.cos(camber) + self._hub(turning)
         force = np.empty((len(time_s), 3))
-        square = omega * omega
+        square = turning.omega_radps * turning.omega_radps
+        spin = turning.omega_dot_radps2
         force[:, 2] = square * shape[:, 0] + gravity * shape[:, 2] + spin * shape[:, 4]
         force[:, 0] = square * shape[:, 1] + gravity * shape[:, 3] + spin * shape[:, 5]
         force[:, 1] = square * shape[:, LATERAL] + STANDARD_GRAVITY_MPS2 * np.sin(camber)
-        if plan.reverse:
+        if self.plan.reverse:
             # theta grows with the rotation, but the sensor stays as it was glued.
             np.negative(force[:, 0], out=force[:, 0])
-        if self._road_gain > 0.0:
-            shaking = self._road_filter(self._rng.standard_normal((len(time_s), 3)))
-            force += shaking * (rolling.speed_mps * (self._road_gain / ROAD_SPEED_MPS))[:, None]
+        self._road.add(force, turning.speed_mps)
+        force[:, 2] += self._cavity(turning.speed_mps) + self._blows(time_s)
         return force
 
     def _waveform_at(self, time_s: float) -> WaveformTable:
@@ -105,5 +115,6 @@ class WheelSimulator:
         )
         if at != self._conditions:
             self._conditions = at
+            self._edges_rad = self._table.edges_rad(*at[:3])
             return self._table.waveform(*at)
         return self._waveform

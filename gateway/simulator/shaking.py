@@ -1,0 +1,107 @@
+"""What shakes the sensor beside the belt's own shape: road, hub, cavity, and blows that come once a revolution."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.simulator.filters import band_noise_gain, lowpass, lowpass_noise_gain, resonator
+from gateway.simulator.rotation import Turning, WheelRotation
+from gateway.simulator.scenario_tables import Impact, Road, Vibration
+
+FloatArray = NDArray[np.float64]
+
+REFERENCE_MPS = 65.0 / 3.6
+"""Speed at which a scenario states how strong things are."""
+
+# A blow is forgotten after so many of its time constants.
+_FADED = 12.0
+
+
+class RoadNoise:
+    """White noise behind a two-pole low-pass, alike on the three axes, proportional to speed."""
+
+    def __init__(self, road: Road, rate_hz: float, rng: np.random.Generator) -> None:
+        """Take its size and its random numbers."""
+        bandwidth = min(road.bandwidth_hz, 0.45 * rate_hz)
+        self._filter = lowpass(bandwidth, rate_hz)
+        self._gain = road.rms_mps2 / lowpass_noise_gain(bandwidth, rate_hz) / REFERENCE_MPS
+        self._rng = rng
+
+    def add(self, force: FloatArray, speed_mps: FloatArray) -> None:
+        """Add it to (n, 3) specific force."""
+        if self._gain > 0.0:
+            force += self._filter(self._rng.standard_normal(force.shape)) * (self._gain * speed_mps)[:, None]
+
+
+class NarrowNoise:
+    """Noise of a resonance: a bell of given width about a frequency, proportional to speed."""
+
+    def __init__(
+        self, rms_mps2: float, centre_hz: float, width_hz: float, rate_hz: float, rng: np.random.Generator
+    ) -> None:
+        """Take its size, its -3 dB width and its random numbers."""
+        self._gain = 0.0
+        if rms_mps2:
+            self._filter = resonator(centre_hz, width_hz, rate_hz)
+            self._gain = rms_mps2 / band_noise_gain(centre_hz, width_hz, rate_hz) / REFERENCE_MPS
+        self._rng = rng
+
+    def __call__(self, speed_mps: FloatArray) -> FloatArray | float:
+        """Return the next samples; 0 when there is none."""
+        if not self._gain:
+            return 0.0
+        return self._filter(self._rng.standard_normal((len(speed_mps), 1)))[:, 0] * (self._gain * speed_mps)
+
+
+class HubMotion:
+    """Vertical acceleration of the hub: imbalance at order 1, and the unsprung mass bouncing.
+
+    The whole wheel moves with its hub; felt by a sensor on it, that is gravity growing and shrinking.
+    """
+
+    def __init__(self, vibration: Vibration, rate_hz: float, rng: np.random.Generator) -> None:
+        """Take the table's sizes."""
+        self._imbalance = vibration.imbalance_mps2 / REFERENCE_MPS**2
+        self._phase = math.radians(vibration.imbalance_deg)
+        self._bounce = NarrowNoise(vibration.hub_rms_mps2, vibration.hub_hz, vibration.hub_bandwidth_hz, rate_hz, rng)
+
+    def __call__(self, turning: Turning) -> FloatArray | float:
+        """Return the upward acceleration at the next samples, m/s^2; 0 when there is none."""
+        bounce = self._bounce(turning.speed_mps)
+        if not self._imbalance:
+            return bounce
+        return bounce + self._imbalance * turning.speed_mps**2 * np.cos(turning.angle_rad + self._phase)
+
+
+class Blows:
+    """A stone in the tread, a bump: it strikes when the wheel is at one angle, and the belt rings."""
+
+    def __init__(self, impact: Impact, rotation: WheelRotation) -> None:
+        """Take the table and the wheel's rotation."""
+        self._amplitude = impact.amplitude_mps2 / REFERENCE_MPS
+        self._at_rad = math.radians(impact.at_deg)
+        self._rate_radps = 2.0 * math.pi * impact.frequency_hz
+        self._decay_s = impact.decay_ms * 1e-3
+        self._rotation = rotation
+
+    def __call__(self, time_s: FloatArray) -> FloatArray | float:
+        """Return amplitude exp(-t / decay) sin(2 pi f t) after each blow, radial, m/s^2; 0 when there is none."""
+        if not self._amplitude:
+            return 0.0
+        # Blows long before the block still ring in it.
+        span = np.array([max(0.0, time_s[0] - _FADED * self._decay_s), time_s[-1]])
+        first, last = (self._rotation.at(span).angle_rad - self._at_rad) / (2.0 * math.pi)
+        angles = 2.0 * math.pi * np.arange(math.ceil(first), math.floor(last) + 1) + self._at_rad
+        total = np.zeros(len(time_s))
+        times = self._rotation.times_at(angles)
+        times = times[np.isfinite(times)]
+        speeds = self._rotation.motion.at(times).speed_mps
+        for struck_s, speed in zip(times.tolist(), speeds.tolist(), strict=True):
+            since = time_s - struck_s
+            after = since >= 0.0
+            ringing = np.exp(-since[after] / self._decay_s) * np.sin(self._rate_radps * since[after])
+            total[after] += self._amplitude * speed * ringing
+        return total
