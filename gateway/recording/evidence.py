@@ -1,4 +1,4 @@
-"""What frame checksums and counters tell about bytes of unknown origin: whose they are, and where they belong."""
+"""What frame checksums and hub clocks tell about bytes of unknown origin: whose they are, and where they belong."""
 
 from __future__ import annotations
 
@@ -71,66 +71,12 @@ def ticks_in(data: bytes) -> dict[int, int]:
     return {frame.hub: frame.tick_us for frame in frames_in(data)}
 
 
-def _start_of_frame(data: bytes, end: int) -> int:
-    """Return where the frame begins that passes its checksum up to `end`."""
-    start = end - OVERHEAD_BYTES
-    while start > 0 and not (
-        data.startswith(SYNC, start) and start + OVERHEAD_BYTES + data[start + LENGTH_OFFSET] == end
-    ):
-        start -= 1
-    return start
-
-
 def intact(data: bytes) -> int:
     """Return how many frames pass their checksum in `data`."""
     decoder = FrameDecoder()
     decoder.feed(data)
     decoder.finish()
     return decoder.counters.intact
-
-
-def unfinished(self) -> bytes:
-        """Return the end of the stream from where a frame may have begun that is not complete."""
-        return unfinished(bytes(self._bytes[-REACH:]))
-
-    def ticks_us(self) -> dict[int, int]:
-        """Return the latest time of each hub that spoke lately."""
-        if self._ticks is None:
-            self._ticks = ticks_in(bytes(self._bytes))
-        return self._ticks
-
-
-def frames_in(data: bytes) -> list[FrameAt]:
-    """Return the frames in `data`, which may begin and end anywhere."""
-    decoder = FrameDecoder()
-    return [
-        FrameAt(frame.hub, frame.tick_us, _start_of_frame(data, position + 1), position + 1)
-        for position in range(len(data))
-        for frame in decoder.feed(data[position : position + 1])
-    ]
-
-
-def ticks_in(data: bytes) -> dict[int, int]:
-    """Return the latest time of each hub in `data`."""
-    return {frame.hub: frame.tick_us for frame in frames_in(data)}
-
-
-def _start_of_frame(data: bytes, end: int) -> int:
-    """Return where the frame begins that passes its checksum up to `end`."""
-    start = end - OVERHEAD_BYTES
-    while start > 0 and not (
-        data.startswith(SYNC, start) and start + OVERHEAD_BYTES + data[start + LENGTH_OFFSET] == end
-    ):
-        start -= 1
-    return start
-
-
-def intact(data: bytes) -> int:
-    """Return how many frames pass their checksum in `data`."""
-    decoder = FrameDecoder()
-    decoder.feed(data)
-    decoder.finish()
-    return int(decoder.counters.intact)
 
 
 def unfinished(tail: bytes) -> bytes:
@@ -140,10 +86,17 @@ def unfinished(tail: bytes) -> bytes:
     return tail[len(tail) - decoder.pending_bytes :]
 
 
+def completes(data: bytes, following: bytes) -> bool:
+    """Tell whether a frame begins in `data` and passes with what follows."""
+    tail = unfinished(data[-REACH:])
+    return bool(tail) and intact(tail + following[:REACH]) > intact(following[:REACH])
+
+
 def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, until: int | None = None) -> int | None:
     """Return how many bytes of `data` must go so that the frame that `pending` begins passes.
 
-    A frame that lacks only its last bytes may pass by chance at a wrong place; the next frame must begin behind it then.
+    A frame that lacks only its last bytes may pass by chance at a wrong place; the next frame must begin behind it
+    then.
 
     Args:
         pending: start of a frame, as `unfinished` returns it.
@@ -170,12 +123,6 @@ def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, 
             if passing is None and used >= _NO_CHANCE_BYTES:
                 passing = trim
     return passing
-
-
-def completes(data: bytes, following: bytes) -> bool:
-    """Tell whether a frame begins in `data` and passes with what follows."""
-    tail = unfinished(data[-REACH:])
-    return bool(tail) and intact(tail + following[:REACH]) > intact(following[:REACH])
 
 
 def divide(
@@ -214,3 +161,11 @@ def divide(
         else:
             found.append(Run(owner, frame.start, frame.end))
     return found
+
+
+def _start_of_frame(data: bytes, end: int) -> int:
+    """Return where the frame begins that passes its checksum up to `end`."""
+    start = end - OVERHEAD_BYTES
+    while not (data.startswith(SYNC, start) and start + OVERHEAD_BYTES + data[start + LENGTH_OFFSET] == end) and start:
+        start -= 1
+    return start
