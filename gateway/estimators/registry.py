@@ -13,8 +13,10 @@ from gateway.estimators.base import Estimator
 # estimates of others comes after them.
 ESTIMATORS: Final[dict[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
-    "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
+    "self-calibration": "gateway.estimators.self_calibration:SelfCalibrationEstimator",
     "weak-form": "gateway.estimators.weak_form:WeakFormEstimator",
+    "ring-modal": "gateway.estimators.ring_modal:RingModalEstimator",
+    "ring-paper": "gateway.estimators.ring_paper:RingPaperEstimator",
     "forward": "gateway.estimators.forward:ForwardEstimator",
     "load": "gateway.estimators.load:LoadEstimator",
     "wear": "gateway.estimators.wear:WearEstimator",

@@ -13,6 +13,7 @@ from gateway.estimators.base import Revolution
 from gateway.pipeline.contact_timing import TimedPair
 from gateway.pipeline.ring import SampleRing
 from gateway.pipeline.segmenter import ContactPair
+from gateway.signal.clipping import is_clipped
 from gateway.signal.contact import find_contact_edges
 from gateway.signal.normalise import normalise_radial
 from gateway.signal.orders import coefficient_std, highest_order, order_coefficients, sample_std
@@ -67,6 +68,7 @@ def revolution_in_angle(
     radial_column = columns.index(Axis.RADIAL)
     inside = counts[:, radial_column]
     saturated = bool(inside.max() >= saturation_counts or inside.min() <= -saturation_counts)
+    clipped = not saturated and (is_clipped(inside) or is_clipped(-inside))
     samples = (counts - offset_counts) * scale_mps2
     samples[:, radial_column] *= sign
     previous = start - timed.previous_period - first if timed.previous_period is not None else None
@@ -106,7 +108,7 @@ def revolution_in_angle(
         missing_fraction=missing,
         saturated=saturated,
         ac_coupled=ac_coupled,
-        faults=_faults(pair, missing, saturated, reason),
+        faults=_faults(pair, missing, saturated, clipped, reason),
         period_std_s=timed.period_std / rate_hz,
     )
 
@@ -117,7 +119,7 @@ def _edges(timed: TimedPair) -> tuple[float, float, float, float]:
     return end.leading_rad, start.trailing_rad, end.leading_std_rad, start.trailing_std_rad
 
 
-def _faults(pair: ContactPair, missing: float, saturated: bool, edge_reason: str) -> tuple[str, ...]:
+def _faults(pair: ContactPair, missing: float, saturated: bool, clipped: bool, edge_reason: str) -> tuple[str, ...]:
     faults = []
     if pair.start.predicted or pair.end.predicted:
         faults.append("a contact was lost on the link and its place predicted")
@@ -125,6 +127,8 @@ def _faults(pair: ContactPair, missing: float, saturated: bool, edge_reason: str
         faults.append("samples were lost on the link")
     if saturated:
         faults.append("the radial axis reached the end of its range")
+    if clipped:
+        faults.append("the radial axis is cut off at its highest value: clipped below the range that the hub states")
     if edge_reason:
         faults.append(edge_reason)
     return tuple(faults)

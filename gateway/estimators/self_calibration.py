@@ -1,0 +1,285 @@
+"""Self-calibration of a sensor by physics that every revolution repeats: gain, zero-g offset, tilts, mounting offset.
+
+Gain and zero-g offset from two facts per revolution. A closed belt has mean(s) = R Omega^2 (1 - e/R mean(k^2)), and
+gravity turns through the sensor's axis with amplitude g, order 1 of the signal less what the closing belt itself has of
+it. In unknowns (gain G, offset z, change of gain by temperature G', belt stretch a):
+
+    mean(s)           = (G + G' dT) R Omega^2 (1 - e/R mean(k^2)) + z
+    order 1 - closure = (G + G' dT) g q + a R Omega^2
+
+both linear, taken together over revolutions with prior errors as a data sheet has them. Revolutions at other speeds
+part z from G, and a from g. Pitch tilt and mounting offset come from the circumferential axis
+(`gateway.signal.mounting`), roll tilt from the means of the lateral axis (`gateway.signal.roll_calibration`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.signal.contact import contact_interior
+from gateway.signal.mounting import BeltKinematics, MountingRows, belt_kinematics, mounting_rows
+from gateway.signal.normalise import STANDARD_GRAVITY_MPS2
+from gateway.signal.roll_calibration import RollCalibration
+
+FloatArray = NDArray[np.float64]
+
+NAMES: Final = (
+    "gain",
+    "zero_g_offset_mps2",
+    "gain_per_degc",
+    "roll_tilt_rad",
+    "pitch_tilt_rad",
+    "sensor_offset_m",
+)
+_CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
+
+# Errors that a data sheet leaves: gain 10 %, zero-g offset 1 g, gain 0.05 % per degree; belt stretch as order 1 of
+# R Omega^2, 2.4e-4 on a belt of 5 MN at 5000 N.
+_PRIOR_STDS: Final = (0.1, STANDARD_GRAVITY_MPS2, 5e-4, 3e-4)
+# Scatter of a revolution's mean beside noise: road, speed within the revolution.
+_MEAN_STD_MPS2: Final = 0.5
+# What the closure leaves out and does not scatter, of R Omega^2: 1.3e-4 on a belt of 5 MN.
+_CLOSURE_STD: Final = 1.5e-4
+# Middle of a flat contact, of R Omega^2, on the exact ring over loads; what it strays by, steadily.
+_FLOOR: Final = (-0.025, 0.035)
+# Tilts and mounting offset are ratios of two axes, whose gains may differ by this.
+_AXES_STD: Final = 0.02
+# Belt stretch and contact shear in the circumferential axis.
+_OFFSET_MODEL_M: Final = 2e-5
+_PITCH_MODEL_RAD: Final = 4e-4
+_HORIZON_REVOLUTIONS: Final = 2000.0
+# The offset counts as found when the revolutions leave this share of its prior error.
+_SEPARATED: Final = 0.3
+_ROLL_SEPARATED_RAD: Final = math.radians(0.2)
+_LEAST_REVOLUTIONS: Final = 8
+_BELT_EVERY: Final = 8
+
+
+class _Found(NamedTuple):
+    value: float
+    std: float
+
+
+class SelfCalibrationEstimator:
+    """Gain, zero-g offset, gain over temperature, roll, pitch and mounting offset, better with every revolution."""
+
+    def __init__(self) -> None:
+        """Start from the data sheet."""
+        self._roll = RollCalibration(offset_std_mps2=_PRIOR_STDS[1])
+        self.reset()
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "self-calibration"
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of sensor."""
+        self._roll.reset()
+        self._keep = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
+        self._count = 0
+        self._information = np.zeros((4, 4))
+        self._weighted = np.zeros(4)
+        self._steady = np.zeros(4)
+        self._reference_degc: float | None = None
+        self._warm = 0.0
+        self._mounting: MountingRows | None = None
+        self._ratio = 0.0
+        self._belt: BeltKinematics | None = None
+
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+        """Return the estimates of NAMES; a gain of 1 reads true.
+
+        A revolution with faults, a clipped one above all, is not used, and what is known so far is returned with the
+        reason. The gain's error contains that of the belt radius. AC-coupled: neither offsets nor roll, which live in
+        means that are lost, and the gain only from the contact, which is flat on a flat road. Never raises on values.
+        """
+        refused = _refused(revolution, average, conditions)
+        if not refused:
+            self._take(revolution, average, conditions)
+        return (
+            *self._gain_estimates(revolution, average, conditions, refused),
+            self._roll_estimate(revolution, refused),
+            *self._mounting_estimates(conditions, refused),
+        )
+
+    def _take(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> None:
+        """Learn from one good revolution."""
+        self._count += 1
+        belt = self._belt_of(average, conditions)
+        axes = revolution.axes_mps2
+        if np.isfinite(axes[_CIRCUMFERENTIAL]).all():
+            rows = mounting_rows(
+                axes[_CIRCUMFERENTIAL],
+                axes[_RADIAL],
+                belt,
+                revolution.omega_radps,
+                revolution.omega_dot_radps2,
+                conditions.radius_m,
+                revolution.order_max,
+                with_mean=not revolution.ac_coupled,
+            )
+            self._mounting = rows if self._mounting is None else self._mounting.and_then(rows, self._keep)
+        if revolution.ac_coupled:
+            return
+        self._roll.update(float(axes[_LATERAL].mean()), float(axes[_RADIAL].mean()))
+        if conditions.sensor_offset_m or self._mounting is None or self._count > _LEAST_REVOLUTIONS:
+            # Before, the mounting offset that the mean depends on is not known.
+            self._take_gain(revolution, average, conditions, belt)
+
+    def _belt_of(self, average: AngleAverage, conditions: Conditions) -> BeltKinematics:
+        """Return what the average says of the belt, looked at anew every few revolutions."""
+        if self._belt is None or self._count <= _LEAST_REVOLUTIONS + 1 or self._count % _BELT_EVERY == 0:
+            self._ratio = self._offset_ratio(conditions)
+            centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
+            self._belt = belt_kinematics(average.radial_mps2, self._ratio, centre)
+        return self._belt
+
+    def _take_gain(
+        self, revolution: Revolution, average: AngleAverage, conditions: Conditions, belt: BeltKinematics
+    ) -> None:
+        """Add the two equations of one revolution."""
+        degc = conditions.temperature_degc
+        if degc is not None:
+            self._reference_degc = degc if self._reference_degc is None else self._reference_degc
+            self._warm = degc - self._reference_degc
+        steady = conditions.radius_m * revolution.omega_radps**2
+        expected = steady * (1.0 - self._ratio * belt.mean_square)
+        mean = float(revolution.radial_mps2.mean())
+        centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
+        order_1 = complex(revolution.orders_mps2[1]) * complex(math.cos(centre), math.sin(centre))
+        # Gravity was taken off as if the gain were 1; what it leaves is seen against the closure of the belt.
+        gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
+        left = order_1.real - belt.signal_order_1 * mean
+        scatter = float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count)
+        order_std = max(scatter, 1e-3)
+        by_mean = np.array([expected, 1.0, expected * self._warm, 0.0]) / _MEAN_STD_MPS2
+        by_gravity = np.array([gravity, 0.0, gravity * self._warm, steady]) / order_std
+        if not (np.isfinite(by_mean).all() and np.isfinite(by_gravity).all() and math.isfinite(left)):
+            return
+        rows = np.stack([by_mean, by_gravity])
+        found = np.array([(mean - expected) / _MEAN_STD_MPS2, left / order_std])
+        self._information = self._keep * self._information + rows.T @ rows
+        self._weighted = self._keep * self._weighted + found @ rows
+        self._steady = self._keep * self._steady + by_mean * (expected / _MEAN_STD_MPS2)
+
+    def _offset_ratio(self, conditions: Conditions) -> float:
+        """Return e / R, the configured one where there is one, else the estimated one as soon as it is good."""
+        if conditions.sensor_offset_m:
+            return conditions.sensor_offset_m / conditions.radius_m
+        found = self._mounting_found()
+        if found is None or not found[1].std < 1e-3:
+            return 0.0
+        return float(np.clip(found[1].value / conditions.radius_m, -0.05, 0.15))
+
+    def _mounting_found(self) -> tuple[_Found, _Found] | None:
+        """Return pitch and mounting offset."""
+        if self._mounting is None:
+            return None
+        solution, stds = self._mounting.solve()
+        offset, tilt = float(solution[0]), float(solution[1])
+        offset_std = math.hypot(float(stds[0]), _AXES_STD * offset, _OFFSET_MODEL_M)
+        if not (math.isfinite(offset_std) and math.isfinite(tilt)):
+            return None
+        return _Found(math.atan(tilt), math.hypot(float(stds[1]), _AXES_STD * tilt, _PITCH_MODEL_RAD)), _Found(
+            offset, offset_std
+        )
+
+    def _mounting_estimates(self, conditions: Conditions, refused: str) -> tuple[Estimate, Estimate]:
+        found = self._mounting_found()
+        if found is None:
+            reason = refused or "no circumferential axis"
+            return _invalid(NAMES[4], reason), _invalid(NAMES[5], reason)
+        doubt = refused or self._unsettled()
+        pitch = _estimate(NAMES[4], found[0], doubt)
+        note = ""
+        if conditions.sensor_offset_m and abs(conditions.sensor_offset_m - found[1].value) > 3.0 * found[1].std:
+            note = f"the vehicle file says {1e3 * conditions.sensor_offset_m:.1f} mm"
+        return pitch, _estimate(NAMES[5], found[1], doubt or note)
+
+    def _roll_estimate(self, revolution: Revolution, refused: str) -> Estimate:
+        if not self._roll.count:
+            reason = refused or ("AC-coupled: means are lost" if revolution.ac_coupled else "no lateral axis")
+            return _invalid(NAMES[3], reason)
+        found = _Found(self._roll.roll_rad, math.hypot(self._roll.roll_std_rad, _AXES_STD * self._roll.roll_rad))
+        one_speed = "needs two speeds: tilt and zero-g offset are not separated yet"
+        unsure = self._roll.roll_std_rad > _ROLL_SEPARATED_RAD
+        return _estimate(NAMES[3], found, refused or self._unsettled() or (one_speed if unsure else ""))
+
+    def _gain_estimates(
+        self, revolution: Revolution, average: AngleAverage, conditions: Conditions, refused: str
+    ) -> tuple[Estimate, Estimate, Estimate]:
+        if revolution.ac_coupled:
+            lost = "AC-coupled: the steady value is lost"
+            return _floor_gain(average, conditions, refused), _invalid(NAMES[1], lost), _invalid(NAMES[2], lost)
+        if not self._information[0, 0] > 0.0:
+            reason = refused or "no revolution yet"
+            return _invalid(NAMES[0], reason), _invalid(NAMES[1], reason), _invalid(NAMES[2], reason)
+        stds = np.array(_PRIOR_STDS)
+        covariance = np.linalg.inv(self._information + np.diag(stds**-2.0))
+        change = covariance @ self._weighted
+        steady = covariance @ self._steady * _CLOSURE_STD
+        errors = np.sqrt(np.diag(covariance) + np.square(steady))
+        here = np.array([1.0, 0.0, self._warm, 0.0])
+        gain = 1.0 + float(here @ change)
+        radius = conditions.radius_std_m / conditions.radius_m
+        gain_std = math.sqrt(float(here @ covariance @ here) + float(here @ steady) ** 2 + (gain * radius) ** 2)
+        doubt = refused or self._unsettled()
+        one_speed = "needs two speeds: gain and zero-g offset are not separated yet"
+        together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
+        return (
+            _estimate(NAMES[0], _Found(gain, gain_std), doubt or (one_speed if together else "")),
+            _invalid(NAMES[1], one_speed)
+            if together
+            else _estimate(NAMES[1], _Found(float(change[1]), float(errors[1])), doubt),
+            _invalid(NAMES[2], "needs a change of temperature")
+            if errors[2] > _SEPARATED * _PRIOR_STDS[2]
+            else _estimate(NAMES[2], _Found(float(change[2]), float(errors[2])), doubt),
+        )
+
+    def _unsettled(self) -> str:
+        return (
+            "" if self._count >= _LEAST_REVOLUTIONS else f"{self._count} revolutions, settles at {_LEAST_REVOLUTIONS}"
+        )
+
+
+def _refused(revolution: Revolution, average: AngleAverage, conditions: Conditions) -> str:
+    """Return why a revolution must not be learnt from, or an empty string."""
+    if revolution.faults or revolution.saturated:
+        return "this revolution was not used: " + ", ".join(revolution.faults or ("sensor saturated",))
+    if not (np.isfinite(revolution.radial_mps2).all() and np.isfinite(average.radial_mps2).all()):
+        return "the radial axis is not known"
+    if not (conditions.radius_m > 0.0 and float(average.radial_mps2.mean()) > 0.0):
+        return "belt radius or steady value is not positive"
+    if not math.isfinite(revolution.trailing_edge_rad - revolution.leading_edge_rad):
+        return "no contact edges in this revolution"
+    if not math.isfinite(float(average.orders_std_mps2[1])):
+        return "the average's errors are not known"
+    return ""
+
+
+def _floor_gain(average: AngleAverage, conditions: Conditions, refused: str) -> Estimate:
+    """Return the gain of an AC-coupled sensor from the depth of the contact below the mean."""
+    interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0]) if not refused else None
+    if interior is None:
+        return _invalid(NAMES[0], refused or "no contact in the average")
+    steady = conditions.radius_m * average.omega_radps**2
+    depth = float(average.radial_mps2.mean() - average.radial_mps2[interior].mean()) / steady
+    gain = depth / (1.0 - _FLOOR[0])
+    std = gain * math.hypot(_FLOOR[1], conditions.radius_std_m / conditions.radius_m)
+    return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, "AC-coupled: from a contact taken as flat (flat road)")
+
+
+def _estimate(name: str, found: _Found, doubt: str) -> Estimate:
+    if not (math.isfinite(found.value) and math.isfinite(found.std)):
+        return _invalid(name, doubt or "not determined")
+    return Estimate(name, found.value, found.std, Status.PROVISIONAL if doubt else Status.VALID, doubt)
+
+
+def _invalid(name: str, reason: str) -> Estimate:
+    return Estimate(name, math.nan, math.nan, Status.INVALID, reason)

@@ -1,0 +1,114 @@
+"""Self-calibration against sensors whose faults are known, through the whole pipeline."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gateway.estimators.base import Status
+from gateway.pipeline.setup import WheelSetup
+from tests.simulated_wheel import last, simulated
+
+SETUP = WheelSetup("FL", 0, 0, 0.32)
+ESTIMATORS = ("kinematic", "self-calibration")
+FAULTY = """[sensor]
+range_g = 1000
+gain_error_percent = [0, 0, 1.5]
+zero_g_offset_g = [0.3, -0.2, 0.4]
+offset_mm = 5
+roll_deg = 2
+pitch_deg = -1.5
+"""
+TWO_SPEEDS = FAULTY + "[motion]\nspeed_kmh = [[0, 40], [20, 100]]"
+# The radial axis stands at the cosines of both tilts.
+TRUE_GAIN = 1.015 * math.cos(math.radians(2)) * math.cos(math.radians(1.5))
+
+
+def within(estimate, truth: float, errors: float = 3.0) -> bool:
+    return abs(estimate.value - truth) < errors * estimate.std
+
+
+def test_two_speeds_part_gain_from_offset() -> None:
+    found = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
+    gain, offset = found["gain"], found["zero_g_offset_mps2"]
+    assert gain.status is Status.VALID
+    assert within(gain, TRUE_GAIN)
+    assert gain.std < 5e-4
+    assert offset.status is Status.VALID
+    assert within(offset, 0.4 * 9.80665)
+    assert offset.std < 0.2
+
+
+def test_tilts_and_mounting_offset() -> None:
+    found = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
+    assert within(found["roll_tilt_rad"], math.radians(2))
+    assert found["roll_tilt_rad"].std < math.radians(0.05)
+    assert within(found["pitch_tilt_rad"], math.radians(-1.5))
+    assert found["pitch_tilt_rad"].std < math.radians(0.05)
+    assert within(found["sensor_offset_m"], 0.005)
+    assert found["sensor_offset_m"].std < 0.0002
+
+
+def test_one_speed_says_what_it_needs() -> None:
+    found = last(simulated(FAULTY, 12.0, SETUP, ESTIMATORS)[0])
+    assert found["zero_g_offset_mps2"].status is Status.INVALID
+    assert "two speeds" in found["zero_g_offset_mps2"].reason
+    assert found["gain"].status is Status.PROVISIONAL
+    assert "two speeds" in found["gain"].reason
+    assert within(found["gain"], TRUE_GAIN)
+    assert 0.002 < found["gain"].std < 0.012
+    assert found["roll_tilt_rad"].status is Status.PROVISIONAL
+    assert within(found["roll_tilt_rad"], math.radians(2))
+    assert found["gain_per_degc"].status is Status.INVALID
+
+
+def test_gain_follows_temperature() -> None:
+    tables = "[sensor]\nrange_g = 1000\ngain_drift_percent_per_k = 0.04\n[motion]\nspeed_kmh = [[0, 40], [10, 90], [30, 50]]"
+    results, _ = simulated(tables, 30.0, SETUP, ESTIMATORS, "temperature_degc = [[0, 20], [30, 60]]")
+    found = last(results)
+    assert found["gain_per_degc"].status is Status.VALID
+    assert found["gain_per_degc"].value == pytest.approx(4e-4, abs=max(5e-5, 3 * found["gain_per_degc"].std))
+    # The simulator's gain is true at its reference temperature, 25 degC.
+    assert found["gain"].value == pytest.approx(1.0 + 4e-4 * 35.0, abs=1e-3)
+
+
+def test_ac_coupling_says_what_is_lost() -> None:
+    tables = FAULTY + "coupling = 'ac'\nhighpass_hz = 0.05"
+    setup = WheelSetup("FL", 0, 0, 0.32, sensor_offset_m=0.005)
+    found = last(simulated(tables, 16.0, setup, ESTIMATORS)[0])
+    for name in ("zero_g_offset_mps2", "roll_tilt_rad", "gain_per_degc"):
+        assert found[name].status is Status.INVALID
+        assert "AC-coupled" in found[name].reason
+    assert found["gain"].status is Status.PROVISIONAL
+    assert within(found["gain"], TRUE_GAIN, 2.0)
+    assert within(found["pitch_tilt_rad"], math.radians(-1.5))
+    assert within(found["sensor_offset_m"], 0.005)
+
+
+def test_a_saturated_signal_is_refused() -> None:
+    found = last(simulated("[sensor]\nrange_g = 132", 8.0, SETUP, ESTIMATORS)[0])
+    for name in ("gain", "pitch_tilt_rad", "sensor_offset_m", "roll_tilt_rad"):
+        assert found[name].status is Status.INVALID
+        assert "range" in found[name].reason
+
+
+def test_without_other_axes_the_gain_is_left() -> None:
+    found = last(simulated("[sensor]\naxes = ['radial']", 8.0, SETUP, ESTIMATORS)[0])
+    assert within(found["gain"], 1.0)
+    assert "no circumferential axis" in found["sensor_offset_m"].reason
+    assert "no lateral axis" in found["roll_tilt_rad"].reason
+
+
+def test_a_wrong_offset_in_the_vehicle_file_is_told() -> None:
+    setup = WheelSetup("FL", 0, 0, 0.32, sensor_offset_m=0.001)
+    found = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])
+    assert "the vehicle file says 1.0 mm" in found["sensor_offset_m"].reason
+
+
+def test_road_noise_is_in_the_errors() -> None:
+    tables = "[sensor]\noffset_mm = 8\nrange_g = 1000\n[road]\nrms_mps2 = 5\n[motion]\nspeed_kmh = [[0, 50], [16, 90]]"
+    found = last(simulated(tables, 16.0, SETUP, ESTIMATORS)[0])
+    assert within(found["gain"], 1.0, 4.0)
+    assert within(found["sensor_offset_m"], 0.008)
+    assert within(found["pitch_tilt_rad"], 0.0)

@@ -1,0 +1,78 @@
+"""Mounting offset and pitch tilt from the circumferential axis of the exact ring."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.physics.rolling_ring import solve_rolling_ring
+from gateway.signal.mounting import belt_kinematics, mounting_rows, relative_curvature
+from tests.exact_ring_data import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
+
+OMEGA = omega_at(65.0)
+
+
+def measured(offset_m: float, pitch_deg: float, load_n: float = 5000.0, ring=BASE_RING, omega_dot: float = 0.0):
+    ring = solve_rolling_ring(ring, load_n, PRESSURE_PA, OMEGA, nodes=720, sensor_offset_m=offset_m)
+    radial, along = ring.sensor.specific_force(OMEGA, omega_dot)
+    pitch = math.radians(pitch_deg)
+    return (
+        on_grid(math.cos(pitch) * along + math.sin(pitch) * radial),
+        on_grid(math.cos(pitch) * radial - math.sin(pitch) * along),
+        on_grid(OMEGA**2 * ring.sensor.radial_m),
+    )
+
+
+def solved(offset_m: float, pitch_deg: float, shift: float = 0.0, **others) -> tuple[float, float, float]:
+    along, radial, clean = measured(offset_m, pitch_deg, **others)
+    found = np.zeros(3)
+    for _ in range(4):
+        belt = belt_kinematics(clean, found[0] / RADIUS_M, 0.0)
+        acceleration = others.get("omega_dot", 0.0)
+        found = mounting_rows(along + shift, radial, belt, OMEGA, acceleration, RADIUS_M, 60).solve()[0]
+    return float(found[0]), math.degrees(math.atan(found[1])), float(found[2])
+
+
+@pytest.mark.parametrize("offset_m", [0.0, 0.005, 0.010, -0.003])
+@pytest.mark.parametrize("pitch_deg", [0.0, 3.0])
+def test_offset_and_pitch_come_back(offset_m: float, pitch_deg: float) -> None:
+    offset, pitch, zero = solved(offset_m, pitch_deg)
+    assert offset == pytest.approx(offset_m, abs=3e-5)
+    assert pitch == pytest.approx(pitch_deg, abs=0.005)
+    assert abs(zero) < 0.05
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        {"load_n": 2000.0},
+        {"load_n": 8000.0},
+        {"omega_dot": 9.0},
+        {"shift": 5.0},
+        {"ring": replace(BASE_RING, tread_damping_nspm2=5e4, foundation_damping_nspm2=200.0)},
+    ],
+)
+def test_nothing_else_moves_them(others: dict[str, object]) -> None:
+    offset, pitch, zero = solved(0.005, 1.0, **others)
+    assert offset == pytest.approx(0.005, abs=5e-5)
+    assert pitch == pytest.approx(1.0, abs=0.01)
+    assert zero == pytest.approx(others.get("shift", 0.0), abs=0.1)
+
+
+def test_curvature_closes_the_belt_whatever_the_offset() -> None:
+    _, _, clean = measured(0.0, 0.0)
+    _, _, below = measured(0.008, 0.0)
+    np.testing.assert_allclose(relative_curvature(below, 0.008 / RADIUS_M), relative_curvature(clean, 0.0), atol=3e-3)
+
+
+def test_closure_tells_order_1_whatever_was_measured() -> None:
+    _, _, clean = measured(0.0, 0.0)
+    theta = -math.pi + 2.0 * math.pi / 1024 * np.arange(1024)
+    plain = belt_kinematics(clean, 0.0, 0.0)
+    disturbed = belt_kinematics(clean + 3.0 * np.cos(theta), 0.0, 0.0)
+    assert disturbed.signal_order_1 == pytest.approx(plain.signal_order_1, abs=3e-5)
+    own = 2.0 * float((clean * np.cos(theta)).mean()) / float(clean.mean())
+    assert plain.signal_order_1 == pytest.approx(own, abs=3e-4)  # belt stretch is what they differ by
