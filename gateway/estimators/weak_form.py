@@ -12,7 +12,8 @@ import numpy as np
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution
 from gateway.estimators.determination import all_invalid, doubt_about, load_number, number_estimates, unusable
-from gateway.estimators.weak_form_fit import curvature_of, fits_of, relative_std
+from gateway.estimators.order_errors import relative_std
+from gateway.estimators.weak_form_fit import curvature_of, fits_of
 from gateway.estimators.weak_form_rows import motion_begin
 from gateway.estimators.weak_form_solve import WeakFormSolution, solve_balance
 from gateway.physics.belt_shape import MAX_ORDER

@@ -10,19 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.estimators.determination import FittedNumbers
-from gateway.estimators.weak_form_rows import ROWS, SENSITIVE_ORDERS, motion_begin
+from gateway.estimators.order_errors import band_mean, relative_std
+from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance_alike
 from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, even_orders
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-
-# Bands of orders [first, next) in which the residual, and the scatter, are taken as equally strong.
-BANDS: Final = (2, 4, 6, 9, 13, 18, 24, 31, 39, 48, SENSITIVE_ORDERS)
-_BAND_OF: Final = np.searchsorted(np.array(BANDS), np.arange(SENSITIVE_ORDERS), side="right").clip(1) - 1
-_BAND_SIZES: Final[FloatArray] = np.bincount(_BAND_OF).astype(np.float64)
-# No order is taken as known better than this share of the mean: resampling and rounding are worse.
-_LEAST_STD: Final = 1e-6
 
 _BLOCK: Final = 32
 
@@ -82,31 +76,6 @@ def curvature_of(
     return curvature_orders(orders, offset), orders[:, 0]
 
 
-def relative_std(order_std_mps2: FloatArray, mean_mps2: float, orders: FloatArray, max_order: int) -> FloatArray:
-    """Return standard errors of the relative signal's orders, smoothed by band, (SENSITIVE_ORDERS,).
-
-    Few revolutions know the scatter of one order poorly, that of a band well. What the sampling does not carry is
-    unknown by as much as the last band that it carries is large.
-
-    Args:
-        order_std_mps2: (SENSITIVE_ORDERS,) measured standard errors; NaN where not known.
-        mean_mps2: mean of the signal.
-        orders: (MAX_ORDER + 1,) relative orders.
-        max_order: highest order carried.
-    """
-    variance = np.square(order_std_mps2 / mean_mps2)
-    known = np.isfinite(variance)
-    counts = np.bincount(_BAND_OF[known], minlength=len(_BAND_SIZES))
-    sums = np.bincount(_BAND_OF[known], variance[known], minlength=len(_BAND_SIZES))
-    overall = float(sums.sum() / max(counts.sum(), 1))
-    by_band = np.where(counts > 0, sums / np.maximum(counts, 1), overall)
-    std: FloatArray = np.sqrt(by_band[_BAND_OF])
-    if max_order < SENSITIVE_ORDERS - 1:
-        last = orders[max(2, max_order - 7) : max_order + 1]
-        std[max_order + 1 :] = np.maximum(std[max_order + 1 :], math.sqrt(float(np.square(last).mean())))
-    return np.maximum(std, _LEAST_STD)
-
-
 def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
     """Return the numbers of a solution with their covariances.
 
@@ -116,21 +85,16 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
 
     Args:
         solution: of b waveforms.
-        order_std: (b or 1, SENSITIVE_ORDERS) standard errors of the relative signal's orders.
+        order_std: (b or 1, ORDER_COUNT) standard errors of the relative signal's orders.
     """
     response = solution.response[:, :4]
     weighted = response * order_std[:, np.newaxis, :]
     noise = weighted @ weighted.transpose(0, 2, 1)
-    edges = np.array(BANDS[:-1])
-    power = np.add.reduceat(np.square(solution.correction)[:, BANDS[0] :], edges - BANDS[0], axis=1)
-    sizes = np.diff(np.array(BANDS))
     # The fit has taken UNKNOWNS of the rows' freedom out of the residual.
     excess = np.maximum(1.0 - 1.0 / np.maximum(solution.misfit, 1.0), 0.0) * (ROWS + 1) / FREEDOM
-    size = np.sqrt(power / sizes * excess[:, np.newaxis])
-    drawn = np.zeros((len(size), SENSITIVE_ORDERS))
-    drawn[:, BANDS[0] :] = np.repeat(size, sizes, axis=1)
+    drawn = np.sqrt(band_mean(np.square(solution.correction)) * excess[:, np.newaxis])
     moved = response * drawn[:, np.newaxis, :]
-    shape = (len(size), 4, 4)
+    shape = (len(drawn), 4, 4)
     return WaveformFits(
         values=solution.unknowns[:, :4],
         free=solution.free[:, :4],
@@ -157,7 +121,7 @@ def fit_waveforms(
 
     Args:
         radial_mps2: (b, n) waveforms on the angle grid, gravity removed, steady value included.
-        order_std_mps2: (SENSITIVE_ORDERS,) standard error of each order of one waveform.
+        order_std_mps2: (ORDER_COUNT,) standard error of each order of one waveform.
         centre_rad: (b,) middle of the contact.
         half_angle_rad: (b,) half of the contact angle.
         offset: sensor offset below the neutral layer, over the belt radius.

@@ -35,6 +35,7 @@ from gateway.physics.belt_shape import (
     BeltShape,
     integrate_from_zero,
 )
+from gateway.signal.orders import ORDER_COUNT
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -46,7 +47,7 @@ CLEARANCE_RAD: Final = 0.02
 UNKNOWNS: Final = 6
 # The rows' covariance needs less than the rows: every second grid point, and orders up to 60.
 STRIDE: Final = 2
-SENSITIVE_ORDERS: Final = 61
+SENSITIVE_ORDERS: Final = ORDER_COUNT
 _COARSE_COSINES: Final[FloatArray] = COSINES[::STRIDE, :SENSITIVE_ORDERS] * (STRIDE * TRAPEZOID[::STRIDE, np.newaxis])
 
 

@@ -10,12 +10,13 @@ the exact ring a_2 is -0.98 at 1000 N, -0.36 at 5000 N and -0.17 at 8000 N, a_4 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import eval_legendre, spherical_jn
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -44,9 +45,7 @@ def pressure_shape(
     """
     x = (angles_rad - centre_rad) / half_angle_rad
     inside = np.abs(x) <= 1.0
-    relative = np.ones_like(x)
-    for degree, amount in enumerate(shape, start=1):
-        relative += amount * eval_legendre(degree, np.clip(x, -1.0, 1.0))
+    relative = np.polynomial.legendre.legval(x, [1.0, *shape])
     result: FloatArray = np.where(inside, load_n / (2.0 * radius_m * half_angle_rad) * relative, 0.0)
     return result
 
@@ -57,8 +56,7 @@ def unit_road_orders(
     """Return the modal force of each Legendre polynomial times R / Q, and its derivative by the half angle.
 
     The modal force of a vertical push is alpha_n - i beta_n = int q (cos theta + i sin(theta) / n) e^(-i n theta): its
-    radial part, and its tangential part through the inextensible ring's v' = -w. For the polynomials that integral is a
-    pair of spherical Bessel functions.
+    radial part, and its tangential part through the inextensible ring's v' = -w; waves of orders n - 1 and n + 1.
 
     Args:
         orders: (n,) from 1 up.
@@ -70,15 +68,32 @@ def unit_road_orders(
         two (degrees + 1, n); row 0 is the uniform push.
     """
     n = np.asarray(orders, dtype=np.float64)
-    m = np.arange(degrees + 1).reshape(-1, *[1] * n.ndim)
+    x, weighted = _quadrature(degrees, math.ceil(float(n.max(initial=1.0)) * half_angle_rad / _PHASE_STEP))
     value = np.zeros((degrees + 1, *n.shape), dtype=np.complex128)
     slope = np.zeros_like(value)
     for neighbour, weight in ((n - 1.0, 0.5 * (1.0 + 1.0 / n)), (n + 1.0, 0.5 * (1.0 - 1.0 / n))):
-        turned = weight * np.exp(-1j * neighbour * centre_rad) * (-1j) ** m
-        argument = neighbour * half_angle_rad
-        value += turned * spherical_jn(m, argument)
-        slope += turned * neighbour * spherical_jn(m, argument, derivative=True)
+        wave = (weight * np.exp(-1j * neighbour * centre_rad))[..., np.newaxis] * np.exp(
+            -1j * half_angle_rad * np.multiply.outer(neighbour, x)
+        )
+        value += np.moveaxis(wave @ weighted.T, -1, 0)
+        slope += neighbour * np.moveaxis((-1j * x * wave) @ weighted.T, -1, 0)
     return value, slope
+
+
+# Phase in rad that the waves may turn over half a contact before the quadrature takes more points.
+_PHASE_STEP: Final = 10.0
+
+
+@lru_cache(maxsize=32)
+def _quadrature(degrees: int, steps: int) -> tuple[FloatArray, FloatArray]:
+    """Return Gauss points (k,) on -1 to 1 and half the weight times each polynomial, (degrees + 1, k).
+
+    Exact to rounding for waves of up to `steps` times _PHASE_STEP.
+    """
+    x, weights = np.polynomial.legendre.leggauss(20 + degrees + 8 * steps)
+    polynomials = np.polynomial.legendre.legvander(x, degrees).T
+    result: FloatArray = 0.5 * weights * polynomials
+    return x, result
 
 
 def road_orders(
@@ -91,5 +106,6 @@ def road_orders(
 ) -> ComplexArray:
     """Return alpha_n - i beta_n of a vertical push, N/m, (n,); Eq. 12's integrals with the tangential part added."""
     value, _ = unit_road_orders(orders, half_angle_rad, len(shape), centre_rad)
-    result: ComplexArray = load_n / radius_m * np.tensordot(np.array([1.0, *shape]), value, axes=1)
+    amounts = np.array([1.0, *shape], dtype=np.complex128)
+    result: ComplexArray = load_n / radius_m * np.tensordot(amounts, value, axes=1)
     return result

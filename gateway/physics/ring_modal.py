@@ -64,7 +64,7 @@ def modal_coefficients(
 
 
 def dynamic_stiffness(orders: ArrayLike, ring: RingParameters, pressure_pa: float, omega_radps: float) -> ComplexArray:
-    """Return K_n + i c_n n Omega, N/m^2, with K_n = k_n - m_n (n Omega)^2 - g_n n Omega (the root of Eq. 11, signed)."""
+    """Return K_n + i c_n n Omega, N/m^2, K_n = k_n - m_n (n Omega)^2 - g_n n Omega (the root of Eq. 11, signed)."""
     passing = np.asarray(orders, dtype=np.float64) * omega_radps
     mass, gyroscopic, damping, stiffness = modal_coefficients(orders, ring, pressure_pa, omega_radps)
     result: ComplexArray = stiffness - mass * passing**2 - gyroscopic * passing + 1j * damping * passing

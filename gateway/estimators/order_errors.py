@@ -1,0 +1,55 @@
+"""Errors of the orders of an averaged waveform, taken as equally strong within bands of orders."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.signal.orders import ORDER_COUNT
+
+FloatArray = NDArray[np.float64]
+
+# Bands of orders [first, next); orders 0 and 1 count to the first.
+BANDS: Final = (2, 4, 6, 9, 13, 18, 24, 31, 39, 48, ORDER_COUNT)
+_BAND_OF: Final = np.searchsorted(np.array(BANDS), np.arange(ORDER_COUNT), side="right").clip(1) - 1
+_BAND_COUNT: Final = len(BANDS) - 1
+# No order is taken as known better than this share of the mean: resampling and rounding are worse.
+_LEAST_STD: Final = 1e-6
+
+
+def relative_std(order_std: FloatArray, mean: float, orders: FloatArray, max_order: int) -> FloatArray:
+    """Return standard errors of the relative signal's orders, smoothed by band, (ORDER_COUNT,).
+
+    Few revolutions know the scatter of one order poorly, that of a band well. What the sampling does not carry is
+    unknown by as much as the last orders that it carries are large.
+
+    Args:
+        order_std: (ORDER_COUNT,) measured standard errors; NaN where not known.
+        mean: of the signal, in the same unit.
+        orders: (>= max_order + 1,) size of the relative orders.
+        max_order: highest order carried.
+    """
+    variance = np.square(order_std / mean)
+    known = np.isfinite(variance)
+    counts = np.bincount(_BAND_OF[known], minlength=_BAND_COUNT)
+    sums = np.bincount(_BAND_OF[known], variance[known], minlength=_BAND_COUNT)
+    overall = float(sums.sum() / max(int(counts.sum()), 1))
+    by_band = np.where(counts > 0, sums / np.maximum(counts, 1), overall)
+    std: FloatArray = np.sqrt(by_band[_BAND_OF])
+    if max_order < ORDER_COUNT - 1:
+        last = orders[max(BANDS[0], max_order - 7) : max_order + 1]
+        std[max_order + 1 :] = np.maximum(std[max_order + 1 :], math.sqrt(float(np.square(last).mean())))
+    return np.maximum(std, _LEAST_STD)
+
+
+def band_mean(values: FloatArray) -> FloatArray:
+    """Return (..., ORDER_COUNT) with each order's value replaced by its band's mean; 0 below the first band."""
+    edges = np.array(BANDS[:-1])
+    sizes = np.diff(np.array(BANDS))
+    sums = np.add.reduceat(values[..., BANDS[0] :], edges - BANDS[0], axis=-1)
+    result = np.zeros_like(values)
+    result[..., BANDS[0] :] = np.repeat(sums / sizes, sizes, axis=-1)
+    return result
