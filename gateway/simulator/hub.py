@@ -70,7 +70,8 @@ class HubSimulator:
         for pending in self._pending.values():
             due += pending.blocks(until_s, self._tick)
         self._now_s = until_s
-        due = [item for item in due if item.wheel == HUB_ITSELF or self._pending[item.wheel].speaks(item.time_s)]
+        if any(not wheel.plan.speaks(until_s) for wheel in self._wheels):
+            due = [item for item in due if item.wheel == HUB_ITSELF or self._pending[item.wheel].speaks(item.time_s)]
         due.sort(key=lambda item: item.time_s)
         return [self._encoded(item) for item in due]
 

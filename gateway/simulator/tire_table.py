@@ -143,19 +143,15 @@ def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
     row = place.astype(np.int64)
     # A turn that rounds up to a whole one lies on the last row, which has none behind it.
     np.minimum(row, TABLE_ANGLES - 1, out=row)
-    before = table[row]
-    found: WaveformTable = before + (place - row).astype(np.float32)[:, None] * (table[row + 1] - before)
+    before = table.take(row, axis=0)
+    found: WaveformTable = before + (place - row).astype(np.float32)[:, None] * (table.take(row + 1, axis=0) - before)
     return found
 
 
 def _mixed(weights: FloatArray, tables: WaveformTable) -> WaveformTable:
-    """Return the weighted sum of rows. Not a matrix product: BLAS would wake all its threads for it, at four times
-    the CPU time.
-    """
-    few = weights.astype(np.float32)
-    mixed: WaveformTable = few[0] * tables[0]
-    for weight, table in zip(few[1:], tables[1:], strict=True):
-        mixed += weight * table
+    """Return the weighted sum of rows."""
+    # Not a matrix product: BLAS would wake all its threads for it, at four times the CPU time.
+    mixed: WaveformTable = np.einsum("i,ij->j", weights.astype(np.float32), tables)
     return mixed
 
 
