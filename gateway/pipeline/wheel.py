@@ -241,14 +241,20 @@ class WheelPipeline:
         return self._last
 
     def _estimate(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
-        """Run the estimators in turn; each sees what those before it found."""
+        """Run the estimators in turn; each sees what those before it found.
+
+        A name that an earlier estimator gives already is prefixed with its estimator's: `ring-paper:Bs`.
+        """
         given: dict[str, dict[str, Estimate]] = {}
         seeing = replace(conditions, given=MappingProxyType(given))
         estimates: list[Estimate] = []
+        taken: set[str] = set()
         for estimator in self._estimators:
-            found = estimator.update(revolution, average, seeing)
-            estimates += found
-            given[estimator.name] = {estimate.name: estimate for estimate in found}
+            found = {estimate.name: estimate for estimate in estimator.update(revolution, average, seeing)}
+            given[estimator.name] = found
+            for name, estimate in found.items():
+                estimates.append(replace(estimate, name=f"{estimator.name}:{name}") if name in taken else estimate)
+            taken.update(found)
         return tuple(estimates)
 
     def _take_in(self, revolution: Revolution) -> AngleAverage:
