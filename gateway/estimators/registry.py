@@ -22,9 +22,10 @@ ESTIMATORS: Final[dict[str, str]] = {
     "wear": "gateway.estimators.wear:WearEstimator",
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
+    "asynchronous": "gateway.estimators.asynchronous:AsynchronousEstimator",
 }
 
-DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "ring-paper", "ply-steer")
+DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "weak-form", "ply-steer")
 
 
 def in_order(names: Iterable[str]) -> list[str]:

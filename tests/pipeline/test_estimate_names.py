@@ -1,0 +1,27 @@
+"""Several estimators of the same numbers side by side: whose is whose."""
+
+from __future__ import annotations
+
+from gateway.pipeline.core import Pipeline
+from gateway.pipeline.setup import WheelSetup
+from tests.pipeline.conftest import LOAD_N, PRESSURE_PA, RADIUS_M
+
+SETUP = WheelSetup("FL", 0, 0, RADIUS_M, load_n=LOAD_N, pressure_pa=PRESSURE_PA)
+
+
+def test_the_first_estimator_keeps_the_plain_names_and_later_ones_are_prefixed(roll, to_frames) -> None:
+    frames = to_frames(roll(65.0, 1.2).radial_mps2)
+
+    def names_and_values(*estimators: str) -> dict[str, float]:
+        pipeline = Pipeline([SETUP], SETUP, estimators)
+        results = pipeline.frames("link", frames, 10**18) + pipeline.finish()
+        last = results[-1].estimates
+        assert len({e.name for e in last}) == len(last)
+        return {e.name: e.value for e in last}
+
+    both = names_and_values("ring-paper", "weak-form")
+    weak, paper = names_and_values("weak-form"), names_and_values("ring-paper")
+    assert {"Bs", "Ts/Cw", "ring-paper:Bs", "ring-paper:Ts/Cw"} <= set(both)
+    assert {name: both[name] for name in weak} == weak
+    assert {name: both[f"ring-paper:{name}"] for name in paper} == paper
+    assert both["Cw"] != both["ring-paper:Cw"]
