@@ -12,6 +12,9 @@ REACH: Final = MAX_FRAME_BYTES - 1
 _MOST_TRIMS: Final = 65_536
 _HISTORY_BYTES: Final = 16_384
 _NO_CHANCE_BYTES: Final = 3
+_TICKS: Final = 1 << 32
+_SLACK_US: Final = 2_000_000
+_MOST_AHEAD_US: Final = 600_000_000
 
 
 class FrameAt(NamedTuple):
@@ -112,7 +115,8 @@ def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, 
         return None
     passing: int | None = None
     last = len(data) if until is None else until
-    for trim in [*range(begin, min(last, begin + _MOST_TRIMS)), last]:
+    trims: list[int] = [*range(begin, min(last, begin + _MOST_TRIMS)), last]
+    for trim in trims:
         window = data[trim : trim + REACH]
         window += following[: REACH - len(window)]
         if intact(pending + window) > intact(window):
@@ -123,6 +127,29 @@ def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, 
             if passing is None and used >= _NO_CHANCE_BYTES:
                 passing = trim
     return passing
+
+
+def without_strangers(data: bytes, before_us: dict[int, int], after_us: dict[int, int]) -> bytes:
+    """Return `data` without frames that a hub cannot have sent there: left-overs of other files on the disk.
+
+    Args:
+        data: bytes of a torn place.
+        before_us: latest time of each hub before it.
+        after_us: first known time of each hub behind it.
+    """
+    kept = bytearray()
+    begin = 0
+    for frame in frames_in(data):
+        known = (before_us.get(frame.hub), after_us.get(frame.hub))
+        first = known[0] if known[0] is not None else known[1]
+        if first is None:
+            continue
+        # After a restart of the hub the span is nearly the whole circle, and everything passes.
+        span = (known[1] - first) % _TICKS if known[1] is not None else _MOST_AHEAD_US
+        if (frame.tick_us - first + _SLACK_US) % _TICKS > span + 2 * _SLACK_US:
+            kept += data[begin : frame.start]
+            begin = frame.end
+    return bytes(kept + data[begin:]) if begin else data
 
 
 def divide(
@@ -145,7 +172,7 @@ def divide(
 
     def distance_us(link: int, frame: FrameAt) -> int:
         known = ticks[link].get(frame.hub)
-        return abs((frame.tick_us - known + (1 << 31)) % (1 << 32) - (1 << 31)) if known is not None else 1 << 32
+        return abs((frame.tick_us - known + _TICKS // 2) % _TICKS - _TICKS // 2) if known is not None else _TICKS
 
     found: list[Run] = []
     for frame in frames:

@@ -110,24 +110,36 @@ def chunk_records(chunk: ChunkParts) -> memoryview:
         ValueError: the chunk is damaged.
     """
     if chunk.compression == "zstd":
-        import zstandard
-
-        try:
-            data = memoryview(zstandard.decompress(bytes(chunk.data), chunk.uncompressed_size))
-        except zstandard.ZstdError as error:
-            raise ValueError("a compressed chunk is damaged") from error
+        data = _unzstd(bytes(chunk.data), chunk.uncompressed_size)
     elif chunk.compression == "lz4":
-        import lz4.frame  # type: ignore[import-untyped]
-
-        try:
-            data = memoryview(lz4.frame.decompress(bytes(chunk.data)))
-        except RuntimeError as error:
-            raise ValueError("a compressed chunk is damaged") from error
+        data = _unlz4(bytes(chunk.data), chunk.uncompressed_size)
     else:
         data = chunk.data
     if len(data) != chunk.uncompressed_size or (chunk.crc and zlib.crc32(data) != chunk.crc):
         raise ValueError("a chunk's checksum is wrong")
     return data
+
+
+def _unzstd(data: bytes, size: int) -> memoryview:
+    import zstandard
+
+    try:
+        # The size that the compressed data state themselves would be allocated whatever the limit.
+        stated = zstandard.get_frame_parameters(data).content_size
+        if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            raise ValueError("a compressed chunk states two sizes")
+        return memoryview(zstandard.decompress(data, max(size, 1)))
+    except zstandard.ZstdError as error:
+        raise ValueError("a compressed chunk is damaged") from error
+
+
+def _unlz4(data: bytes, size: int) -> memoryview:
+    import lz4.frame  # type: ignore[import-untyped]
+
+    try:
+        return memoryview(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
+    except RuntimeError as error:
+        raise ValueError("a compressed chunk is damaged") from error
 
 
 def walk(data: memoryview) -> Iterator[tuple[int, memoryview]]:

@@ -25,7 +25,7 @@ class RepairReport:
 
     Attributes:
         source: the damaged file.
-        target: the repaired file, None when there was nothing to repair.
+        target: the repaired file.
         messages: messages rescued.
         link_bytes: bytes of links rescued.
         frames: intact frames in them.
@@ -36,14 +36,14 @@ class RepairReport:
     """
 
     source: Path
-    target: Path | None
-    messages: int = 0
-    link_bytes: int = 0
-    frames: int = 0
-    frames_lost: int = 0
-    frames_broken: int = 0
-    losses: Losses | None = None
-    session_kept: bool = True
+    target: Path
+    messages: int
+    link_bytes: int
+    frames: int
+    frames_lost: int
+    frames_broken: int
+    losses: Losses
+    session_kept: bool
 
 
 def needs_repair(path: Path, progress: Progress | None = None) -> bool:

@@ -13,7 +13,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from gateway.recording.evidence import REACH, LinkHistory, completes, continuation, divide, frames_in, ticks_in
+from gateway.recording.evidence import (
+    REACH,
+    LinkHistory,
+    completes,
+    continuation,
+    divide,
+    frames_in,
+    ticks_in,
+    without_strangers,
+)
 from gateway.recording.layout import RAW_ENCODING, ChannelInfo, raw_topic
 from gateway.recording.salvage import Indexed, Salvage, Torn, Whole
 
@@ -133,16 +142,16 @@ class Stitcher:
         foreign = None if at_end else self._foreign(data, number, piece.stated, ahead)
         if foreign is not None:
             link, until, begin = foreign
-            yield self._kept(number, ahead.time_ns, data[: min(until, piece.stated)])
-            yield self._kept(link, ahead.time_ns, data[begin:])
+            yield self._kept(number, ahead, data[: min(until, piece.stated)])
+            yield self._kept(link, ahead, data[begin:])
         elif complete:
             # Either the message is whole and the damage lies behind it, or not: joined they are the same.
-            yield self._kept(number, ahead.time_ns, data[: piece.stated])
+            yield self._kept(number, ahead, data[: piece.stated])
             yield from self._place(data[piece.stated :], ahead)
         elif self._goes_on_behind(number, ahead):
             self.losses.bytes_dropped += len(data)
         else:
-            yield self._kept(number, ahead.time_ns, data)
+            yield self._kept(number, ahead, data)
 
     def _foreign(self, data: bytes, number: int, stated: int, ahead: _Ahead) -> tuple[int, int, int] | None:
         """Find the end of another link's message, whose header is lost, behind the begin of `number`'s.
@@ -181,17 +190,17 @@ class Stitcher:
             trim = self._continuation(link, data, ahead, 0, until)
             if trim is not None and trim < len(data):
                 self.losses.bytes_dropped += trim
-                yield self._kept(link, ahead.time_ns, data[trim:])
+                yield self._kept(link, ahead, data[trim:])
                 return
         for index, run in enumerate(runs):
             begin = runs[index - 1].end if index else 0
             until = runs[index + 1].start if index + 1 < len(runs) else len(data)
-            yield self._kept(run.link, ahead.time_ns, data[begin:until])
+            yield self._kept(run.link, ahead, data[begin:until])
         if runs:
             return
         for link in links:
             if completes(data, ahead.streams.get(link, b"")):
-                yield self._kept(link, ahead.time_ns, data)
+                yield self._kept(link, ahead, data)
                 return
         self.losses.bytes_dropped += len(data)
 
@@ -247,9 +256,12 @@ class Stitcher:
         known = self._times_ns.get(channel) == ahead.before.time_ns and channel not in missing
         return [channel] if channel in links and not known else []
 
-    def _kept(self, number: int, time_ns: int, data: bytes) -> Rescued:
-        self.losses.bytes_kept += len(data)
-        return self._link_bytes(number, time_ns, data)
+    def _kept(self, number: int, ahead: _Ahead, data: bytes) -> Rescued:
+        after_us = ticks_in(ahead.streams.get(number, b""))
+        own = without_strangers(data, self._history[number].ticks_us(), after_us)
+        self.losses.bytes_kept += len(own)
+        self.losses.bytes_dropped += len(data) - len(own)
+        return self._link_bytes(number, ahead.time_ns, own)
 
     def _link_bytes(self, number: int, time_ns: int, data: bytes) -> Rescued:
         self._history[number].append(data)

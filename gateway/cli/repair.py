@@ -1,0 +1,99 @@
+"""`treadlink repair` and `treadlink compact`: recordings made whole, and made small."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import click
+
+from gateway.errors import RecordingError
+from gateway.recording.compact import compact_recording
+from gateway.recording.repair import RepairReport, needs_repair, repair_recording
+from gateway.views.numbers import file_size
+from gateway.views.text import clean
+
+
+@click.command()
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Where to write; NAME.repaired.mcap when not given.")
+@click.option("--force", is_flag=True, help="Write a copy even when nothing is wrong.")
+def repair(recording: Path, out: Path | None, force: bool) -> None:
+    """Rescue RECORDING into a new file: one whose writer was killed, that was cut off, or that lost bytes.
+
+    Only the frames that lost bytes are lost. Of a compacted recording whole chunks, about a second each, survive or
+    not. RECORDING itself is only read.
+    """
+    with _progress(recording, "looking") as progress:
+        whole = not needs_repair(recording, progress)
+    if whole and not force:
+        click.echo(f"{clean(str(recording))} is finished and undamaged; there is nothing to repair.")
+        return
+    with _progress(recording, "repairing") as progress:
+        report = repair_recording(recording, out or _beside(recording, "repaired"), progress)
+    for line in _report_lines(report):
+        click.echo(clean(line))
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
+@click.option("--out", type=click.Path(path_type=Path), help="Where to write; NAME.compact.mcap when not given.")
+@click.option("--in-place", is_flag=True, help="Replace each recording, once its copy has proved the same.")
+def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> None:
+    """Compress finished RECORDING...; each copy is read back and compared before it counts.
+
+    A compacted recording replays the same, but damage to it costs a whole chunk instead of single frames.
+    """
+    if out is not None and (in_place or len(recordings) > 1):
+        raise click.UsageError("--out goes with one recording and without --in-place.")
+    for recording in recordings:
+        target = out or _beside(recording, "compact")
+        with _progress(recording, "compacting") as progress:
+            report = compact_recording(recording, target, replace=in_place, progress=progress)
+        share = 100.0 * report.bytes_after / max(report.bytes_before, 1)
+        click.echo(
+            clean(
+                f"{report.target}: {file_size(report.bytes_after)} instead of {file_size(report.bytes_before)} "
+                f"({share:.0f} %), {report.messages} messages the same"
+            )
+        )
+
+
+def _report_lines(report: RepairReport) -> Iterator[str]:
+    losses = report.losses
+    yield f"{report.target}"
+    yield f"  rescued: {report.frames} frames in {file_size(report.link_bytes)} of links, {report.messages} messages"
+    yield f"  lost: {report.frames_lost} frames by their counters, {report.frames_broken} begin but are not whole"
+    if losses.torn_places:
+        yield (
+            f"  {losses.torn_places} torn places: {losses.bytes_kept} bytes kept, {losses.bytes_dropped} belong to no "
+            "frame"
+        )
+    if losses.compressed_chunks:
+        yield f"  {losses.compressed_chunks} compressed chunks were damaged and are lost whole"
+    if losses.topics_lost:
+        yield f"  {losses.topics_lost} messages of decoded topics were damaged; `treadlink estimate` makes them anew"
+    if not report.session_kept:
+        yield "  the vehicle configuration recorded with it is lost; give --config when you replay it"
+
+
+def _beside(recording: Path, word: str) -> Path:
+    target = recording.with_name(f"{recording.stem}.{word}{recording.suffix or '.mcap'}")
+    if target.exists():
+        raise RecordingError(f"'{target}' exists already", "Nothing is overwritten; remove it or give --out.")
+    return target
+
+
+@contextlib.contextmanager
+def _progress(recording: Path, word: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar on a terminal; it is fed with (done, in all)."""
+    length = recording.stat().st_size if recording.is_file() else 0
+    with click.progressbar(length=length, label=f"{word} {clean(recording.name)}", file=sys.stderr) as bar:
+        bar.hidden = bar.hidden or not sys.stderr.isatty()
+
+        def update(done: int, total: int) -> None:
+            bar.update(int(length * done / max(total, 1)) - bar.pos)
+
+        yield update

@@ -1,0 +1,115 @@
+"""Compressing a finished recording, checked against the original before anything is replaced."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from gateway.errors import RecordingError
+from gateway.recording.container import McapOutput
+from gateway.recording.layout import SESSION_METADATA
+from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
+
+Progress = Callable[[int, int], None]
+
+# About a second of four wheels: a damaged compressed chunk is lost whole.
+_CHUNK_BYTES: Final = 256 << 10
+_PROGRESS_MESSAGES: Final = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class CompactReport:
+    """What compressing brought.
+
+    Attributes:
+        source: the recording.
+        target: the compressed one; the same path when it was replaced.
+        messages: messages in either.
+        bytes_before: size of the recording.
+        bytes_after: size of the compressed one.
+    """
+
+    source: Path
+    target: Path
+    messages: int
+    bytes_before: int
+    bytes_after: int
+
+
+def compact_recording(
+    path: Path, target: Path, *, replace: bool = False, progress: Progress | None = None
+) -> CompactReport:
+    """Write a zstd-compressed copy of a recording, and read both through to see that they are the same.
+
+    Args:
+        path: a finished recording.
+        target: must not exist yet.
+        replace: put the copy in the place of the recording, in one step, when it has proved the same.
+        progress: called now and then with (bytes done, bytes in all), over writing and checking.
+
+    Raises:
+        RecordingError: the recording is unfinished or damaged, `target` exists, or the disk is full. The recording
+            is as it was.
+    """
+    reader = RecordingReader(path)
+    if not reader.info.finished:
+        raise RecordingError(f"'{path}' is not finished", "`treadlink repair` finishes it; compact the result.")
+    output = McapOutput(target, compressed=True, chunk_bytes=_CHUNK_BYTES)
+    try:
+        messages = _copy(reader, output, progress)
+        output.close()
+        if reader.damage is not None:
+            raise RecordingError(f"not compacted: {reader.damage}", REPAIR_REMEDY)
+        _check_same(reader, RecordingReader(target), progress)
+        before, after = reader.info.size_bytes, target.stat().st_size
+        if replace:
+            _replace(path, target)
+    except BaseException:
+        output.abandon()
+        raise
+    return CompactReport(path, path if replace else target, messages, before, after)
+
+
+def _copy(reader: RecordingReader, output: McapOutput, progress: Progress | None) -> int:
+    if reader.session:
+        output.add_metadata(SESSION_METADATA, reader.session)
+    count = 0
+    for message in reader.messages():
+        channel = output.register(message.channel)
+        output.add_message(channel, message.log_time_ns, message.data, message.sequence)
+        count += 1
+        if progress is not None and count % _PROGRESS_MESSAGES == 0:
+            progress(reader.position, 2 * reader.info.size_bytes)
+    for name, entries in reader.notes:
+        output.add_metadata(name, entries)
+    if reader.session:
+        output.add_metadata(SESSION_METADATA, reader.session)
+    return count
+
+
+def _check_same(original: RecordingReader, copy: RecordingReader, progress: Progress | None) -> None:
+    size = original.info.size_bytes
+    pairs = itertools.zip_longest(original.messages(), copy.messages())
+    for count, (ours, theirs) in enumerate(pairs):
+        if ours != theirs:
+            raise RecordingError(
+                f"the compressed copy of '{original.info.path}' differs in message {count}",
+                "The recording is untouched; check the disk and try again.",
+            )
+        if progress is not None and count % _PROGRESS_MESSAGES == 0:
+            progress(size + original.position, 2 * size)
+    if copy.damage is not None or not copy.info.finished or copy.session != original.session:
+        raise RecordingError(
+            f"the compressed copy of '{original.info.path}' does not read back whole: {copy.damage}",
+            "The recording is untouched; check the disk and try again.",
+        )
+
+
+def _replace(path: Path, target: Path) -> None:
+    try:
+        target.replace(path)
+    except OSError as error:
+        raise RecordingError(f"cannot replace '{path}': {error.strerror}", "Check its permissions.") from error

@@ -1,0 +1,138 @@
+"""Compacting keeps every message and proves it; hostile compressed chunks are refused."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import lz4.frame
+import numpy as np
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+
+from gateway.errors import RecordingError
+from gateway.io.source import LinkItem
+from gateway.recording import compact as compact_module
+from gateway.recording.compact import compact_recording
+from gateway.recording.reader import RecordingReader
+from gateway.recording.records import ChunkParts, chunk_records
+from tests.recording import streams
+
+
+def recording(path: Path, count: int = 1500) -> list[LinkItem]:
+    rng = np.random.default_rng(20)
+    frames = streams.frames(rng, count)
+    items: list[LinkItem] = [*streams.chunks(rng, b"".join(frames), "serial:/dev/ttyUSB0")]
+    items[7:7] = streams.some_events("serial:/dev/ttyUSB0")
+    streams.write(path, items, topics=True)
+    return items
+
+
+def test_items_topics_and_description_stay_the_same(tmp_path: Path) -> None:
+    items = recording(tmp_path / "r.mcap")
+    report = compact_recording(tmp_path / "r.mcap", tmp_path / "c.mcap")
+    before, after = RecordingReader(tmp_path / "r.mcap"), RecordingReader(tmp_path / "c.mcap")
+    assert list(after.items()) == items
+    assert list(after.messages()) == list(before.messages())
+    assert after.info.finished
+    assert after.session == before.session
+    assert report.bytes_after == (tmp_path / "c.mcap").stat().st_size < report.bytes_before
+
+
+def test_in_place_replaces_in_one_step(tmp_path: Path) -> None:
+    items = recording(tmp_path / "r.mcap")
+    before = (tmp_path / "r.mcap").stat().st_size
+    report = compact_recording(tmp_path / "r.mcap", tmp_path / "temporary.mcap", replace=True)
+    assert report.target == tmp_path / "r.mcap"
+    assert (tmp_path / "r.mcap").stat().st_size < before
+    assert streams.read(tmp_path / "r.mcap") == items
+    assert [path.name for path in tmp_path.iterdir()] == ["r.mcap"]
+
+
+def test_compacting_twice_changes_nothing_more(tmp_path: Path) -> None:
+    items = recording(tmp_path / "r.mcap")
+    compact_recording(tmp_path / "r.mcap", tmp_path / "c.mcap")
+    compact_recording(tmp_path / "c.mcap", tmp_path / "cc.mcap")
+    assert streams.read(tmp_path / "cc.mcap") == items
+
+
+@pytest.mark.parametrize("how", ["unfinished", "damaged", "exists"])
+def test_what_cannot_be_compacted_is_left_alone(tmp_path: Path, how: str) -> None:
+    path, target = tmp_path / "r.mcap", tmp_path / "c.mcap"
+    recording(path)
+    data = bytearray(path.read_bytes())
+    if how == "unfinished":
+        data = data[:-20]
+    elif how == "damaged":
+        data[len(data) // 2] ^= 1
+    else:
+        target.write_bytes(b"precious")
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match={"unfinished": "not finished", "damaged": "checksum"}.get(how, "exists")):
+        compact_recording(path, target, replace=True)
+    assert path.read_bytes() == bytes(data)
+    assert target.exists() == (how == "exists")
+
+
+def test_a_copy_that_differs_is_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording(tmp_path / "r.mcap")
+    original = compact_module.McapOutput.add_message
+
+    def forgetful(self: object, channel: int, log_time_ns: int, data: bytes, sequence: int | None = None) -> None:
+        if sequence != 77:
+            original(self, channel, log_time_ns, data, sequence)
+
+    monkeypatch.setattr(compact_module.McapOutput, "add_message", forgetful)
+    with pytest.raises(RecordingError, match="differs in message"):
+        compact_recording(tmp_path / "r.mcap", tmp_path / "c.mcap", replace=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["r.mcap"]
+
+
+def chunk(compression: str, data: bytes, size: int) -> ChunkParts:
+    return ChunkParts(0, size, 0, compression, memoryview(data), 0)
+
+
+def test_chunks_that_swell_beyond_what_they_state_are_refused() -> None:
+    bomb = bytes(50_000_000)
+    with pytest.raises(ValueError, match="two sizes"):
+        chunk_records(chunk("zstd", zstandard.compress(bomb), 1000))
+    stream = zstandard.ZstdCompressor(write_content_size=False).compressobj()
+    silent = stream.compress(bomb) + stream.flush()
+    with pytest.raises(ValueError, match="damaged|checksum"):
+        chunk_records(chunk("zstd", silent, 1000))
+    with pytest.raises(ValueError, match="checksum"):
+        chunk_records(chunk("lz4", lz4.frame.compress(bomb), 1000))
+    for compression in ("zstd", "lz4"):
+        with pytest.raises(ValueError, match="damaged"):
+            chunk_records(chunk(compression, b"not compressed at all", 1000))
+
+
+@pytest.mark.parametrize("length", [1 << 29, 1 << 40, (1 << 64) - 1])
+def test_huge_lengths_are_damage_not_memory(tmp_path: Path, length: int) -> None:
+    path = tmp_path / "r.mcap"
+    items = recording(path, 50)
+    data = path.read_bytes()
+    end = data.rindex(b"\x0f\x04" + bytes(11))
+    path.write_bytes(data[:end] + struct.pack("<BQ", 6, length) + data[end:])
+    reader = RecordingReader(path)
+    assert list(reader.items()) == items
+    assert reader.damage is not None
+
+
+@pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD, CompressionType.NONE])
+def test_files_that_other_programs_wrote_again_are_read(tmp_path: Path, compression: CompressionType) -> None:
+    """`mcap` tools may compress or reorder; channels are known by topic then."""
+    items = recording(tmp_path / "r.mcap", 200)
+    with (tmp_path / "other.mcap").open("wb") as file:
+        writer = Writer(file, compression=compression)
+        writer.start()
+        numbers: dict[str, int] = {}
+        for message in RecordingReader(tmp_path / "r.mcap").messages():
+            topic = message.channel.topic
+            if topic not in numbers:
+                schema = writer.register_schema("x", "jsonschema", b"{}")
+                numbers[topic] = writer.register_channel(topic, message.channel.encoding, schema)
+            writer.add_message(numbers[topic], message.log_time_ns, message.data, message.log_time_ns)
+        writer.finish()
+    assert streams.read(tmp_path / "other.mcap") == items

@@ -1,0 +1,219 @@
+"""A repaired recording lacks only the frames that lost bytes, and holds none that is wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from gateway.errors import RecordingError
+from gateway.io.source import Chunk
+from gateway.recording.compact import compact_recording
+from gateway.recording.layout import REPAIR_METADATA
+from gateway.recording.reader import RecordingReader
+from gateway.recording.repair import needs_repair, repair_recording
+from tests.recording import damage, streams
+
+# A frame that lost no more bytes than this may be found again by chance among the bytes around it; it is right then.
+REBUILT_BYTES = 3
+BEGIN = 200  # the header and the first metadata, which have tests of their own
+
+
+def repaired(tmp_path: Path, file: bytes) -> Path:
+    (tmp_path / "damaged.mcap").write_bytes(file)
+    repair_recording(tmp_path / "damaged.mcap", tmp_path / "repaired.mcap")
+    return tmp_path / "repaired.mcap"
+
+
+def check(recorded: damage.Recorded, touched: np.ndarray, path: Path) -> None:
+    got = damage.rescued(path)
+    for link, frames in recorded.frames.items():
+        lost_bytes = {frame: int(touched[positions].sum()) for frame, positions in frames}
+        missing = {frame for frame, lost in lost_bytes.items() if not lost} - got.get(link, set())
+        wrong = {frame for frame in got.get(link, set()) if lost_bytes.get(frame, 1 << 30) > REBUILT_BYTES}
+        assert not missing, f"{len(missing)} frames of {link} lost no byte but are gone"
+        assert not wrong, f"{len(wrong)} frames of {link} were not sent or lost bytes"
+
+
+def random_places(rng: np.random.Generator, size: int, count: int) -> list[tuple[int, int]]:
+    return [(int(rng.integers(BEGIN, size)), int(np.exp(rng.uniform(0, np.log(5000))))) for _ in range(count)]
+
+
+@pytest.mark.parametrize("kind", ["missing", "noise", "zeros"])
+@pytest.mark.parametrize("seed", range(12))
+def test_only_frames_that_lost_bytes_are_lost(tmp_path: Path, kind: str, seed: int) -> None:
+    rng = np.random.default_rng([seed, len(kind)])
+    recorded = damage.record(
+        tmp_path / "r.mcap",
+        rng,
+        count=200,
+        links=1 + seed % 2,
+        largest=(20, 64, 250, 600, 5000)[seed % 5],
+        topics=seed % 3 == 0,
+        finish=seed % 4 < 2,
+    )
+    places = random_places(rng, len(recorded.file), 1 + seed % 3)
+    if kind == "missing":
+        file, touched = damage.cut(recorded.file, places)
+    else:
+        stuff = [(at, rng.bytes(size) if kind == "noise" else bytes(size)) for at, size in places]
+        file, touched = damage.overwrite(recorded.file, stuff)
+    check(recorded, touched, repaired(tmp_path, file))
+
+
+def test_cutting_record_headers_loses_nothing(tmp_path: Path) -> None:
+    """Every frame here spans messages; what lies between its halves when only headers are hit must go."""
+    rng = np.random.default_rng(8)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=120, links=1, largest=90, topics=False, finish=True)
+    payloads = list(damage.payload_positions(recorded.file))
+    for number, ((_, _), (start, _)) in enumerate(zip(payloads[20:80], payloads[21:81], strict=True)):
+        head = start - 31
+        begin, end = head + int(rng.integers(0, 31)), start
+        end = int(rng.integers(begin + 1, start + 1))
+        file, touched = damage.cut(recorded.file, [(begin, end - begin)])
+        (tmp_path / str(number)).mkdir()
+        path = repaired(tmp_path / str(number), file)
+        check(recorded, touched, path)
+        assert sum(map(len, damage.rescued(path).values())) == 120
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.7, 0.97])
+@pytest.mark.parametrize("finish", [True, False])
+def test_a_file_cut_off_anywhere_keeps_what_came_before(tmp_path: Path, share: float, finish: bool) -> None:
+    rng = np.random.default_rng(9)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=True, finish=finish)
+    size = int(len(recorded.file) * share)
+    touched = np.arange(len(recorded.file)) >= size
+    check(recorded, touched, repaired(tmp_path, recorded.file[:size]))
+
+
+def test_whole_messages_keep_their_times_topics_and_description(tmp_path: Path) -> None:
+    rng = np.random.default_rng(10)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=True, finish=False)
+    middle = len(recorded.file) // 2
+    file, _ = damage.cut(recorded.file, [(middle, 1000)])
+    reader = RecordingReader(repaired(tmp_path, file))
+    items = list(reader.items())
+    assert reader.damage is None
+    assert reader.info.finished
+    assert reader.vehicle_toml == streams.TOML
+    assert reader.info.sources == ("sim:test",)
+    kept = [item for item in items if item in recorded.items]
+    assert len(kept) >= len(recorded.items) - 6
+    assert [item for item in recorded.items if not isinstance(item, Chunk)] == [
+        item for item in items if not isinstance(item, Chunk)
+    ]
+    times = [item.host_ns for item in items if isinstance(item, Chunk)]
+    assert times == sorted(times)
+    topics = {message.channel.topic for message in reader.messages()}
+    assert {"/wheel/FL/revolution", "/wheel/FL/waveform"} <= topics
+    assert dict(reader.notes)[REPAIR_METADATA]["torn_places"] == "1"
+
+
+def test_the_stock_reader_opens_the_repaired_file(tmp_path: Path) -> None:
+    rng = np.random.default_rng(11)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=200, links=1, largest=600, topics=True, finish=False)
+    file, _ = damage.cut(recorded.file, [(len(recorded.file) // 3, 77)])
+    path = repaired(tmp_path, file)
+    with path.open("rb") as opened:
+        reader = make_reader(opened, validate_crcs=True)
+        rows = [json.loads(message.data) for _, _, message in reader.iter_messages(["/wheel/FL/revolution"])]
+        raw = b"".join(message.data for _, channel, message in reader.iter_messages() if channel.topic.endswith("/raw"))
+    assert rows[0]["index"] == 3
+    assert raw == streams.link_bytes(streams.read(path))
+
+
+def test_a_destroyed_beginning_costs_only_itself(tmp_path: Path) -> None:
+    rng = np.random.default_rng(12)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=False, finish=True)
+    file, touched = damage.overwrite(recorded.file, [(0, rng.bytes(3000))])
+    path = repaired(tmp_path, file)
+    check(recorded, touched, path)
+    assert RecordingReader(path).vehicle_toml == streams.TOML, "the description stands at the end as well"
+
+
+def test_without_any_declaration_left_the_bytes_are_still_found(tmp_path: Path) -> None:
+    rng = np.random.default_rng(13)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=False, finish=False)
+    file, touched = damage.overwrite(recorded.file, [(0, rng.bytes(3000))])
+    got = damage.rescued(repaired(tmp_path, file))
+    want = damage.untouched(recorded, touched)["serial:/dev/tty0"]
+    assert want
+    assert want == set().union(*got.values())
+
+
+def test_left_overs_of_an_older_recording_stay_out(tmp_path: Path) -> None:
+    """A disk may put blocks of a deleted file where bytes went missing."""
+    rng = np.random.default_rng(14)
+    (tmp_path / "old").mkdir()
+    old = damage.record(tmp_path / "old" / "r.mcap", rng, count=200, links=1, largest=600, topics=False, finish=True)
+    year = 365 * 86_400 * 10**9
+    new_frames = streams.frames(rng, 200)
+    items = [
+        Chunk(chunk.link, chunk.host_ns + year, chunk.data)
+        for chunk in streams.chunks(rng, b"".join(new_frames), "serial:/dev/tty0")
+    ]
+    path = streams.write(tmp_path / "new.mcap", items).path
+    file = path.read_bytes()
+    stale = old.file[20_000:24_096]
+    got = damage.rescued(repaired(tmp_path, file[:20_000] + stale + file[24_096:]))["serial:/dev/tty0"]
+    assert len(got) > 175
+    assert got <= set(new_frames), "frames of the older recording were taken in"
+
+
+def test_compressed_recordings_keep_their_whole_chunks(tmp_path: Path) -> None:
+    rng = np.random.default_rng(15)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=4000, links=1, largest=600, topics=False, finish=True)
+    compact_recording(tmp_path / "r.mcap", tmp_path / "small.mcap")
+    small = bytearray((tmp_path / "small.mcap").read_bytes())
+    small[len(small) // 2] ^= 0xFF
+    (tmp_path / "damaged.mcap").write_bytes(small)
+    report = repair_recording(tmp_path / "damaged.mcap", tmp_path / "repaired.mcap")
+    assert report.losses.compressed_chunks == 1
+    got = damage.rescued(tmp_path / "repaired.mcap")["serial:/dev/tty0"]
+    everything = {frame for frame, _ in recorded.frames["serial:/dev/tty0"]}
+    assert got < everything
+    assert len(got) > len(everything) / 2
+    for size in (len(small) // 3, len(small) - 5000):
+        (tmp_path / "damaged.mcap").write_bytes((tmp_path / "small.mcap").read_bytes()[:size])
+        report = repair_recording(tmp_path / "damaged.mcap", tmp_path / f"repaired{size}.mcap")
+        assert 0 < report.frames < len(everything)
+
+
+def test_a_whole_recording_needs_no_repair(tmp_path: Path) -> None:
+    items = streams.chunks(np.random.default_rng(1), b"".join(streams.frames(np.random.default_rng(1), 50)), "a")
+    assert not needs_repair(streams.write(tmp_path / "r.mcap", items).path)
+    unfinished = streams.write(tmp_path / "u.mcap", items, finish=False)
+    unfinished.tick(items[-1].host_ns + 10**9)
+    assert needs_repair(unfinished.path)
+
+
+def test_repair_never_overwrites(tmp_path: Path) -> None:
+    path = streams.write(tmp_path / "r.mcap", [Chunk("a", 1, b"x")]).path
+    (tmp_path / "there.mcap").write_bytes(b"precious")
+    with pytest.raises(RecordingError, match="exists already"):
+        repair_recording(path, tmp_path / "there.mcap")
+    assert (tmp_path / "there.mcap").read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", bytes(5000), b"\x05" * 5000])
+def test_what_holds_nothing_is_said_to_hold_nothing(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "r.mcap").write_bytes(content)
+    with pytest.raises(RecordingError, match=r"nothing in|is empty"):
+        repair_recording(tmp_path / "r.mcap", tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_messages_of_one_moment_are_kept_apart(tmp_path: Path) -> None:
+    """A recorded dump without a rate has the same time everywhere; numbers must do then."""
+    rng = np.random.default_rng(16)
+    frames = streams.frames(rng, 100)
+    items = [Chunk("dump:x.bin", 0, chunk.data) for chunk in streams.chunks(rng, b"".join(frames), "x", largest=200)]
+    path = streams.write(tmp_path / "r.mcap", items).path
+    file = path.read_bytes()
+    starts = [start for start, _ in damage.payload_positions(file)]
+    cut, _ = damage.cut(file, [(starts[30] - 20, 15)])
+    assert damage.rescued(repaired(tmp_path, cut))["dump:x.bin"] == set(frames)
