@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.estimators.determination import NUMBERS
 from gateway.estimators.ring_fit import fit_ring_numbers
-from gateway.estimators.ring_paper import NUMBERS, RingPaperEstimator
+from gateway.estimators.ring_paper import RingPaperEstimator
 from gateway.physics.constants import STANDARD_GRAVITY_MPS2, TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.signal import contact

@@ -79,8 +79,9 @@ class Determination:
         error = self.relative_error[index] if relative_error is None else relative_error
         if not math.isfinite(error):
             return "not determined: the fit puts it at zero"
-        cause = "model error" if self.model_share[index] > 0.5 else "noise"
-        text = f"not determined: standard error {_percent(error)} of the value, most of it {cause}"
+        text = f"not determined: standard error {_percent(error)} of the value"
+        if self.model_share.any():
+            text += ", most of it model error" if self.model_share[index] > 0.5 else ", most of it noise"
         others = np.abs(self.correlation[index]) - np.eye(4)[index]
         other = int(np.argmax(others))
         if others[other] > _CONFOUNDED:
