@@ -30,13 +30,16 @@ def _repeated(table: str, key: str, values: Sequence[str], allowed: str) -> Iter
 
 
 def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any]) -> Iterator[Fault]:
-    own = {name: _table(table.get(name)) for name in ("sensor", "tire", "motion")}
+    own = {name: _table(table.get(name)) for name in ("sensor", "tire", "motion", "defect")}
     merged = {name: {**_table(data.get(name)), **items} for name, items in own.items()}
     sensor, tire, motion = merged["sensor"], merged["tire"], merged["motion"]
     bandwidth, rate = _number(sensor.get("bandwidth_hz")), _number(sensor.get("rate_hz", 9600.0))
     if _given(own["sensor"], "bandwidth_hz", "rate_hz") and bandwidth > 0.45 * rate:
         allowed = f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}; leave it out for the whole band"
         yield Fault(f"{where}sensor.bandwidth_hz", show(bandwidth), allowed)
+    loose = _number(merged["defect"].get("loose_hz"))
+    if (_given(own["sensor"], "rate_hz") or _given(own["defect"], "loose_hz")) and loose > 0.45 * rate:
+        yield Fault(f"{where}defect.loose_hz", show(loose), f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}")
     wear, thickness = _number(tire.get("wear_mm", 0.0)), _number(tire.get("ring_thickness_mm", 15.0))
     if _given(own["tire"], "wear_mm", "ring_thickness_mm") and wear > 0.8 * thickness:
         allowed = f"allowed: up to 0.8 of ring_thickness_mm, {0.8 * thickness:g}"

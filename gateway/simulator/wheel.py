@@ -80,8 +80,7 @@ class WheelSimulator:
         """Return (n, 3) specific force at the sensor's place along circumferential, lateral, radial, in m/s^2.
 
         A wheel of changing load, pressure or speed is taken as steady at each moment: its waveform fades from that of
-        the block's begin to that of its end. There is no model of the belt's lateral deformation: the lateral axis
-        carries gravity (camber), the road, and what leaks in by the mounting.
+        the block's begin to that of its end. Of camber only gravity is felt.
         """
         turning = self._rotation.at(time_s)
         angle = self._jitter.place(turning.angle_rad, self._edges_rad)

@@ -309,9 +309,23 @@ def test_effects_do_not_change_the_noise_of_each_other() -> None:
 
 
 def test_a_bad_scenario_of_effects_is_told_key_by_key() -> None:
-    text = "[vibration]\nripple_percent = 30.0\n[defect]\naxes = ['up']\n[[wheel]]\nposition = 'W'\nwheel = 0\n"
-    text += "side = 'top'\nslip_angle_deg = 40.0\n[wheel.stated]\nload_n = 1.0\n"
+    text = """
+[sensor]
+rate_hz = 2000.0
+[vibration]
+ripple_percent = 30.0
+[defect]
+axes = ["up"]
+loose_hz = 950.0
+[[wheel]]
+position = "W"
+wheel = 0
+side = "top"
+slip_angle_deg = 40.0
+[wheel.stated]
+load_n = 1.0
+"""
     with pytest.raises(ConfigError) as caught:
         parse_scenario(text, "test")
-    for key in ("ripple_percent", "defect.axes", "side", "slip_angle_deg", "stated.load_n"):
+    for key in ("ripple_percent", "defect.axes", "loose_hz: 950.0", "side", "slip_angle_deg", "stated.load_n"):
         assert key in str(caught.value)
