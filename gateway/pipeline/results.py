@@ -50,6 +50,19 @@ class WheelCounters:
 
 
 @dataclass(frozen=True, slots=True)
+class SensorFlag:
+    """Something wrong with a sensor, found in its own signal.
+
+    Attributes:
+        name: one or two words.
+        text: what it is and what follows from it.
+    """
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class WheelSnapshot:
     """The latest of one wheel, for views.
 
@@ -65,6 +78,7 @@ class WheelSnapshot:
         load_n: configured load, else the estimated one.
         wear_mm: tread wear when an estimator knows it.
         counters: sample and revolution counts.
+        flags: what is wrong with the sensor now.
     """
 
     position: str
@@ -78,6 +92,7 @@ class WheelSnapshot:
     load_n: float | None = None
     wear_mm: Estimate | None = None
     counters: WheelCounters = field(default_factory=WheelCounters)
+    flags: tuple[SensorFlag, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

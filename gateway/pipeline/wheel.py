@@ -21,6 +21,7 @@ from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
 from gateway.pipeline.ring import SampleRing
 from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
+from gateway.pipeline.sensor_health import SensorHealth
 from gateway.pipeline.setup import WheelSetup
 from gateway.pipeline.timebase import HostClock, SampleClock
 from gateway.signal.average import RunningAverage
@@ -45,6 +46,7 @@ class _Axes:
     scale: FloatArray
     offset: FloatArray
     radial: int
+    health: SensorHealth
 
 
 class WheelPipeline:
@@ -60,7 +62,7 @@ class WheelPipeline:
         self._ring: SampleRing | None = None
         self._segmenter: Segmenter | None = None
         self._clock: SampleClock | None = None
-        self._environment: deque[tuple[int, Environment]] = deque(maxlen=_ENVIRONMENT_DEPTH)
+        self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
         self._last: RevolutionResult | None = None
         self._samples = self._lost = self._saturated = self._revolutions = self._rejected = 0
         self._overwritten_before = self._looked_at = 0
@@ -79,13 +81,11 @@ class WheelPipeline:
             and known.hello.boot_count == hello.boot_count
             and known.hello.sensor_id == hello.sensor_id
         )
-        self._axes = _Axes(
-            hello,
-            columns,
-            np.array([hello.scale_mps2[axis] for axis in columns]),
-            np.array([hello.offset_counts[axis] for axis in columns]),
-            columns.index(Axis.RADIAL) if Axis.RADIAL in columns else -1,
-        )
+        scale = np.array([hello.scale_mps2[axis] for axis in columns])
+        offset = np.array([hello.offset_counts[axis] for axis in columns])
+        radial = columns.index(Axis.RADIAL) if Axis.RADIAL in columns else -1
+        health = SensorHealth(columns, scale, offset, hello.rate_hz, is_dc=hello.coupling == Coupling.DC)
+        self._axes = _Axes(hello, columns, scale, offset, radial, health)
         if not same_layout:
             if known is not None and known.hello.sensor_id != hello.sensor_id:
                 self._average.reset()
@@ -100,7 +100,8 @@ class WheelPipeline:
 
     def environment(self, tick_us: int, environment: Environment) -> None:
         """Take a pressure and temperature reading with its hub time."""
-        self._environment.append((tick_us, environment))
+        pressure_error_pa = self._axes.health.environment(environment) if self._axes is not None else 0.0
+        self._environment.append((tick_us, environment, pressure_error_pa))
 
     def restart(self) -> None:
         """The hub started again: its counters and times are new; what was learnt of the tire stays."""
@@ -172,6 +173,7 @@ class WheelPipeline:
         assert layout is not None
         fresh = ring.view(max(self._looked_at, ring.tail), ring.head)
         self._looked_at = ring.head
+        layout.health.samples(fresh)
         limit = layout.hello.saturation_counts
         if len(fresh) and (fresh.max() >= limit or fresh.min() <= -limit):
             self._saturated += int(((fresh >= limit) | (fresh <= -limit)).any(axis=1).sum())
@@ -234,6 +236,7 @@ class WheelPipeline:
         )
         self._revolutions += 1
         end_us = clock.hub_us(timed.end.centre)
+        layout.health.revolution(in_angle)
         average = self._take_in(in_angle)
         conditions = self._conditions(end_us)
         estimates = self._estimate(in_angle, average, conditions)
@@ -275,23 +278,23 @@ class WheelPipeline:
             noise_mps2=revolution.noise_mps2,
         )
 
-    def _reading(self, tick_us: float) -> Environment | None:
-        """The latest reading taken before `tick_us`."""
-        return next((reading for at, reading in reversed(self._environment) if at <= tick_us), None)
-
     def _conditions(self, tick_us: float) -> Conditions:
-        reading = self._reading(tick_us)
         pressure, temperature = self.setup.pressure_pa, self.setup.temperature_degc
-        if reading is not None:
+        pressure_std = self.setup.pressure_std_pa
+        # The latest reading taken before.
+        taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
+        if taken is not None:
+            _, reading, pressure_error = taken
             pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
             temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
+            pressure_std = max(pressure_std, pressure_error)
         return Conditions(
             radius_m=self.setup.radius_m,
             load_n=self.setup.load_n,
             pressure_pa=pressure,
             temperature_degc=temperature,
             load_std_n=self.setup.load_std_n,
-            pressure_std_pa=self.setup.pressure_std_pa,
+            pressure_std_pa=pressure_std,
             sensor_offset_m=self.setup.sensor_offset_m,
             tire=self.setup.tire,
         )
@@ -333,4 +336,5 @@ class WheelPipeline:
                 revolutions=self._revolutions,
                 revolutions_rejected=self._rejected,
             ),
+            flags=self._axes.health.flags() if self._axes is not None else (),
         )

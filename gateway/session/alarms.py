@@ -1,18 +1,59 @@
-"""Thresholds of the configuration against the latest snapshot."""
+"""What is wrong now: thresholds of the configuration, sensors and links, from the latest snapshot."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 from gateway.config.model import Thresholds
 from gateway.estimators.base import Status
 from gateway.pipeline.results import Alarm, LinkSnapshot, WheelSnapshot
 
 
-def alarms(wheels: Sequence[WheelSnapshot], links: Sequence[LinkSnapshot], thresholds: Thresholds) -> tuple[Alarm, ...]:
-    """Return the thresholds that are crossed now, wheels first."""
+def alarms(
+    wheels: Sequence[WheelSnapshot],
+    links: Sequence[LinkSnapshot],
+    thresholds: Thresholds,
+    sensor_ids: Mapping[str, str] | None = None,
+) -> tuple[Alarm, ...]:
+    """Return what is wrong now, wheels first.
+
+    Args:
+        wheels: latest state of the wheels.
+        links: latest state of the links.
+        thresholds: of the configuration.
+        sensor_ids: sensor that the configuration wants, hex text by position.
+    """
     found = [alarm for wheel in wheels for alarm in _of_wheel(wheel, thresholds)]
-    return (*found, *(alarm for link in links for alarm in _of_link(link, thresholds)))
+    of_sensors = _of_sensors(wheels, sensor_ids or {})
+    return (*found, *of_sensors, *(alarm for link in links for alarm in _of_link(link, thresholds)))
+
+
+def sensor_alarms(alarms: Sequence[Alarm], wheels: Sequence[WheelSnapshot]) -> tuple[Alarm, ...]:
+    """Return those of the alarms that tell of a sensor at fault or in the wrong place."""
+    flags = {(wheel.position, flag.name) for wheel in wheels for flag in wheel.flags}
+    return tuple(alarm for alarm in alarms if alarm.name == MISPLACED or (alarm.position, alarm.name) in flags)
+
+
+MISPLACED: Final = "wrong sensor"
+
+
+def _of_sensors(wheels: Sequence[WheelSnapshot], wanted: Mapping[str, str]) -> Iterator[Alarm]:
+    """Wheels whose sensor says that it is another than the configuration wants there."""
+    belongs = {sensor_id: position for position, sensor_id in wanted.items()}
+    for wheel in wheels:
+        expected = wanted.get(wheel.position)
+        if expected is None or not wheel.sensor_id or wheel.sensor_id == expected:
+            continue
+        owner = belongs.get(wheel.sensor_id)
+        if owner is None:
+            text = f"sensor {wheel.sensor_id} speaks here, the configuration names {expected}: a new sensor or tire?"
+        else:
+            text = (
+                f"sensor {wheel.sensor_id} of {owner} speaks here: wheels swapped? "
+                f"Estimates use load and tire of {wheel.position}"
+            )
+        yield Alarm(wheel.position, MISPLACED, text)
 
 
 def _of_wheel(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[Alarm]:
@@ -39,6 +80,8 @@ def _of_wheel(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[Alarm]:
     wear = wheel.wear_mm
     if wear is not None and limits.wear_max_mm is not None and wear.value > limits.wear_max_mm:
         yield alarm("wear", f"wear {wear.value:.1f} mm is above {limits.wear_max_mm:.1f} mm")
+    for flag in wheel.flags:
+        yield alarm(flag.name, flag.text)
     if wheel.counters.samples_saturated:
         yield alarm("saturated", f"{wheel.counters.samples_saturated} samples at the end of the sensor's range")
 

@@ -10,14 +10,14 @@ from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
-from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.config.model import ASSUMED_RADIUS_MM, Thresholds, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
 from gateway.pipeline.setup import WheelSetup
-from gateway.session.alarms import alarms
+from gateway.session.alarms import alarms, sensor_alarms
 from gateway.session.commands import refusal
 from gateway.session.diagnosis import LinkDiagnosis
 from gateway.session.recording_stage import Recorder
@@ -79,7 +79,6 @@ class SessionCore:
             recorder: an open recording, closed by `finish`.
             estimators: names from the registry.
         """
-        self._vehicle = vehicle
         self.recorder = recorder
         self.recording_fault: str | None = None
         self.records_items = True
@@ -94,6 +93,9 @@ class SessionCore:
         self._unconfigured: set[str] = set()
         self._configured = {setup.position for setup in vehicle.wheel_setups()} if vehicle is not None else set()
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
+        self._limits = vehicle.thresholds if vehicle is not None else Thresholds()
+        self._sensor_ids = _sensor_ids(vehicle)
+        self._told_alarms: set[tuple[str, str]] = set()
         self._notices.extend(vehicle.notices() if vehicle is not None else ())
 
     def notify(self, text: str) -> None:
@@ -218,6 +220,7 @@ class SessionCore:
         for name, link in self._links.items():
             if link.connected:
                 self._diagnosed(name, link.diagnosis.tick(now_ns), now_ns)
+        self.look_at_sensors()
 
     def dropped(self, link: str, stages: Mapping[str, int]) -> None:
         """Note what the other stages of the session could not take; the first time is told."""
@@ -232,6 +235,7 @@ class SessionCore:
         for name, link in self._links.items():
             results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
         results += self._deliver(self._pipeline.finish(), self._newest_ns)
+        self.look_at_sensors()
         if self.recorder is not None:
             self._record(lambda recorder: recorder.close())
         if self.recorder is not None:
@@ -245,8 +249,16 @@ class SessionCore:
         links = tuple(self._link_snapshot(name, link) for name, link in self._links.items())
         if self.recorder is not None:
             self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
-        found = alarms(wheels, links, self._vehicle.thresholds) if self._vehicle is not None and not ended else ()
+        found = alarms(wheels, links, self._limits, self._sensor_ids) if not ended else ()
         return SessionSnapshot(elapsed_s, wheels, links, found, tuple(self._notices), *self._recorded, ended)
+
+    def look_at_sensors(self) -> None:
+        """Tell what is wrong with sensors, each thing once; `tick` and `finish` do it."""
+        wheels = self._pipeline.wheels()
+        for alarm in sensor_alarms(alarms(wheels, (), self._limits, self._sensor_ids), wheels):
+            if (alarm.position, alarm.name) not in self._told_alarms:
+                self._told_alarms.add((alarm.position, alarm.name))
+                self._diagnosed("", [f"{alarm.position}: {alarm.text}"], self._newest_ns)
 
     def _link_snapshot(self, name: str, link: _Link) -> LinkSnapshot:
         counters, status = link.decoder.counters, link.status
@@ -269,3 +281,9 @@ class SessionCore:
             rssi_dbm=rssi_dbm if rssi_dbm is not None else link.connected_rssi_dbm,
             supply_w=status.supply_w if status is not None else None,
         )
+
+
+def _sensor_ids(vehicle: VehicleConfig | None) -> dict[str, str]:
+    """Return the sensors that the configuration names, as hex text by position."""
+    wheels = vehicle.wheel if vehicle is not None else ()
+    return {wheel.position: f"{wheel.sensor_number:08x}" for wheel in wheels if wheel.sensor_number is not None}

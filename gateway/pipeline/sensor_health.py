@@ -1,0 +1,238 @@
+"""What is wrong with a sensor, from its own signal: dead, stuck, mounted wrongly, loose, pressure frozen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import Axis, Environment
+from gateway.estimators.base import Revolution
+from gateway.pipeline.results import SensorFlag
+
+FloatArray = NDArray[np.float64]
+
+# A channel that does not move by one count for so long does not measure: electrical noise alone moves it.
+_WINDOW_S: Final = 1.0
+# A tilt is told from here on; up to 45 deg it can be stated in the configuration and is corrected.
+_TILT_RAD: Final = math.radians(20.0)
+# Below this an axis' mean may be its zero-g offset.
+_LEAST_MEAN_MPS2: Final = 100.0
+
+# Ringing is looked for on both sides of the contact, so far from its edges and over so long a stretch.
+_EDGE_MARGIN_RAD: Final = 0.2
+_STRETCH_RAD: Final = 1.3
+_TREND_DEGREE: Final = 5
+_LOWEST_HZ: Final = 150.0
+_LOWEST_ORDER: Final = 16.0
+_STEP_HZ: Final = 25.0
+_FFT_SIZE: Final = 2048
+_AVERAGING: Final = 0.1
+_REVOLUTIONS: Final = 10
+# Waves that belong to a tire reach 3 % of R Omega^2 behind the contact and stand before it as well: the measured drum
+# record has six times as much power behind it.
+_RINGING_SHARE: Final = 0.04
+_RINGING_RATIO: Final = 8.0
+
+_AMBIENT_PA: Final = 101_325.0
+_ZERO_DEGC_K: Final = 273.15
+_FROZEN_READINGS: Final = 10
+_FROZEN_PA: Final = 5_000.0
+
+
+def ringing_spectrum(
+    radial_mps2: FloatArray, revolution: Revolution, frequency_hz: FloatArray, side: int
+) -> FloatArray:
+    """Return the squared amplitude of what oscillates beside the contact, (f,), NaN where it cannot be told.
+
+    Args:
+        radial_mps2: (n,) one axis on the angle grid.
+        revolution: its contact edges and speed.
+        frequency_hz: (f,) where to look.
+        side: +1 behind the contact, where a loose sensor rings, -1 before it, where it has rung out.
+    """
+    theta = np.linspace(-math.pi, math.pi, len(radial_mps2), endpoint=False)
+    if side > 0:
+        begin = revolution.trailing_edge_rad + _EDGE_MARGIN_RAD
+    else:
+        begin = revolution.leading_edge_rad - _EDGE_MARGIN_RAD - _STRETCH_RAD
+    inside = (theta >= begin) & (theta < begin + _STRETCH_RAD)
+    count = int(inside.sum())
+    unknown: FloatArray = np.full(len(frequency_hz), math.nan)
+    if count < 8 * _TREND_DEGREE:
+        return unknown
+    place = np.linspace(-1.0, 1.0, count)
+    signal = radial_mps2[inside]
+    signal = signal - np.polynomial.chebyshev.chebval(
+        place, np.polynomial.chebyshev.chebfit(place, signal, _TREND_DEGREE)
+    )
+    window = np.hanning(count)
+    power = np.square(np.abs(np.fft.rfft(signal * window, _FFT_SIZE)) * 2.0 / window.sum())
+    step_s = revolution.period_s / len(radial_mps2)
+    spectrum: FloatArray = np.interp(frequency_hz, np.fft.rfftfreq(_FFT_SIZE, step_s), power)
+    spectrum[(frequency_hz < _LOWEST_ORDER / revolution.period_s) | (frequency_hz > 0.2 / step_s)] = math.nan
+    return spectrum
+
+
+def tilt_rad(mean_mps2: FloatArray) -> tuple[Axis, float] | None:
+    """Return the axis that carries what the radial one should, and by which angle, None when the radial one does.
+
+    Args:
+        mean_mps2: (3,) means of a DC-coupled sensor over a second or more of rolling; NaN for absent axes.
+    """
+    radial = mean_mps2[Axis.RADIAL]
+    worst: tuple[Axis, float] | None = None
+    for axis in (Axis.CIRCUMFERENTIAL, Axis.LATERAL):
+        across = mean_mps2[axis]
+        if not abs(across) >= _LEAST_MEAN_MPS2:
+            continue
+        angle = abs(math.atan2(across, abs(radial)))
+        if angle >= _TILT_RAD and (worst is None or angle > worst[1]):
+            worst = axis, angle
+    return worst
+
+
+def expected_pressure_change_pa(pressure_pa: float, coldest_degc: float, hottest_degc: float) -> float:
+    """Return by how much the gauge pressure of a closed volume differs between two temperatures (ideal gas)."""
+    middle_k = 0.5 * (coldest_degc + hottest_degc) + _ZERO_DEGC_K
+    return (pressure_pa + _AMBIENT_PA) * (hottest_degc - coldest_degc) / middle_k
+
+
+class SensorHealth:
+    """Watches one sensor; `flags` says what is wrong now. Estimates change only by a frozen pressure's error."""
+
+    def __init__(
+        self, columns: Sequence[int], scale_mps2: FloatArray, offset_counts: FloatArray, rate_hz: float, *, is_dc: bool
+    ) -> None:
+        """Take how the samples are to be read.
+
+        Args:
+            columns: axis of each channel.
+            scale_mps2: (channels,) m/s^2 per count.
+            offset_counts: (channels,) counts at zero acceleration.
+            rate_hz: sampling rate.
+            is_dc: whether the sensor passes the steady value.
+        """
+        self._columns, self._scale, self._offset, self._is_dc = tuple(columns), scale_mps2, offset_counts, is_dc
+        self._window = round(_WINDOW_S * rate_hz)
+        self._lowest: NDArray[np.int16] | None = None
+        self._highest: NDArray[np.int16] | None = None
+        self._sum: FloatArray = np.zeros(len(self._columns))
+        self._count = 0
+        self._still: tuple[tuple[int, int], ...] = ()
+        self._mean: FloatArray = np.full(len(Axis), math.nan)
+        self._frequency_hz: FloatArray = np.arange(_LOWEST_HZ, 0.4 * rate_hz, _STEP_HZ)
+        self._behind: FloatArray = np.full(len(self._frequency_hz), math.nan)
+        self._before = self._behind
+        self._looked = 0
+        self._ringing: tuple[float, float] | None = None
+        self._pressure_pa: float | None = None
+        self._temperatures: tuple[float, float] = (math.inf, -math.inf)
+        self._readings = 0
+        self._pressure_error_pa = 0.0
+
+    def samples(self, counts: NDArray[np.int16]) -> None:
+        """Look at (n, channels) raw samples that follow those of the last call."""
+        if not len(counts):
+            return
+        low, high = counts.min(axis=0), counts.max(axis=0)
+        if self._lowest is None or self._highest is None:
+            self._lowest, self._highest, self._count = low, high, 0
+            self._sum[:] = 0.0
+        self._lowest, self._highest = np.minimum(low, self._lowest), np.maximum(high, self._highest)
+        self._sum += counts.sum(axis=0, dtype=np.float64)
+        self._count += len(counts)
+        if self._count < self._window:
+            return
+        still = np.flatnonzero(self._lowest == self._highest).tolist()
+        self._still = tuple((self._columns[at], int(self._lowest[at])) for at in still)
+        self._mean = np.full(len(Axis), math.nan)
+        self._mean[list(self._columns)] = (self._sum / self._count - self._offset) * self._scale
+        self._lowest = self._highest = None
+
+    def revolution(self, revolution: Revolution) -> None:
+        """Look at a revolution; those with faults are left out."""
+        if revolution.faults:
+            return
+        steady = revolution.radial_mps2.mean()
+        if not steady > _LEAST_MEAN_MPS2:
+            return
+        behind, before = (
+            ringing_spectrum(revolution.radial_mps2, revolution, self._frequency_hz, side) / steady**2
+            for side in (1, -1)
+        )
+        self._behind, self._before = _averaged(self._behind, behind), _averaged(self._before, before)
+        self._looked += 1
+        self._ringing = None
+        known = np.isfinite(self._behind) & np.isfinite(self._before)
+        if self._looked < _REVOLUTIONS or not known.any():
+            return
+        after, ahead = self._behind[known], self._before[known]
+        rings = (after > _RINGING_SHARE**2) & (after > _RINGING_RATIO * (ahead + np.median(ahead)))
+        if rings.any():
+            strongest = int(np.argmax(np.where(rings, after, 0.0)))
+            self._ringing = float(self._frequency_hz[known][strongest]), math.sqrt(float(after[strongest]))
+
+    def environment(self, reading: Environment) -> float:
+        """Look at a pressure and temperature reading; return by how much the pressure may be wrong, Pa."""
+        pressure, temperature = reading.pressure_pa, reading.temperature_degc
+        if pressure is None or temperature is None:
+            return self._pressure_error_pa
+        if pressure != self._pressure_pa:
+            self._pressure_pa, self._readings, self._temperatures = pressure, 0, (temperature, temperature)
+            self._pressure_error_pa = 0.0
+        self._readings += 1
+        low, high = self._temperatures
+        self._temperatures = low, high = min(low, temperature), max(high, temperature)
+        expected = expected_pressure_change_pa(pressure, low, high)
+        if self._readings >= _FROZEN_READINGS and expected >= _FROZEN_PA:
+            self._pressure_error_pa = expected
+        return self._pressure_error_pa
+
+    def flags(self) -> tuple[SensorFlag, ...]:
+        """Return what is wrong now."""
+        return tuple(self._flags())
+
+    def _flags(self) -> Iterator[SensorFlag]:
+        if self._still and len(self._still) == len(self._columns) and not any(value for _, value in self._still):
+            yield SensorFlag("dead", "every axis reads 0: the sensor is dead or its element has no supply")
+        elif self._still:
+            axes = ", ".join(f"{Axis(axis).name.lower()} at {value}" for axis, value in self._still)
+            yield SensorFlag("stuck", f"does not move by one count for a second: {axes} counts")
+        if self._is_dc and not self._still:
+            yield from self._mounting()
+        if self._ringing is not None:
+            frequency_hz, share = self._ringing
+            yield SensorFlag(
+                "loose",
+                f"rings at {frequency_hz:.0f} Hz behind every contact with {share:.0%} of the steady value: "
+                "the sensor may have come loose; contact lengths and tire numbers are not to be trusted",
+            )
+        if self._pressure_error_pa:
+            low, high = self._temperatures
+            yield SensorFlag(
+                "pressure frozen",
+                f"pressure has not moved while the temperature went over {high - low:.0f} K; it may be "
+                f"{self._pressure_error_pa * 1e-3:.0f} kPa off",
+            )
+
+    def _mounting(self) -> Iterator[SensorFlag]:
+        tilt = tilt_rad(self._mean)
+        if tilt is not None:
+            axis, angle = tilt
+            yield SensorFlag(
+                "mounting",
+                f"the {axis.name.lower()} axis carries what the radial one should: tilted by "
+                f"{math.degrees(angle):.0f} deg, or the axes are swapped",
+            )
+        elif self._mean[Axis.RADIAL] < -_LEAST_MEAN_MPS2:
+            yield SensorFlag("mounting", "the radial axis points outward; it is turned round here")
+
+
+def _averaged(average: FloatArray, fresh: FloatArray) -> FloatArray:
+    """Return the running average; what either of them does not know comes from the other."""
+    mixed: FloatArray = average + _AVERAGING * (fresh - average)
+    return np.where(np.isnan(average), fresh, np.where(np.isnan(fresh), average, mixed))
