@@ -40,7 +40,7 @@ MAX_ORDER: Final = 110
 # Order 1 of the signal is gravity's and the hub's.
 _LEFT_OUT: Final = 1
 # No order is known better than this share of the mean: resampling, rounding, and what is left of the grid's error.
-_LEAST_STD: Final = 2e-6
+_LEAST_STD: Final = 1e-5
 # Model error before the first look at the data, as a share of the mean.
 _FIRST_ERROR: Final = 0.02
 # A band's own model error counts as known from its degrees of freedom, the overall one as from this many.
@@ -133,13 +133,33 @@ def fit_forward(
         orders: (m,) coefficients c - i s over R omega^2, orders 0 to model.max_order.
         order_std: (m,) standard error of one real coefficient, positive.
         half_angle_rad: of the contact as seen in the waveform, for a cold start.
-        model: what is not fitted.
+        model: what is not fitted; its grid is made finer where bending decays faster than that resolves.
         start: (SIZE,) parameters of a fit of nearly the same waveform; None starts from Table 3's tire.
         use_mean: False where the sensor does not pass the steady value.
 
     Returns:
         The fit; None when the ring has no equilibrium anywhere near the data.
     """
+    if start is not None:
+        return _fit(orders, order_std, half_angle_rad, model.resolving(start), start, use_mean)
+    found = _fit(orders, order_std, half_angle_rad, model, None, use_mean)
+    if found is None:
+        return None
+    finer = model.resolving(found.parameters)
+    if finer.nodes == model.nodes:
+        return found
+    return _fit(orders, order_std, half_angle_rad, finer, found.parameters, use_mean) or found
+
+
+def _fit(
+    orders: ComplexArray,
+    order_std: FloatArray,
+    half_angle_rad: float,
+    model: ForwardModel,
+    start: FloatArray | None,
+    use_mean: bool,
+) -> ForwardFit | None:
+    """Fit on the model's grid."""
     variance = np.square(np.maximum(order_std, _LEAST_STD))
     variance[0] *= 0.5
     used = np.ones(len(orders), dtype=np.bool_)

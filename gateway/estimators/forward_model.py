@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,10 @@ NOMINAL_LOAD_NUMBER: Final = 5000.0 / (2.1e5 * 0.32**2)
 _RADIUS_M: Final = 0.32
 _PRESSURE_PA: Final = 2.1e5
 _OMEGA_RADPS: Final = 56.0
+_LOAD_N: Final = NOMINAL_LOAD_NUMBER * _PRESSURE_PA * _RADIUS_M**2
 COARSE_NODES: Final = 480
+_GRIDS: Final = (480, 720, 960, 1440)
+_NODES_PER_LAYER: Final = 8.0
 
 
 class P(IntEnum):
@@ -44,16 +47,17 @@ class P(IntEnum):
     DAMPING = 7
     TREAD_DAMPING = 8
     STIFFENING = 9
-    CENTRE = 10
-    GAIN = 11
-    BEFORE_COSINE = 12
-    BEFORE_SINE = 13
-    BEFORE_ORDER = 14
-    BEFORE_DECAY = 15
-    AFTER_COSINE = 16
-    AFTER_SINE = 17
-    AFTER_ORDER = 18
-    AFTER_DECAY = 19
+    TRACTION = 10
+    CENTRE = 11
+    GAIN = 12
+    BEFORE_COSINE = 13
+    BEFORE_SINE = 14
+    BEFORE_ORDER = 15
+    BEFORE_DECAY = 16
+    AFTER_COSINE = 17
+    AFTER_SINE = 18
+    AFTER_ORDER = 19
+    AFTER_DECAY = 20
 
 
 SIZE: Final = len(P)
@@ -70,6 +74,7 @@ PRIORS: Final[dict[P, tuple[float, float]]] = {
     P.DAMPING: (0.0, 0.05),  # loss angle of the sidewall
     P.TREAD_DAMPING: (0.0, 0.05),
     P.STIFFENING: (0.0, 1.0),  # of the sidewall per belt radius: 6 % at 20 mm
+    P.TRACTION: (0.0, 0.1),  # axle torque over load and radius
     P.CENTRE: (0.0, 0.05),
     P.GAIN: (0.0, 0.1),
     P.BEFORE_COSINE: (0.0, 0.1),
@@ -89,18 +94,7 @@ _STEP: Final = 1e-3
 _REFERENCE = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=_RADIUS_M, pressure_pa=_PRESSURE_PA)
 # EI / (GA R^2) at P.SHEAR = 0: a shear length of a hundredth of the radius.
 _SHEAR_UNIT: Final = 1e-4
-_RING_PARAMETERS: Final = (
-    P.BS,
-    P.CW,
-    P.RS,
-    P.TS,
-    P.TREAD,
-    P.EXTENSION,
-    P.SHEAR,
-    P.DAMPING,
-    P.TREAD_DAMPING,
-    P.STIFFENING,
-)
+_RING_PARAMETERS: Final = tuple(place for place in P if place < P.CENTRE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +143,13 @@ class ForwardModel:
     drum: float = math.inf
     nodes: int = COARSE_NODES
 
+    def resolving(self, parameters: FloatArray) -> Self:
+        """Return the model on a grid that resolves what bending smooths: sqrt(EI / (p0 b R)) at the contact's edges."""
+        layer_rad = math.sqrt(TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(parameters[P.BS] - parameters[P.CW]))
+        wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
+        nodes = next((nodes for nodes in _GRIDS if nodes >= wanted), _GRIDS[-1])
+        return replace(self, nodes=max(nodes, self.nodes))
+
     def ring(self, parameters: FloatArray) -> RingParameters:
         """Return the ring of a vector of parameters, at the nominal size and load."""
         p = parameters
@@ -179,12 +180,13 @@ class ForwardModel:
         """
         ring = solve_rolling_ring(
             self.ring(parameters),
-            NOMINAL_LOAD_NUMBER * _PRESSURE_PA * _RADIUS_M**2,
+            _LOAD_N,
             _PRESSURE_PA,
             _OMEGA_RADPS,
             nodes=self.nodes,
             sensor_offset_m=self.offset * _RADIUS_M,
             drum_radius_m=self.drum * _RADIUS_M,
+            axle_torque_nm=float(parameters[P.TRACTION]) * _LOAD_N * _RADIUS_M,
             start=start if start is not None and len(start.theta_rad) == self.nodes else None,
         )
         return ForwardSolution(parameters, ring, self._orders(parameters, ring))

@@ -84,7 +84,7 @@ def _fig_12(figure: Figure) -> str:
     upper.plot(np.degrees(theta), measured, color="black", label=f"simulated sensor, {REVOLUTIONS} revolutions")
     upper.plot(np.degrees(theta), fitted, "--", color="#D55E00", label="Eq. 27 with the fitted numbers")
     upper.set(ylabel="radial acceleration\n(inward), m/s²")
-    upper.legend(loc="lower left")
+    upper.legend(loc="center left")
     lower.plot(np.degrees(theta), error, color="#D55E00")
     lower.set(xlim=(-180, 180), xlabel="angle from contact centre, °", ylabel="Eq. 27 less\nsensor, m/s²")
     lower.set_xticks(range(-180, 181, 60))

@@ -12,7 +12,7 @@ import pytest
 from gateway.estimators.base import Conditions, Estimate, Status
 from gateway.estimators.forward import SHAPE, ForwardEstimator
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
-from gateway.estimators.forward_model import PRIOR_MEAN, ForwardModel, P
+from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P
 from gateway.estimators.forward_waves import packet_basis
 from gateway.physics.bound import waveform_orders
 from gateway.physics.constants import STANDARD_GRAVITY_MPS2
@@ -85,6 +85,20 @@ def test_finds_the_numbers_at_any_load(load_n: float) -> None:
 def test_knows_what_else_a_tire_may_be(change: dict[str, float]) -> None:
     ring = solved(replace(BASE_RING, **change))
     check(fit(ring), ring, SMALL)
+
+
+def test_knows_a_driven_wheel() -> None:
+    ring = solved(axle_torque_nm=300.0)
+    found = fit(ring)
+    check(found, ring, SMALL)
+    assert found.parameters[P.TRACTION] == pytest.approx(300.0 / (5000.0 * RADIUS_M), rel=0.03)
+
+
+def test_a_worn_tire_gets_the_grid_that_it_needs() -> None:
+    ring = solved(replace(BASE_RING, bending_stiffness_nm2=0.19 * BASE_RING.bending_stiffness_nm2), load_n=8000.0)
+    found = fit(ring)
+    check(found, ring, SMALL)
+    assert len(found.solution.ring.theta_rad) > COARSE_NODES
 
 
 def test_tells_bending_from_shear_where_the_ring_is_all_there_is() -> None:
