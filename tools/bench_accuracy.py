@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 
 from accuracy.cases import Case, all_cases, quick_cases
 from accuracy.measure import LONG, Effort, Outcome, measure
-from accuracy.tables import bound_table, case_tables, grid_tables
+from accuracy.tables import bound_table, case_tables, grid_tables, use_tables
 
 from gateway.estimators.registry import ESTIMATORS
 
@@ -38,6 +38,7 @@ def main() -> None:
         bound_table(outcomes),
         *grid_tables(outcomes, estimators),
         *(table for group in ("sampling", "noise", "variants") for table in case_tables(outcomes, estimators, group)),
+        *use_tables(outcomes),
     ]
     for table in tables:
         if table.rows:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from accuracy.cases import RADIUS_M, Case
+from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
 from accuracy.chain import Turn, hello_of, take, turns_of
 from accuracy.signals import samples_of, truth_of
 from gateway.estimators.base import Estimate, Status
 from gateway.estimators.registry import make_estimator
+from gateway.estimators.tire_data import ReferenceNumbers, TireData
 from gateway.physics.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
+from gateway.physics.constants import STANDARD_GRAVITY_MPS2, TABLE_3_NUMBERS
 from gateway.pipeline.setup import WheelSetup
 from gateway.signal.average import RunningAverage
 
@@ -24,6 +25,8 @@ LONG = 100
 PER_REVOLUTION = ("kinematic",)
 # A fit of these takes a second: fewer of them, and on the final average only.
 SLOW = ("forward",)
+# What may be 0 has no relative error: these are in mm, by this factor.
+ABSOLUTE = {"wear_mm": 1.0, "sensor_offset_m": 1e3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +48,11 @@ class Effort:
 
 @dataclass(slots=True)
 class Sample:
-    """Relative errors of one quantity from one estimator, and how it judged itself.
+    """Errors of one quantity from one estimator, and how it judged itself.
 
     Attributes:
         errors: estimate over truth minus 1, of the estimates that were given at all.
-        stated: their stated relative standard errors.
+        stated: their stated standard errors, relative too.
         valid: how many were called valid.
         asked: how many were asked for.
     """
@@ -60,12 +63,13 @@ class Sample:
     asked: int = 0
 
     def add(self, estimate: Estimate, truth: float) -> None:
-        """Take an estimate in."""
+        """Take an estimate in; of ABSOLUTE quantities the error is in mm."""
         self.asked += 1
         self.valid += estimate.status is Status.VALID
         if math.isfinite(estimate.value):
-            self.errors.append(estimate.value / truth - 1.0)
-            self.stated.append(estimate.std / abs(truth))
+            factor = ABSOLUTE.get(estimate.name, 1.0 / abs(truth) if truth else math.nan)
+            self.errors.append((estimate.value - truth) * factor)
+            self.stated.append(estimate.std * factor)
 
     @property
     def bias(self) -> float:
@@ -117,6 +121,9 @@ def truths(case: Case) -> dict[str, float]:
     return {
         "speed_mps": case.speed_kmh / 3.6,
         "half_angle_rad": ring.half_angle_rad,
+        "load_by_width_n": case.load_n,
+        "wear_mm": case.wear_mm,
+        "sensor_offset_m": case.offset_m,
         "Bs": numbers.Bs,
         "Cw": numbers.Cw,
         "Rs": numbers.Rs,
@@ -143,6 +150,9 @@ def bounds(case: Case) -> dict[str, float]:
     half = 0.5 * float(sensitivity.edges_rad[1] - sensitivity.edges_rad[0])
     result = {name: bound.std(name) for name in ("Bs", "Cw", "Rs", "Ts")}
     result |= {f"{name}/Cw": bound.ratio_std(name, "Cw") for name in ("Bs", "Rs", "Ts")}
+    # b known in place of the load gives it with the error of Cw; thickness goes with the cube root of Bs.
+    result["load_by_width_n"] = result["Cw"]
+    result["wear_mm"] = (RING_THICKNESS_MM - case.wear_mm) / 3.0 * result["Bs"]
     result["half_angle_rad"] = bound.half_angle_std_rad / half
     result["speed_mps"] = bound.period_std_s / sensitivity.period_s
     return result
@@ -156,43 +166,54 @@ def measure(case: Case, estimators: Sequence[str], effort: Effort) -> Outcome:
         del truth["speed_mps"]  # a speed that changes has no mean that the revolutions share
     seed = zlib.crc32(f"{case.group} {case.name}".encode())
     clean = _turns(case, effort.clean, np.random.default_rng(seed), noise=False)
-    for name in estimators:
-        _add(outcome.clean, name, _after(name, clean), truth)
+    _add(outcome.clean, _after(estimators, clean), truth)
+    quick = [name for name in estimators if name not in SLOW]
+    share, slow_share = (math.ceil(wanted / max(effort.runs, 1)) for wanted in (effort.single, effort.single_slow))
     for run in range(effort.runs):
         turns = _turns(case, LONG, np.random.default_rng([seed, run + 1]), noise=True)
-        for name in estimators:
-            final = _after(name, turns)
-            _add(outcome.long, name, final, truth)
-            outcome.reasons |= {(name, e.name): e.reason for e in final if e.status is not Status.VALID}
-            wanted = effort.single_slow if name in SLOW else effort.single
-            share = turns[: math.ceil(wanted / max(effort.runs, 1))]
-            for turn in share:
-                _add(outcome.single, name, _after(name, [turn]), truth)
+        final = _after(estimators, turns)
+        _add(outcome.long, final, truth)
+        outcome.reasons |= {
+            (name, e.name): e.reason for name, found in final.items() for e in found if e.status is not Status.VALID
+        }
+        for index, turn in enumerate(turns[:share]):
+            _add(outcome.single, _after(estimators if index < slow_share else quick, [turn]), truth)
     return outcome
 
 
 def _turns(case: Case, revolutions: int, rng: np.random.Generator, *, noise: bool) -> list[Turn]:
-    setup = WheelSetup("bench", 0, 0, RADIUS_M, load_n=case.load_n, pressure_pa=case.pressure_pa)
+    new = ReferenceNumbers(*TABLE_3_NUMBERS, pressure_pa=REFERENCE_PA)
+    setup = WheelSetup(
+        "bench",
+        0,
+        0,
+        RADIUS_M,
+        load_n=case.load_n,
+        pressure_pa=case.pressure_pa,
+        tire=TireData(ring_thickness_m=1e-3 * RING_THICKNESS_MM, reference=new),
+    )
     samples = samples_of(case, revolutions, rng, noise=noise)
     turns = turns_of(samples.counts, hello_of(case.rate_hz, samples.range_mps2, 7), setup)
     usable = [turn for turn in turns if not turn.revolution.faults]
     return usable[:revolutions]
 
 
-def _after(name: str, turns: Sequence[Turn]) -> tuple[Estimate, ...]:
-    """Return what an estimator says after these revolutions."""
-    estimator = make_estimator(name)
+def _after(names: Sequence[str], turns: Sequence[Turn]) -> dict[str, tuple[Estimate, ...]]:
+    """Return what estimators say after these revolutions, run as the pipeline runs them."""
+    estimators = [make_estimator(name) for name in names]
     average = RunningAverage(horizon_revolutions=LONG)
-    history = []
-    for turn in turns:
+    history: dict[str, list[tuple[Estimate, ...]]] = {name: [] for name in names}
+    for index, turn in enumerate(turns):
         latest = take(average, turn.revolution)
-        if name not in SLOW:
-            history.append(_with_half_angle(estimator.update(turn.revolution, latest, turn.conditions)))
-    if not turns:
-        return ()
-    if name in SLOW:
-        return estimator.update(turns[-1].revolution, latest, turns[-1].conditions)
-    return _mean(history) if name in PER_REVOLUTION else history[-1]
+        given: dict[str, dict[str, Estimate]] = {}
+        conditions = replace(turn.conditions, given=given)
+        for estimator in estimators:
+            if estimator.name in SLOW and index < len(turns) - 1:
+                continue
+            found = estimator.update(turn.revolution, latest, conditions)
+            given[estimator.name] = {estimate.name: estimate for estimate in found}
+            history[estimator.name].append(_with_half_angle(found))
+    return {name: _mean(found) if name in PER_REVOLUTION else found[-1] for name, found in history.items() if found}
 
 
 def _with_half_angle(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
@@ -220,9 +241,8 @@ def _mean(history: list[tuple[Estimate, ...]]) -> tuple[Estimate, ...]:
     return tuple(rows)
 
 
-def _add(
-    into: dict[tuple[str, str], Sample], name: str, estimates: Sequence[Estimate], truth: dict[str, float]
-) -> None:
-    for estimate in estimates:
-        if estimate.name in truth:
-            into.setdefault((name, estimate.name), Sample()).add(estimate, truth[estimate.name])
+def _add(into: dict[tuple[str, str], Sample], found: Mapping[str, Sequence[Estimate]], truth: dict[str, float]) -> None:
+    for name, estimates in found.items():
+        for estimate in estimates:
+            if estimate.name in truth:
+                into.setdefault((name, estimate.name), Sample()).add(estimate, truth[estimate.name])

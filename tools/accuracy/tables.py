@@ -9,10 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from accuracy.cases import REFERENCE_PA, Case
-from accuracy.measure import LONG, Outcome
+from accuracy.measure import ABSOLUTE, LONG, Outcome
 
 QUANTITIES = ("speed_mps", "half_angle_rad", "Bs", "Cw", "Rs", "Ts")
 HEADS = ("speed", "half angle", "Bs", "Cw", "Rs", "Ts")
+# What the numbers are used for, one estimator each; the last two in mm.
+USES = (("load", "load_by_width_n"), ("wear", "wear_mm"), ("self-calibration", "sensor_offset_m"))
+USE_HEADS = ("load by belt width, %", "wear, mm", "sensor offset, mm")
 RATIOS = ("Bs/Cw", "Rs/Cw", "Ts/Cw")
 
 
@@ -113,6 +116,34 @@ def case_tables(outcomes: Sequence[Outcome], estimators: Sequence[str], group: s
             ("condition", "estimator", *RATIOS),
             tuple(_rows(chosen, estimators, _long_cell, RATIOS)),
         )
+
+
+def use_tables(outcomes: Sequence[Outcome]) -> Iterable[Table]:
+    """Yield load, wear and sensor offset in every condition."""
+    if not any(key in outcome.long for outcome in outcomes for key in USES):
+        return
+    yield Table(
+        f"Load, wear and sensor offset after {LONG} revolutions",
+        "mean error +- its standard deviation; in brackets the standard deviation of one revolution (times the bound)",
+        ("condition", *USE_HEADS),
+        tuple((outcome.case.name, *(_use_cell(outcome, key) for key in USES)) for outcome in outcomes),
+    )
+
+
+def _use_cell(outcome: Outcome, key: tuple[str, str]) -> str:
+    sample, single = outcome.long.get(key), outcome.single.get(key)
+    if sample is None or not sample.errors:
+        return "-"
+    shown = plain if key[1] in ABSOLUTE else percent
+    text = f"{shown(sample.bias)} +- {shown(sample.std)}"
+    if single is None or not math.isfinite(single.std) or key[1] not in outcome.bound:
+        return text
+    return f"{text} ({shown(single.std)}, {single.std / outcome.bound[key[1]]:.2g}x)"
+
+
+def plain(value: float) -> str:
+    """Return a value with three digits; a dash when there is none."""
+    return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
 def _rows(
