@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -45,11 +46,37 @@ def relative_std(order_std: FloatArray, mean: float, orders: FloatArray, max_ord
     return np.maximum(std, _LEAST_STD)
 
 
+def by_band(orders: FloatArray) -> FloatArray:
+    """Return (..., bands, ORDER_COUNT): the orders of each band, with zeros elsewhere."""
+    parts: FloatArray = orders[..., np.newaxis, :] * _MASKS
+    return parts
+
+
 def band_mean(values: FloatArray) -> FloatArray:
     """Return (..., ORDER_COUNT) with each order's value replaced by its band's mean; 0 below the first band."""
-    edges = np.array(BANDS[:-1])
     sizes = np.diff(np.array(BANDS))
-    sums = np.add.reduceat(values[..., BANDS[0] :], edges - BANDS[0], axis=-1)
+    sums = np.add.reduceat(values[..., BANDS[0] :], np.array(BANDS[:-1]) - BANDS[0], axis=-1)
     result = np.zeros_like(values)
     result[..., BANDS[0] :] = np.repeat(sums / sizes, sizes, axis=-1)
     return result
+
+
+def _masks() -> FloatArray:
+    masks = np.zeros((_BAND_COUNT, ORDER_COUNT))
+    for band, (first, following) in enumerate(pairwise(BANDS)):
+        masks[band, first:following] = 1.0
+    return masks
+
+
+def _quarter_turn() -> FloatArray:
+    """Cosine orders of sin(k |theta|), by k: 4 k / (pi (k^2 - n^2)) where k - n is odd, half of it at n = 0."""
+    k, n = np.meshgrid(np.arange(ORDER_COUNT), np.arange(ORDER_COUNT), indexing="ij")
+    odd = (k - n) % 2 == 1
+    turned: FloatArray = np.where(odd, 4.0 * k / (math.pi * np.where(odd, k**2 - n**2, 1)), 0.0)
+    turned[:, : BANDS[0]] = 0.0  # the mean and order 1 are not free: calibration and closure
+    return turned
+
+
+_MASKS: Final[FloatArray] = _masks()
+QUARTER_TURN: Final[FloatArray] = _quarter_turn()
+"""What a phase of 90 degrees makes of even orders, waves that run out of both edges alike: orders @ QUARTER_TURN."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.estimators.determination import FittedNumbers
-from gateway.estimators.order_errors import band_mean, relative_std
+from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance_alike
 from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, even_orders
@@ -80,8 +80,8 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
     """Return the numbers of a solution with their covariances.
 
     Noise: the orders' standard errors through the response of the numbers. Model error: the least correction of the
-    orders that lets the balance hold, its sign drawn anew order by order and its size band by band, through the same
-    response; less what noise alone would leave.
+    orders that lets the balance hold, band by band with its phase drawn anew, through the same response; less what
+    noise alone would leave. A band keeps its envelope: waves that run out of the contact stay where bending feels them.
 
     Args:
         solution: of b waveforms.
@@ -92,14 +92,14 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
     noise = weighted @ weighted.transpose(0, 2, 1)
     # The fit has taken UNKNOWNS of the rows' freedom out of the residual.
     excess = np.maximum(1.0 - 1.0 / np.maximum(solution.misfit, 1.0), 0.0) * (ROWS + 1) / FREEDOM
-    drawn = np.sqrt(band_mean(np.square(solution.correction)) * excess[:, np.newaxis])
-    moved = response * drawn[:, np.newaxis, :]
-    shape = (len(drawn), 4, 4)
+    waves = by_band(solution.correction)
+    moved = np.concatenate([waves, waves @ QUARTER_TURN], axis=1) @ response.transpose(0, 2, 1)
+    model = 0.5 * excess[:, np.newaxis, np.newaxis] * (moved.transpose(0, 2, 1) @ moved)
     return WaveformFits(
         values=solution.unknowns[:, :4],
         free=solution.free[:, :4],
-        noise=np.broadcast_to(noise, shape),
-        model=moved @ moved.transpose(0, 2, 1),
+        noise=np.broadcast_to(noise, model.shape),
+        model=model,
         deflection=solution.unknowns[:, 5],
         misfit=solution.misfit,
     )

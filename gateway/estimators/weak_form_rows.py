@@ -40,8 +40,9 @@ from gateway.signal.orders import ORDER_COUNT
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-# Virtual rotations sin(j pi (theta - theta_c) / (pi - theta_c)), j = 1 to ROWS.
-ROWS: Final = 24
+# Virtual rotations sin(j pi (theta - theta_c) / (pi - theta_c)), j = 1 to ROWS: orders up to about 35. The numbers need
+# two thirds of them; waves that are not the belt's shape, of order 30 on real tires, must be seen to be told.
+ROWS: Final = 32
 # The virtual motion begins this far outside the contact's edge, which is known to some milliradians only.
 CLEARANCE_RAD: Final = 0.02
 UNKNOWNS: Final = 6
