@@ -1,0 +1,55 @@
+"""Noise on the link: no corrupt frame accepted, no intact frame lost, back in step within one frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from firmware_protocol import wire
+from tools.reliability.noise import FRAME_BYTES, NOISES, Noise, Sender, disturb, intact_frames, through_batch
+from tools.reliability.noise import through_stream as stream
+
+FRAMES = 3000
+
+
+@pytest.mark.parametrize("noise", NOISES, ids=lambda noise: noise.name)
+def test_both_decoders_deliver_exactly_what_arrived_intact(noise: Noise) -> None:
+    for outcome in (through_batch(noise, FRAMES, 11), stream(noise, FRAMES, 11)):
+        assert outcome.corrupt_accepted == 0
+        assert outcome.intact_lost == 0
+        assert outcome.delivered + outcome.duplicates == outcome.intact
+        # In step again before another frame has gone by.
+        assert outcome.worst_delay_bytes <= wire.MAX_FRAME_BYTES
+    if noise.duplicated:
+        assert outcome.duplicates > 0
+    if noise.bit_errors == 1e-2:
+        assert outcome.delivered == 0
+    else:
+        assert outcome.delivered > 0.1 * FRAMES
+
+
+def test_the_measure_itself_knows_intact_from_damaged() -> None:
+    frames = Sender(1).frames(0, 100)
+    data, source = disturb(frames, Noise("none"), np.random.default_rng(1))
+    ends, numbers = intact_frames(source)
+    assert data == frames.tobytes()
+    assert ends.tolist() == [FRAME_BYTES * (k + 1) for k in range(100)]
+    source[FRAME_BYTES * 7 + 5] = -1
+    shorter = np.delete(source, FRAME_BYTES * 20 + 241)
+    _, numbers = intact_frames(shorter)
+    assert sorted(set(range(100)) - set(numbers.tolist())) == [7, 20]
+
+
+def test_a_decoder_that_forgets_its_tail_fails_this_test(monkeypatch: pytest.MonkeyPatch) -> None:
+    from firmware_protocol.decoder import FrameDecoder
+
+    feed = FrameDecoder.feed
+
+    def forgetting(self: FrameDecoder, data: bytes) -> list:
+        frames = feed(self, data)
+        if len(self._tail) > 150:
+            self._tail = b""
+        return frames
+
+    monkeypatch.setattr(FrameDecoder, "feed", forgetting)
+    assert stream(Noise("none"), 300, 1).intact_lost > 0

@@ -1,0 +1,1 @@
+"""What `tools/bench_faults.py` runs, one fault a module; tests run the same, smaller."""
