@@ -57,6 +57,6 @@ def _tell(uri: str, what: Command) -> None:
     try:
         if not isinstance(opened, TwoWaySource):
             raise SourceError(f"'{uri}' cannot be written to", "Give a hub on Bluetooth: ble://NAME.")
-        click.echo(carry_out(opened, what, _clock))
+        click.echo(carry_out(opened, what))
     finally:
         opened.close()

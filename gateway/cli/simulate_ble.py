@@ -31,7 +31,7 @@ def to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) ->
     hubs = ble_hubs(scenario)
     with PrivateBus() as bus, BluezStandIn(bus.address) as bluez:
         for hub in hubs.values():
-            hub.peripheral.on_notifying = _teller(hub.peripheral.name)
+            hub.on_listening = _teller(hub.peripheral.name)
             bluez.add(hub.peripheral)
         uris = " ".join(f"ble://{hub.peripheral.name}" for hub in hubs.values())
         config = f" --config {shlex.quote(str(vehicle))}" if vehicle is not None else ""

@@ -25,7 +25,7 @@ _SETTLE_SHARE: Final = 0.2  # of the time for scanning, for a second hub of the 
 _CONNECT_TIMEOUT_S: Final = 10.0
 _ATTEMPTS: Final = 3
 _PAUSE_S: Final = 0.25
-_CLOSE_TIMEOUT_S: Final = 15.0
+_CLOSE_TIMEOUT_S: Final = 12.0
 _WRITE_TIMEOUT_S: Final = 5.0
 _MTU_POLLS: Final = 5
 _MTU_POLL_S: Final = 0.1
@@ -169,7 +169,7 @@ class BleLink:
         client, self._client = self._client, None
         if client is not None:
             with suppress(*BLE_ERRORS):
-                radio().run(_leave(client), _CLOSE_TIMEOUT_S)
+                radio().run(_leave(client))
 
     def take_dropped(self) -> int:
         """Return how many notifications found no room since the last call."""
@@ -214,10 +214,11 @@ class BleLink:
         try:
             await client.connect()
             notifying, self._write_to = uart_characteristics(client.services, str(self.sighting))
-            await client.start_notify(
-                notifying, self._on_notification, bluez={"use_start_notify": not self._settings.by_socket}
-            )
-            self.mtu = await _mtu(notifying)
+            async with asyncio.timeout(_CONNECT_TIMEOUT_S):
+                await client.start_notify(
+                    notifying, self._on_notification, bluez={"use_start_notify": not self._settings.by_socket}
+                )
+                self.mtu = await _mtu(notifying)
         except BaseException:
             await _leave(client)
             raise
@@ -245,7 +246,8 @@ class BleLink:
 async def _leave(client: BleakClient) -> None:
     """Disconnect: also after the hub has left, or bleak keeps a D-Bus connection open for good."""
     with suppress(*BLE_ERRORS, AssertionError):
-        await client.disconnect()
+        async with asyncio.timeout(_CLOSE_TIMEOUT_S):
+            await client.disconnect()
 
 
 async def _mtu(characteristic: BleakGATTCharacteristic) -> int | None:

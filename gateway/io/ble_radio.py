@@ -23,6 +23,7 @@ from gateway.io.ble_hub import BATTERY_SERVICE, UART_SERVICE, Sighting
 
 _T = TypeVar("_T")
 _NO_RSSI_DBM: Final = -127
+_ENTER_TIMEOUT_S: Final = 10.0
 _LEAVE_TIMEOUT_S: Final = 5.0
 Listener = Callable[[Sighting], None]
 
@@ -80,12 +81,8 @@ class Air:
             BleakError: the adapter cannot scan; BLE_ERRORS has all of it.
         """
         async with self._changing:
-            for device in await self._connected():
-                listener(Sighting(device.address, device.name or "", None, None, is_hub=True, device=device))
-            if self._scanner is None:
-                scanner = BleakScanner(self._heard, bluez=self.bluez)
-                await scanner.start()
-                self._scanner = scanner
+            async with asyncio.timeout(_ENTER_TIMEOUT_S):  # a D-Bus that dies leaves its callers waiting
+                await self._start(listener)
             self._listeners.append(listener)
         try:
             yield
@@ -96,6 +93,14 @@ class Air:
                     scanner, self._scanner = self._scanner, None
                     with suppress(*BLE_ERRORS, AssertionError):  # an adapter that is gone scans no more
                         await asyncio.wait_for(scanner.stop(), _LEAVE_TIMEOUT_S)
+
+    async def _start(self, listener: Listener) -> None:
+        for device in await self._connected():
+            listener(Sighting(device.address, device.name or "", None, None, is_hub=True, device=device))
+        if self._scanner is None:
+            scanner = BleakScanner(self._heard, bluez=self.bluez)
+            await scanner.start()
+            self._scanner = scanner
 
     async def _connected(self) -> list[BLEDevice]:
         """Return hubs connected to this computer: after a program was killed they are, and do not advertise."""

@@ -24,9 +24,9 @@ from firmware_protocol.messages import (
 )
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source
 
-_ANSWER_TIMEOUT_NS: Final = 5_000_000_000
+ANSWER_TIMEOUT_S: Final = 5.0
 _TYPES: Final = {
     SetStream: MessageType.SET_STREAM,
     SetRate: MessageType.SET_RATE,
@@ -111,28 +111,36 @@ def command_frame(command: Command, seq: int) -> bytes:
     return encode_frame(Frame(_TYPES[type(command)], EVERY_HUB, HUB_ITSELF, seq, 0, command))
 
 
-def carry_out(source: TwoWaySource, command: Command, clock: Clock) -> str:
+def carry_out(source: TwoWaySource, command: Command, timeout_s: float = ANSWER_TIMEOUT_S) -> str:
     """Connect, send one command, wait for the answer and return what became of it, in words.
 
     Raises:
         SourceError: no connection, no answer, or the hub refuses.
     """
     stop, decoder = threading.Event(), FrameDecoder()
-    sent_ns: int | None = None
-    for item in source.items(stop):
-        if isinstance(item, LinkEvent) and item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
-            source.send(command_frame(command, 0))
-            sent_ns = clock.now_ns()
-        for frame in decoder.feed(item.data) if isinstance(item, Chunk) else ():
-            if isinstance(frame.message, CommandResult) and frame.message.command == _TYPES[type(command)]:
-                stop.set()
-                refused = refusal(frame.message)
-                if refused:
-                    raise SourceError(f"hub {frame.hub} refuses: {refused}", "See docs/protocol.md, Commands.")
-                return f"hub {frame.hub} has done it"
-        if sent_ns is not None and clock.now_ns() - sent_ns > _ANSWER_TIMEOUT_NS:
-            break
-    stop.set()
+    impatience = threading.Timer(timeout_s, stop.set)
+    answer: Frame | None = None
+    try:
+        for item in source.items(stop):
+            if isinstance(item, LinkEvent):
+                if item.kind is LinkEventKind.CONNECTED:
+                    source.send(command_frame(command, 0))
+                    impatience.start()
+                elif item.kind is LinkEventKind.LOST:
+                    raise SourceError(item.text, "Try again.")
+                continue
+            for frame in decoder.feed(item.data):
+                if isinstance(frame.message, CommandResult) and frame.message.command == _TYPES[type(command)]:
+                    answer = frame
+                    stop.set()
+    finally:
+        stop.set()
+        impatience.cancel()
+    if answer is not None and isinstance(answer.message, CommandResult):
+        refused = refusal(answer.message)
+        if refused:
+            raise SourceError(f"hub {answer.hub} did not do as told: {refused}", "See docs/protocol.md, Commands.")
+        return f"hub {answer.hub} has done it"
     raise SourceError(f"{source.link} did not answer", "Its firmware may take no commands; it streams of itself then.")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from typing import Final
 
@@ -49,6 +49,7 @@ class BleHub:
     Attributes:
         peripheral: how it shows on Bluetooth.
         number: of the hub.
+        on_listening: called when somebody subscribes and unsubscribes.
     """
 
     def __init__(self, number: int, peripheral: Peripheral) -> None:
@@ -56,6 +57,8 @@ class BleHub:
         self.number = number
         self.peripheral = peripheral
         peripheral.on_write = self._take_bytes
+        peripheral.on_notifying = self._connection
+        self.on_listening: Callable[[bool], None] | None = None
         self._commands: queue.SimpleQueue[Frame] = queue.SimpleQueue()
         self._decoder = FrameDecoder()
         self._seq: dict[int, int] = {}
@@ -89,6 +92,12 @@ class BleHub:
         self._seq[frame.wheel] = (seq + 1) & _MASK
         self._sent += 1
         return encode_frame(frame._replace(seq=seq, message=message))
+
+    def _connection(self, listening: bool) -> None:
+        # Every connection counts its commands from 0.
+        self._decoder = FrameDecoder()
+        if self.on_listening is not None:
+            self.on_listening(listening)
 
     def _take_bytes(self, data: bytes) -> None:
         for frame in self._decoder.feed(data):

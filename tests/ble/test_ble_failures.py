@@ -1,0 +1,151 @@
+"""Bluetooth itself fails: said in plain words, and survived where it comes back."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from bleak.exc import (
+    BleakBluetoothNotAvailableError,
+    BleakBluetoothNotAvailableReason,
+    BleakDBusError,
+    BleakError,
+)
+
+from gateway.clock import ManualClock
+from gateway.errors import SourceError
+from gateway.io.ble import scan
+from gateway.io.ble_errors import BLE_ERRORS, explain
+from gateway.io.source import LinkEventKind, Source, open_source
+from gateway.simulator.ble_peripheral import Peripheral
+from gateway.simulator.bluez_stand_in import BluezStandIn
+from gateway.simulator.dbus_daemon import PrivateBus
+from tests.ble.conftest import ADDRESSES
+from tests.io.hub_ends import Reader
+
+Read = Callable[[Source], Reader]
+
+
+def fault_of_scan() -> SourceError:
+    fault = scan(0.1).fault
+    assert fault is not None
+    assert fault.remedy
+    return fault
+
+
+def test_no_adapter(bus: PrivateBus, read: Read) -> None:
+    with BluezStandIn(bus.address, adapter=None):
+        assert str(fault_of_scan()) == "this computer has no Bluetooth adapter"
+        reader = read(open_source("ble://Treadlink", ManualClock()))
+        assert reader.next() is None
+        assert str(reader.error) == "this computer has no Bluetooth adapter"
+
+
+def test_no_bluetooth_service(bus: PrivateBus) -> None:
+    assert str(fault_of_scan()) == "Bluetooth's service is not running"
+
+
+def test_an_adapter_that_is_not_there(bluez: BluezStandIn) -> None:
+    fault = scan(0.1, "hci7").fault
+    assert fault is not None
+    assert "adapter 'hci7' not found" in str(fault)
+
+
+def test_bluetooth_switched_off_and_on_again(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+    bluez.run(bluez.service.power(False))
+    assert str(fault_of_scan()) == "Bluetooth is switched off"
+    bluez.run(bluez.service.power(True))
+    reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
+    reader.event(LinkEventKind.CONNECTED)
+    bluez.run(bluez.service.power(False))
+    reader.event(LinkEventKind.LOST)
+    assert "switched off" in reader.event(LinkEventKind.RETRYING).text
+    bluez.run(bluez.service.power(True))
+    reader.event(LinkEventKind.RESTORED)
+
+
+def test_bluetooth_crashes_without_a_word_and_comes_back(bus: PrivateBus, read: Read) -> None:
+    clock = ManualClock()
+    with BluezStandIn(bus.address, advertising_interval_s=0.02) as before:
+        before.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
+        reader = read(open_source("ble://Treadlink-FL?scan=0.2&silence=5", clock))
+        reader.event(LinkEventKind.CONNECTED)
+        before.close(crash=True)
+    clock.advance_ns(5_000_000_000)
+    assert "silent" in reader.event(LinkEventKind.LOST).text
+    assert "not running" in reader.event(LinkEventKind.RETRYING).text
+    with BluezStandIn(bus.address, advertising_interval_s=0.02) as after:
+        hub = after.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
+        # What it says until the adapter is back is its own; the last word counts.
+        while (item := reader.next()) is not None and getattr(item, "kind", None) is not LinkEventKind.RESTORED:
+            assert getattr(item, "kind", None) is LinkEventKind.RETRYING
+        after.run(after.service.notify(hub, [b"back"]))
+        assert reader.bytes(4)[0].data == b"back"
+
+
+def test_the_d_bus_dies_and_comes_back(bus: PrivateBus, read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    with PrivateBus() as doomed:
+        monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", doomed.address)
+        with BluezStandIn(bus.address, adapter=None):
+            scan(0.01)  # makes the radio notice nothing: it keeps its connection while that lives
+    # A process that starts on the doomed bus:
+    code = (
+        "import sys, threading\n"
+        "from gateway.clock import SystemClock\n"
+        "from gateway.io.source import open_source\n"
+        "stop = threading.Event()\n"
+        "for item in open_source('ble://Treadlink-FL?scan=0.2', SystemClock()).items(stop):\n"
+        "    print(item.kind.value, item.text, flush=True)\n"
+        "    if item.kind.value == 'retrying':\n"
+        "        stop.set()\n"
+    )
+    with PrivateBus() as doomed, BluezStandIn(doomed.address, advertising_interval_s=0.02) as stand_in:
+        stand_in.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
+        environment = {**os.environ, "DBUS_SYSTEM_BUS_ADDRESS": doomed.address}
+        with subprocess.Popen(
+            [sys.executable, "-c", code],
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+            cwd=Path(__file__).parents[2],
+        ) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith("connected")
+            doomed.close()
+            assert process.stdout.readline().startswith("lost")
+            assert "no D-Bus" in process.stdout.readline()
+
+
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        (PermissionError(13, "Permission denied"), "no permission to use Bluetooth"),
+        (
+            BleakDBusError("org.freedesktop.DBus.Error.AccessDenied", ["rejected send"]),
+            "no permission to use Bluetooth",
+        ),
+        (
+            BleakBluetoothNotAvailableError("no", BleakBluetoothNotAvailableReason.DENIED_BY_SYSTEM),
+            "no permission to use Bluetooth",
+        ),
+        (
+            BleakBluetoothNotAvailableError("no", BleakBluetoothNotAvailableReason.NO_BLE_CENTRAL_ROLE),
+            "the Bluetooth adapter does not speak Bluetooth LE",
+        ),
+        (BleakDBusError("org.freedesktop.DBus.Error.Spawn.ChildExited", ["x"]), "Bluetooth's service is not running"),
+        (BleakDBusError("org.bluez.Error.InProgress", ["x"]), "the Bluetooth adapter is busy with another connection"),
+        (ConnectionRefusedError(111, "refused"), "there is no D-Bus here, by which Bluetooth is reached"),
+        (TimeoutError(), "cannot connect to X: no answer in time"),
+        (EOFError(), "cannot connect to X: EOFError"),
+        (BleakError("strange"), "cannot connect to X: strange"),
+    ],
+)
+def test_errors_in_plain_words(error: Exception, says: str) -> None:
+    assert isinstance(error, BLE_ERRORS)
+    explained = explain(error, "connect to X")
+    assert str(explained) == says
+    assert explained.remedy
