@@ -34,7 +34,7 @@ def describe_content(link: str, sample: bytes) -> str:
         if _NMEA.search(sample):
             return f"a GPS receiver speaks here (NMEA text), not a hub. {_other_place(link)}"
         return f"another device speaks here; it sends text: '{_first_line(sample)}'. {_other_place(link)}"
-    if sample.count(_UBLOX_SYNC) > 3 + 5 * _BY_CHANCE * len(sample):
+    if sample.count(_UBLOX_SYNC) > 2 + 5 * _BY_CHANCE * len(sample):
         return f"a u-blox receiver speaks here, not a hub. {_other_place(link)}"
     starts = sum(match[1][0] >> 4 == wire.VERSION_MAJOR for match in _HEADER.finditer(sample))
     if starts > 3 + 5 * _BY_CHANCE / 16 * len(sample):

@@ -1,0 +1,59 @@
+"""A simulated hub's bytes for tests that change or interrupt them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator
+
+from firmware_protocol import wire
+from firmware_protocol.codec import encode_raw
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.framing import next_frame
+from gateway.clock import ManualClock
+from gateway.io.source import Chunk, LinkItem, open_source
+from gateway.session.core import SessionCore
+
+
+def simulated(uri: str) -> tuple[list[LinkItem], str]:
+    """Return the items of a simulator source and its vehicle."""
+    source = open_source(uri, ManualClock())
+    return list(source.items(threading.Event())), source.vehicle_toml or ""
+
+
+def chunks_of(items: Iterable[LinkItem]) -> list[Chunk]:
+    return [item for item in items if isinstance(item, Chunk)]
+
+
+def raw_frames(data: bytes) -> Iterator[bytes]:
+    """Yield every intact frame of bytes as bytes."""
+    at = 0
+    while True:
+        at, end, _ = next_frame(data, at)
+        if not end:
+            return
+        yield data[at:end]
+        at = end
+
+
+def readdressed(frame: bytes, *, version: int = wire.VERSION_BYTE, flags: int = 0, type_: int | None = None) -> bytes:
+    """Return a frame with another version, flags or type and the right checksum."""
+    payload = frame[wire.HEADER_BYTES : -wire.CRC_BYTES]
+    seq, tick_us = int.from_bytes(frame[8:12], "little"), int.from_bytes(frame[12:16], "little")
+    kind = frame[3] if type_ is None else type_
+    return encode_raw(kind, payload, frame[5], frame[6], seq, tick_us, version=version, flags=flags)
+
+
+def told(core: SessionCore, items: Iterable[LinkItem]) -> list[str]:
+    """Run items through a session; return everything it told the user."""
+    notices: list[str] = []
+    core.on_notice = notices.append
+    for item in items:
+        core.take(item)
+    core.finish()
+    return notices
+
+
+def decodes(data: bytes) -> int:
+    """Return how many frames are in bytes."""
+    decoder = FrameDecoder()
+    return len(decoder.feed(data)) + len(decoder.finish())
