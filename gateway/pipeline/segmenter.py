@@ -13,11 +13,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.pipeline.contact_checks import Missing, consistent, mend
 from gateway.pipeline.results import WheelState
 from gateway.pipeline.tracking import ContactPair as ContactPair
-from gateway.pipeline.tracking import ContactTrack, Missing, Read, mend
+from gateway.pipeline.tracking import ContactTrack, Read
 from gateway.signal.segmentation import Contact, find_contacts, refine_contact
-from gateway.signal.trains import LONGEST_PERIOD_S
+from gateway.signal.trains import LONGEST_PERIOD_S, Known
 
 FloatArray = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ LOOK_BACK_S: Final = 3.4 * LONGEST_PERIOD_S
 # A wheel that shows no contact for this long, and no signal either, stands still.
 STANDSTILL_S: Final = 2.0
 STANDSTILL_STD_MPS2: Final = 2.5
+# A search goes by what is known of the wheel for so long, then without.
+_TRUST_KNOWN_S: Final = 6.0
 # After so many contacts, and then every so many, an unprejudiced search looks whether these are the contacts at all.
 _FIRST_CHECK: Final = 4
 _CHECK_EVERY: Final = 32
@@ -48,6 +51,7 @@ class Segmenter:
         self._search_at = origin + self._step
         self._paired_until = float(origin)
         self._until_check = _FIRST_CHECK
+        self._known: Known | None = None
 
     @property
     def next_index(self) -> int:
@@ -104,7 +108,9 @@ class Segmenter:
         searched_s = (end - self._searched_from) / self._rate_hz
         self._search_at = end + (self._step if searched_s < SEARCH_WINDOW_S else 2 * self._step)
         radial = read(first, end)
-        coarse, sign = find_contacts(radial, self._rate_hz)
+        # What is known is put aside in time, should it be wrong.
+        known = self._known if searched_s < _TRUST_KNOWN_S else None
+        coarse, sign = find_contacts(radial, self._rate_hz, known)
         contacts = self._latest_placed(coarse, radial * sign, first, missing)
         if len(contacts) < 3:
             if not coarse and searched_s >= STANDSTILL_S:
@@ -132,10 +138,12 @@ class Segmenter:
             contact = refine_contact(radial, at, width)
             if contact is not None:
                 contact = mend(replace(contact, centre=contact.centre + first), contact.duration, missing)
-            if contact is not None:
-                runs[-1].append(contact)
-            elif runs[-1]:
+            if contact is None:
                 runs.append([])
+            elif not runs[-1] or consistent(runs[-1], contact):
+                runs[-1].append(contact)
+            else:
+                runs.append([contact])
         return next((run for run in reversed(runs) if len(run) >= 3), [])
 
     def _is_still(self, radial: FloatArray) -> bool:
@@ -146,6 +154,8 @@ class Segmenter:
     def _lose(self, resume: int, now: int) -> None:
         """Search anew from sample `resume` on, decisions going on where they stand."""
         self.state = WheelState.SEARCHING
+        if self._track is not None:
+            self._known = self._track.known or self._known
         self._track = None
         self._origin = max(resume, self._origin)
         self._searched_from = now
@@ -163,7 +173,7 @@ class Segmenter:
         contact = track.contact
         first = max(int(contact.centre) - span, self._origin)
         found, sign = find_contacts(read(first, end), self._rate_hz)
-        if found and (
-            sign != self.sign or all(abs(first + at - contact.centre) > contact.duration for at, _, _ in found)
-        ):
+        near = [abs(first + at - seen.centre) <= 0.75 * seen.duration for at, _, _ in found for seen in track.recent]
+        if found and (sign != self.sign or not any(near)):
             self._lose(first, end)
+            self._known = None

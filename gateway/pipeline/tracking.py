@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -11,27 +12,37 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.pipeline.contact_checks import Missing, edge_jitter2, mend, size
 from gateway.signal.dips import box_offsets, dip_score
 from gateway.signal.resample import MARGIN_SAMPLES
 from gateway.signal.segmentation import Contact, refine_contact
-from gateway.signal.trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, least_level, turn
+from gateway.signal.trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, least_level, turn
 
 FloatArray = NDArray[np.float64]
 # read(first, end) -> nominally inward radial acceleration of the samples first to end (exclusive), m/s^2
 Read = Callable[[int, int], FloatArray]
-# missing(first, end) -> how many of these samples were lost and filled
-Missing = Callable[[int, int], int]
 
 # A dip is the next contact when it has this share of the depth that its period asks for.
 _ACCEPT_SHARE: Final = 0.45
+_ACCEPT_GRAVITY_MPS2: Final = 4.0
 # Contacts in a row that may go unseen, their samples lost or hit by an impact, when the next one is where it must be.
 _MAX_UNSEEN: Final = 2
 _UNSEEN_TURN_RATIO: Final = 1.25
 _UNSEEN_PERIOD_RATIO: Final = 1.3
+_UNSEEN_DEPTH_RATIO: Final = 2.0
+# Below this, at 10 to 15 km/h, a wheel may have stopped or turned back instead.
+_UNSEEN_DEPTH_MPS2: Final = 25.0
 # How far depth (in its logarithm) and time (in periods, and by how much the acceleration may change, m/s^2) stray.
 _DEPTH_SPREAD: Final = 0.3
+_TURN_SPREAD: Final = 0.12
+_SIZE_SPREAD: Final = 0.2
+_UNSEEN_COST: Final = 4.0
 _TIME_SPREAD: Final = 0.02
 _JERK_MPS2: Final = 5.0
+_MOST_SPREAD: Final = 0.5
+_MOST_CANDIDATES: Final = 6
+_STRETCHES: Final = (0.5, 0.71, 1.0, 1.41, 1.9)
+_BAND: Final = (0.8, 1.25)
 # Shallower contacts than this are passed at speeds at which a wheel can stop or turn back within a revolution.
 _SLOW_MPS2: Final = 250.0
 # A contact that lasts this much longer or shorter than it should had an edge spoilt.
@@ -39,6 +50,14 @@ _SPOILT_SHARE: Final = 0.15
 # Depth times period squared follows pressure and load slowly.
 _DEPTH_WEIGHT: Final = 0.3
 _JITTER_WEIGHT: Final = 0.1
+# A contact whose duration times the square root of its depth is further off is none, or spoilt beyond use.
+_SIZE_RATIO: Final = 1.6
+_LEAST_DEPTH_MPS2: Final = 6.0
+# Contacts that a search may be compared with.
+_RECENT: Final = 6
+# What is learnt of a wheel is believed after so many contacts of at least this depth, passed at 20 km/h or more.
+_KNOWN_CONTACTS: Final = 8
+_KNOWN_DEPTH_MPS2: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,15 +93,25 @@ class ContactTrack:
             np.mean([edge_jitter2(*three) for three in zip(contacts[:-1], contacts[1:], ratios, strict=True)])
         )
         self.contact = contacts[-1]
+        self.recent = deque(contacts, maxlen=_RECENT)
         self.periods = (periods[-2], periods[-1])
         self._depth_period2 = self.contact.depth_mps2 * self.periods[-1] ** 2
         self._turn = float(np.median([self._turn_of(*pair) for pair in pairwise(contacts)]))
+        self._size = float(np.median([size(contact) for contact in contacts]))
+        self._followed = 0
         self._duty = float(np.median([c.duration / p for c, p in zip(contacts[1:], periods, strict=True)]))
         self._plan()
 
     def _turn_of(self, start: Contact, end: Contact, turns: int = 1) -> float:
         period_s = (end.centre - start.centre) / turns / self._rate_hz
         return float(turn(start.depth_mps2, end.depth_mps2, period_s))
+
+    @property
+    def known(self) -> Known | None:
+        """What has been learnt of the wheel, None while that is not sure."""
+        if self._followed < _KNOWN_CONTACTS:
+            return None
+        return Known(self._sign, self._turn, self._size / self._rate_hz)
 
     def _plan(self) -> None:
         """Set when to look for the next contact."""
@@ -91,8 +120,11 @@ class ContactTrack:
         outer = box_offsets(self._width)[2]
         beyond = max(0.25 * self._width + outer + 1, MARGIN_SAMPLES + 2)
         self.next_index = math.ceil(self.contact.centre + self._period + beyond)
-        most_s = min((_MAX_UNSEEN + 1.4) * self._period, (_MAX_UNSEEN + 0.4) * LONGEST_PERIOD_S * self._rate_hz)
-        self._give_up_at = math.ceil(self.contact.centre + max(most_s, INTERVAL_RATIO * self._period) + beyond)
+        longest = LONGEST_PERIOD_S * self._rate_hz
+        wait = min(INTERVAL_RATIO * self._period, longest)
+        if self.contact.depth_mps2 > _UNSEEN_DEPTH_MPS2:
+            wait = max(wait, min((_MAX_UNSEEN + 1.4) * self._period, 2.0 * longest))
+        self._give_up_at = math.ceil(self.contact.centre + wait + beyond)
 
     def _expected_period(self) -> float:
         """Period of the next revolution at constant angular acceleration."""
@@ -101,60 +133,108 @@ class ContactTrack:
         period = last
         for _ in range(3):
             period = 1.0 / max(speed + 0.5 * gain * (last + period), speed / INTERVAL_RATIO)
-        return float(np.clip(period, last / INTERVAL_RATIO, last * INTERVAL_RATIO))
+        longest = min(last * INTERVAL_RATIO, LONGEST_PERIOD_S * self._rate_hz)
+        return float(np.clip(period, last / INTERVAL_RATIO, longest))
 
     def step(self, read: Read, missing: Missing) -> list[ContactPair] | None:
         """Look for the next contact in the samples before `next_index`; None when the wheel is lost."""
         last, end = self.contact, self.next_index
-        outer = box_offsets(self._width)[2]
-        first = min(max(int(last.centre + 0.5 * self._period) - outer, int(last.centre)), end)
+        nearest = min(0.5 * self._period, self.periods[-1] / INTERVAL_RATIO)
+        first = min(max(int(last.centre + nearest) - box_offsets(self._width)[2], int(last.centre)), end)
         radial = read(first, end) * self._sign
-        score, offset = dip_score(np.concatenate(([0.0], np.cumsum(radial))), self._width)
-        best = self._best(score, first + offset) if len(score) else -1
-        if best >= 0 and best + 0.3 * self._width >= len(score) and end < self._give_up_at:
+        candidates, waiting = self._candidates(np.concatenate(([0.0], np.cumsum(radial))), first)
+        if waiting and end < self._give_up_at:
             self.next_index = end + max(1, round(0.5 * self._width))
             return []
-        if best >= 0:
-            found = refine_contact(radial, float(offset + best), self._width)
+        fitting: list[tuple[float, int, Contact, int]] = []
+        for place, (at, width) in enumerate(candidates):
+            found = refine_contact(radial, at - first, width)
             if found is not None:
-                mended = mend(replace(found, centre=found.centre + first), self._width, missing)
-                turns = self._turns_to(mended, read) if mended is not None else 0
-                if mended is not None and turns:
-                    return self._accept(mended, turns)
+                found = mend(replace(found, centre=found.centre + first), width, missing)
+            turns = self._turns_to(found, read) if found is not None else 0
+            if found is not None and turns:
+                fitting.append((self._misfit(found, turns), place, found, turns))
+        if fitting:
+            return self._accept(*min(fitting)[2:])
         if end < self._give_up_at:
             self.next_index = end + max(1, round(0.15 * self._period))
             return []
         return None
 
-    def _best(self, score: FloatArray, first: int) -> int:
-        """Place of the dip that the next contact most likely is, one or more revolutions on; -1 when there is none."""
-        radius = max(1, round(0.5 * self._width))
-        period = np.arange(first, first + len(score)) - self.contact.centre
-        turns = np.clip(np.rint(period / self._period), 1.0, _MAX_UNSEEN + 1.0)
-        # Two thirds of two periods may as well be one long one, when the wheel brakes hard.
-        expected = self._depth_period2 * (turns / period) ** 2
-        good = np.flatnonzero(score >= _ACCEPT_SHARE * expected)
-        if not len(good):
-            return -1
-        groups = np.split(good, np.flatnonzero(np.diff(good) > radius) + 1)
-        tops = np.array([group[int(np.argmax(score[group]))] for group in groups])
-        spread = _TIME_SPREAD + min(0.25, 2.0 * math.pi * _JERK_MPS2 / max(self.contact.depth_mps2, 1.0))
-        depth_off = np.log(score[tops] / expected[tops]) / _DEPTH_SPREAD
-        time_off = (period[tops] / self._period - turns[tops]) / (spread * turns[tops])
-        return int(tops[int(np.argmin(depth_off**2 + time_off**2 + 4.0 * (turns[tops] - 1.0)))])
+    def _candidates(self, prefix: FloatArray, first: int) -> tuple[list[tuple[float, float]], bool]:
+        """Dips that the next contact may be, one or more revolutions on, the likeliest first, each with its width.
+
+        Args:
+            prefix: cumulative sum of the signal from sample `first` on.
+            first: its first sample.
+
+        Returns:
+            the dips, and whether the likeliest lies so near the end that more samples may move it.
+        """
+        spread = self._time_spread()
+        # What the period may turn out to be while a slow wheel speeds up or brakes decides how wide a dip to look for.
+        stretches = _STRETCHES if self.contact.depth_mps2 < _SLOW_MPS2 else (1.0,)
+        found: list[tuple[float, float, float, bool]] = []
+        for stretch in stretches:
+            width = max(3.0, stretch * self._width)
+            score, offset = dip_score(prefix, width)
+            if not len(score):
+                continue
+            period = np.arange(first + offset, first + offset + len(score)) - self.contact.centre
+            turns = np.clip(np.rint(period / self._period), 1.0, _MAX_UNSEEN + 1.0)
+            expected = self._depth_period2 * (turns / period) ** 2
+            good = score >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
+            if len(stretches) > 1:
+                relative = period / (turns * self._period * stretch)
+                good &= (relative > _BAND[0]) & (relative < _BAND[1])
+            places = np.flatnonzero(good)
+            if not len(places):
+                continue
+            groups = np.split(places, np.flatnonzero(np.diff(places) > max(1, round(0.5 * width))) + 1)
+            for group in groups:
+                top = int(group[int(np.argmax(score[group]))])
+                depth_off = math.log(score[top] / expected[top]) / _DEPTH_SPREAD
+                time_off = (period[top] / self._period - turns[top]) / (spread * turns[top])
+                cost = depth_off**2 + time_off**2 + _UNSEEN_COST * (turns[top] - 1.0)
+                found.append((cost, float(first + offset + top), width, top + 0.3 * width >= len(score)))
+        found.sort()
+        return [(at, width) for _, at, width, _ in found[:_MOST_CANDIDATES]], bool(found) and found[0][3]
 
     def _turns_to(self, found: Contact, read: Read) -> int:
         """How many revolutions lie between the last contact and this one; 0 when it is none of this wheel's."""
         last = self.contact
         period = found.centre - last.centre
-        for turns in range(1, _MAX_UNSEEN + 2):
+        if not 1.0 / _SIZE_RATIO < size(found) / self._size < _SIZE_RATIO or found.depth_mps2 < _LEAST_DEPTH_MPS2:
+            return 0
+        for turns in range(1, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
             one = period / turns
             limit = TURN_RATIO if turns == 1 else _UNSEEN_TURN_RATIO
             stretch = INTERVAL_RATIO if turns == 1 else _UNSEEN_PERIOD_RATIO
+            unlike = max(one / self._period, self._period / one)
+            if turns == 1:
+                unlike = min(unlike, max(one / self.periods[-1], self.periods[-1] / one))
             own = self._turn_of(last, found, turns) / self._turn
-            if 1.0 / limit < own < limit and 1.0 / stretch < one / self._period < stretch:
+            if 1.0 / limit < own < limit and unlike < stretch:
                 return turns if self._rolled_through(last, found, read) else 0
         return 0
+
+    def _misfit(self, found: Contact, turns: int) -> float:
+        """How far a contact, `turns` revolutions on, is from what it should be."""
+        late = (found.centre - self.contact.centre) / turns / self._period - 1.0
+        return (
+            (math.log(self._turn_of(self.contact, found, turns) / self._turn) / _TURN_SPREAD) ** 2
+            + (math.log(size(found) / self._size) / _SIZE_SPREAD) ** 2
+            + (0.5 * late / self._time_spread()) ** 2
+            + _UNSEEN_COST * (turns - 1)
+        )
+
+    def _time_spread(self) -> float:
+        return _TIME_SPREAD + min(_MOST_SPREAD, 2.0 * math.pi * _JERK_MPS2 / max(self.contact.depth_mps2, 1.0))
+
+    def _may_go_unseen(self, found: Contact) -> bool:
+        """Whether the wheel rolls on so steadily that a contact that was not seen can be put in its place."""
+        shallower, deeper = sorted((self.contact.depth_mps2, found.depth_mps2))
+        return shallower > _UNSEEN_DEPTH_MPS2 and deeper < _UNSEEN_DEPTH_RATIO * shallower
 
     def _rolled_through(self, last: Contact, found: Contact, read: Read) -> bool:
         """Whether the wheel kept rolling between two contacts."""
@@ -190,8 +270,11 @@ class ContactTrack:
             self._depth_period2 += _DEPTH_WEIGHT * (found.depth_mps2 * period**2 - self._depth_period2)
             self._turn += _DEPTH_WEIGHT * (self._turn_of(last, found, turns) - self._turn)
             self._duty += _DEPTH_WEIGHT * (found.duration / period - self._duty)
+            self._size += _DEPTH_WEIGHT * (size(found) - self._size)
+            self._followed += found.depth_mps2 > _KNOWN_DEPTH_MPS2
         self.periods = (self.periods[-1] if turns == 1 else period, previous)
         self.contact = found
+        self.recent.append(found)
         self._plan()
         return pairs
 
@@ -213,40 +296,3 @@ class ContactTrack:
     def period_std(self, start: Contact, end: Contact) -> float:
         """Return the standard error of the time between two contacts, in samples."""
         return float(np.hypot(start.centre_std, end.centre_std).clip(min=self._jitter2**0.5))
-
-
-def mend(contact: Contact, expected: float, missing: Missing) -> Contact | None:
-    """Take a contact of whose edges one was lost on the link from the other edge; None when both were lost.
-
-    Args:
-        contact: in running sample numbers.
-        expected: its duration as it should be, in samples.
-        missing: tells lost samples.
-    """
-    half = 0.5 * contact.duration
-    reach = max(2.0, 0.1 * expected)
-    lost = [
-        missing(math.floor(edge - reach), math.ceil(edge + reach) + 1) > 0
-        for edge in (contact.centre - half, contact.centre + half)
-    ]
-    if not any(lost):
-        return contact
-    if all(lost):
-        return None
-    edge = contact.centre + (half if lost[0] else -half)
-    centre = edge - (0.5 if lost[0] else -0.5) * expected
-    return replace(contact, centre=centre, duration=expected, centre_std=max(contact.centre_std, 0.05 * expected))
-
-
-def edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
-    """Square of the error of the period, in samples, that the change of the contact's length betrays.
-
-    The period between leading edges and that between trailing edges differ by the change of the duration; their mean,
-    which is the period between centres, errs by half of it. What the duration owes to the speed is no jitter.
-
-    Args:
-        start: contact at the start of the period.
-        end: contact at its end.
-        speed_ratio: speed at the end over speed at the start.
-    """
-    return (0.5 * (end.duration * speed_ratio - start.duration)) ** 2

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.signal.dips import box_offsets, find_dips, is_clipped, noise_std_mps2
-from gateway.signal.trains import best_train, outdone
+from gateway.signal.trains import Known, best_train, doubtful
 
 FloatArray = NDArray[np.float64]
 
@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 SEARCH_RATE_HZ: Final = 4800.0
 # Dips of the nominal sign win unless the other sign's are clearly stronger.
 _SIGN_PREFERENCE: Final = 1.15
+# Depth over the noise that is left when a contact's edges are looked for.
+_CROSSING_FACTOR: Final = 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,12 +46,15 @@ class Contact:
     predicted: bool = False
 
 
-def find_contacts(radial_mps2: FloatArray, rate_hz: float) -> tuple[list[tuple[float, float, float]], int]:
+def find_contacts(
+    radial_mps2: FloatArray, rate_hz: float, known: Known | None = None
+) -> tuple[list[tuple[float, float, float]], int]:
     """Find the contacts of a rolling wheel without knowing its speed, coupling or the sensor's direction.
 
     Args:
         radial_mps2: (n,) radial axis, nominally positive inward.
         rate_hz: sampling rate.
+        known: what is known of the wheel, if it is to be used.
 
     Returns:
         (sample, depth, duration in samples) of at least three consecutive contacts, the latest there are, in time
@@ -61,13 +66,14 @@ def find_contacts(radial_mps2: FloatArray, rate_hz: float) -> tuple[list[tuple[f
     rate = rate_hz / decimation
     both = find_dips(signal, rate)
     prefix = np.concatenate(([0.0], np.cumsum(signal)))
-    clipped = is_clipped(signal)
+    clipped_span = float(np.ptp(signal)) if is_clipped(signal) else 0.0
     best: list[int] = []
     best_sign, best_strength = 1, 0.0
-    for sign, dips in both.items():
-        train, strength = best_train(dips, sign * prefix, rate, clipped=clipped)
+    for sign in (1, -1) if known is None else (known.sign,):
+        dips = both[sign]
+        train, strength = best_train(dips, sign * prefix, rate, clipped_span=clipped_span, known=known)
         strength *= _SIGN_PREFERENCE if sign > 0 else 1.0
-        if strength > best_strength and not any(outdone(train, dips, others) for others in both.values()):
+        if strength > best_strength and (known is not None or not doubtful(train, dips, both[-sign])):
             best, best_sign, best_strength = train, sign, strength
     half, found = 0.5 * (decimation - 1), both[best_sign]
     coarse = [(found.at[i] * decimation + half, found.depth[i], found.width[i] * decimation) for i in best]
@@ -101,7 +107,9 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     depth = min(left, right) - low
     if depth <= 0.0:
         return None
-    smooth = max(1, round(width * 0.08))
+    # In noise a crossing needs a longer mean, or the first sample beyond the level is taken for the edge.
+    noise = noise_std_mps2(segment)
+    smooth = max(1, round(width * 0.08), round(min(0.35 * width, (_CROSSING_FACTOR * noise / depth) ** 2)))
     kernel = np.full(smooth, 1.0 / smooth)
     smoothed = np.convolve(segment, kernel, mode="valid") if smooth > 1 else segment
     shift = 0.5 * (smooth - 1)
@@ -123,7 +131,7 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     slope_up = abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
     lo, hi = max(before - span, 0), min(before + span, len(smoothed) - 1)
     slope_down = abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
-    noise = noise_std_mps2(segment) / smooth**0.5
+    noise /= smooth**0.5
     tiny = np.finfo(float).tiny
     centre_std = 0.5 * noise * float(np.hypot(1.0 / max(slope_up, tiny), 1.0 / max(slope_down, tiny)))
     return Contact(first + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)

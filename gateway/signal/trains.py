@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -19,10 +21,11 @@ INTERVAL_RATIO: Final = 1.9
 # The square root of the depth goes with the speed, and the mean of it at both contacts times the period with the
 # radius: (T (sqrt d1 + sqrt d2) / 4 pi)^2 = R times 1 to 2 for the edges' overshoot, less where gravity flattens dips.
 _TURN2_M: Final = (0.1, 1.7)
-# A clipped signal is shallower than it should be by any factor.
+# A clipped signal is shallower than it should be by any factor; its contacts still go through most of its span.
 _CLIPPED_TURN2_M: Final = 1e-3
+_CLIPPED_SHARE: Final = 0.3
 # That product is the same for all revolutions of a wheel within this factor, noise included.
-TURN_RATIO: Final = 1.5
+TURN_RATIO: Final = 1.4
 _TRAIN_TURN_RATIO: Final = 1.35
 # duration * sqrt(depth) of neighbouring contacts agrees within this factor, the steps of the durations included.
 _SIZE_RATIO: Final = 2.0
@@ -30,12 +33,40 @@ _DEPTH_RATIO: Final = 6.0
 # Between contacts the signal is R Omega^2 higher than in them unless the wheel stops or turns back there: then less
 # than a third is left. Gravity stands against it, one g in the contact.
 _LEVEL_SHARE: Final = 0.45
-_LEVEL_GRAVITY_MPS2: Final = 3.0
+_LEVEL_GRAVITY_MPS2: Final = 6.5
 # Longest period, 8 km/h on a radius of 0.55 m.
 LONGEST_PERIOD_S: Final = 1.6
 # Dips that take part at most, the latest.
 _MOST_DIPS: Final = 240
-_OUTDONE: Final = 3.0
+# While nothing is known of the wheel: dips below this may be gravity's or an overshoot's at walking pace.
+_LEAST_DEPTH_MPS2: Final = 11.0
+# What is known of a wheel holds within these factors: load and pressure change, noise and gravity have their share.
+_KNOWN_TURN_RATIO: Final = 1.4
+_KNOWN_SIZE_RATIO: Final = 1.8
+# A run of up to so many contacts is doubted when there are dips about it so many times deeper.
+_FEW: Final = 3
+_OUTDONE_SHARE: Final = 0.4
+_OUTDONE_DEPTH: Final = 1.15
+_OUTDONE_LENGTH: Final = 0.25
+# A dip between two contacts is one, too, when it is nearly as deep and as long.
+_SKIPPED_SHARE: Final = 0.7
+_SKIPPED_LENGTH_LOG: Final = 0.7
+_OUTDONE_NEAR: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of a wheel from having followed it.
+
+    Attributes:
+        sign: makes its radial axis positive inward.
+        turn: see `turn`, square root of m.
+        size: contact's duration in s times the square root of its depth.
+    """
+
+    sign: int
+    turn: float
+    size: float
 
 
 def turn(depth: FloatArray | float, other: FloatArray | float, period_s: FloatArray | float) -> FloatArray:
@@ -48,14 +79,17 @@ def least_level(depth: FloatArray | float) -> FloatArray:
     return np.asarray(_LEVEL_SHARE * depth - _LEVEL_GRAVITY_MPS2, np.float64)
 
 
-def best_train(dips: Dips, prefix: FloatArray, rate_hz: float, *, clipped: bool = False) -> tuple[list[int], float]:
+def best_train(
+    dips: Dips, prefix: FloatArray, rate_hz: float, *, clipped_span: float = 0.0, known: Known | None = None
+) -> tuple[list[int], float]:
     """Find the strongest run of three or more dips that one rolling wheel can have made.
 
     Args:
         dips: candidates in time order.
         prefix: (n + 1,) cumulative sum of the signal that they are dips of.
         rate_hz: its sampling rate.
-        clipped: whether depths may be too small by any factor.
+        clipped_span: span of the signal when it is clipped, so that depths may be too small by any factor; else 0.
+        known: what is known of the wheel.
 
     Returns:
         places in `dips` in time order, none when there is no such run; and its strength.
@@ -64,8 +98,14 @@ def best_train(dips: Dips, prefix: FloatArray, rate_hz: float, *, clipped: bool 
     at, depth, width, floor = (values[base:] for values in (dips.at, dips.depth, dips.width, dips.floor))
     if len(at) < 3:
         return [], 0.0
-    least = _CLIPPED_TURN2_M if clipped else _TURN2_M[0]
+    least = _CLIPPED_TURN2_M if clipped_span else _TURN2_M[0]
     before, after, turns = _possible_pairs(at, depth, width / rate_hz, floor, prefix, rate_hz, least)
+    good = np.minimum(depth[before], depth[after]) >= _CLIPPED_SHARE * clipped_span
+    if known is not None:
+        size = 0.5 * (width * np.sqrt(depth))[np.stack((before, after))].sum(axis=0) / rate_hz
+        good &= (turns < _KNOWN_TURN_RATIO * known.turn) & (known.turn < _KNOWN_TURN_RATIO * turns)
+        good &= (size < _KNOWN_SIZE_RATIO * known.size) & (known.size < _KNOWN_SIZE_RATIO * size)
+    before, after, turns = before[good], after[good], turns[good]
     strength = depth * np.sqrt(width)
     energy = strength.tolist()
     times = at.tolist()
@@ -137,23 +177,40 @@ def _rough(at_s: FloatArray, width_s: FloatArray) -> NDArray[np.bool_]:
     return result
 
 
-def outdone(train: list[int], dips: Dips, others: Dips) -> bool:
-    """Whether a dip within the train makes a better contact: then the train is an edge's overshoot, upside down.
+def doubtful(train: list[int], dips: Dips, others: Dips) -> bool:
+    """Whether other dips, of the other sign, between those of a train or beside a short one, make better contacts.
 
-    It happens while fewer than three contacts are in view, but already three overshoots.
+    An edge's overshoot is a dip of the negative signal, and three of them may be in view before three contacts are.
+    What is better repeats in every interval; what does not is an impact of the road.
 
     Args:
         train: places in `dips`.
         dips: of the train's own sign.
-        others: dips of either sign to compare with.
+        others: of the other sign.
     """
-    size = float(np.median(dips.depth[train] * dips.width[train] ** 2))
-    for before, after in pairwise(train):
-        deepest = max(dips.depth[before], dips.depth[after])
-        inside = (others.at >= dips.at[before]) & (others.at <= dips.at[after])
-        relative = others.depth[inside] * others.width[inside] ** 2 / size
-        deep = others.depth[inside]
-        better = ((deep >= deepest) & (relative >= _OUTDONE)) | ((deep >= 1.5 * deepest) & (relative >= 1.0 / _OUTDONE))
-        if better.any():
+    depth, at = dips.depth[train], dips.at[train]
+    if float(np.median(depth)) < _LEAST_DEPTH_MPS2:
+        return True
+    length = depth * dips.width[train] ** 2
+    other_length = others.depth * others.width**2
+    better = 0
+    for place, (before, after) in enumerate(pairwise(at.tolist())):
+        inside = (others.at >= before) & (others.at <= after)
+        inside &= others.depth >= _OUTDONE_DEPTH * math.sqrt(depth[place] * depth[place + 1])
+        inside &= other_length >= _OUTDONE_LENGTH * math.sqrt(length[place] * length[place + 1])
+        skipped = (
+            (dips.at > before) & (dips.at < after) & (dips.depth >= _SKIPPED_SHARE * depth[place : place + 2].min())
+        )
+        skipped &= np.abs(np.log(dips.depth * dips.width**2 / length[place])) < _SKIPPED_LENGTH_LOG
+        better += bool(inside.any() or skipped.any())
+    if better >= _OUTDONE_SHARE * (len(train) - 1):
+        return True
+    if len(train) > _FEW:
+        return False
+    reach = 1.5 * float(np.diff(at).max())
+    longest = float(np.median(length))
+    for near in (dips, others):
+        beside = (near.at > at[0] - reach) & (near.at < at[-1] + reach) & (near.depth > _OUTDONE_NEAR * depth.max())
+        if (near.depth[beside] * near.width[beside] ** 2 > _OUTDONE_LENGTH * longest).any():
             return True
     return False

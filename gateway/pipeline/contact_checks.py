@@ -1,0 +1,72 @@
+"""What contacts of one wheel have in common, and what is left of one that lost an edge on the link."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from gateway.signal.segmentation import Contact
+from gateway.signal.trains import turn
+
+# missing(first, end) -> how many of these samples were lost and filled
+Missing = Callable[[int, int], int]
+
+# How much size and turn of neighbours in a run may differ.
+_RUN_SIZE_RATIO: Final = 1.5
+_RUN_TURN_RATIO: Final = 1.25
+
+
+def size(contact: Contact) -> float:
+    """Return duration times the square root of the depth, the same for all contacts of a wheel at any speed."""
+    return contact.duration * math.sqrt(contact.depth_mps2)
+
+
+def consistent(run: list[Contact], contact: Contact) -> bool:
+    """Whether a contact may follow a run of contacts of the same wheel, now that they are placed exactly."""
+    last = run[-1]
+    if not 1.0 / _RUN_SIZE_RATIO < size(contact) / size(last) < _RUN_SIZE_RATIO:
+        return False
+    if len(run) < 2:
+        return True
+    before = float(turn(run[-2].depth_mps2, last.depth_mps2, last.centre - run[-2].centre))
+    after = float(turn(last.depth_mps2, contact.depth_mps2, contact.centre - last.centre))
+    return 1.0 / _RUN_TURN_RATIO < after / before < _RUN_TURN_RATIO
+
+
+def mend(contact: Contact, expected: float, missing: Missing) -> Contact | None:
+    """Take a contact of whose edges one was lost on the link from the other edge; None when both were lost.
+
+    Args:
+        contact: in running sample numbers.
+        expected: its duration as it should be, in samples.
+        missing: tells lost samples.
+    """
+    half = 0.5 * contact.duration
+    reach = max(2.0, 0.1 * expected)
+    lost = [
+        missing(math.floor(edge - reach), math.ceil(edge + reach) + 1) > 0
+        for edge in (contact.centre - half, contact.centre + half)
+    ]
+    if not any(lost):
+        return contact
+    if all(lost):
+        return None
+    edge = contact.centre + (half if lost[0] else -half)
+    centre = edge - (0.5 if lost[0] else -0.5) * expected
+    return replace(contact, centre=centre, duration=expected, centre_std=max(contact.centre_std, 0.05 * expected))
+
+
+def edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
+    """Square of the error of the period, in samples, that the change of the contact's length betrays.
+
+    The period between leading edges and that between trailing edges differ by the change of the duration; their mean,
+    which is the period between centres, errs by half of it. What the duration owes to the speed is no jitter.
+
+    Args:
+        start: contact at the start of the period.
+        end: contact at its end.
+        speed_ratio: speed at the end over speed at the start.
+    """
+    return (0.5 * (end.duration * speed_ratio - start.duration)) ** 2
