@@ -1,4 +1,4 @@
-"""What the ring paper's estimator and the contact edges are worth on the geometrically exact ring, and what they cost.
+"""What the ring paper's estimator and the contact edges are worth on the geometrically exact ring.
 
 Prints the tables of docs/ring-paper-estimator.md. Run: python tools/bench_ring_paper.py
 """
@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -195,47 +194,11 @@ def print_edge_offsets(paper: list[RingSolution], others: list[RingSolution]) ->
         )
 
 
-def microseconds(work: Callable[[], object]) -> float:
-    durations = []
-    for _ in range(200):
-        begin = time.perf_counter()
-        work()
-        durations.append(time.perf_counter() - begin)
-    return 1e6 * float(np.median(durations))
-
-
-def print_cost() -> None:
-    solution = solve_rolling_ring(BASE, 5000.0, 2.1e5, OMEGA, nodes=1440)
-    samples, centres = sampled(solution, 12, seed=2)
-    axes = np.stack([samples] * 3, axis=1)
-    phase = fit_phase(centres[1], centres[2], centres[0])
-    wave = resample_revolution(axes, phase)[0]
-    average, estimator = RunningAverage(), RingPaperEstimator()
-    pairs = list(zip(centres, centres[1:], centres[2:], strict=False))
-    revolutions = [revolution_of(samples, start, end, previous) for previous, start, end in pairs]
-    turns = itertools.cycle(revolutions)
-    results = itertools.cycle([take(RunningAverage(), revolution) for revolution in revolutions])
-    conditions = Conditions(RADIUS_M, 5000.0, 2.1e5)
-    clean = normalise_radial(wave, phase).radial_mps2
-    print("\nCost per revolution of 1069 samples, median, microseconds")
-    for name, work in (
-        ("resample, 3 axes", lambda: resample_revolution(axes, phase)),
-        ("gravity and drift", lambda: normalise_radial(wave, phase)),
-        ("contact edges", lambda: contact.find_contact_edges(clean, phase.samples)),
-        ("orders", lambda: order_coefficients(clean)),
-        ("running average", lambda: take(average, next(turns))),
-        ("ring-paper, warm", lambda: estimator.update(next(turns), next(results), conditions)),
-        ("ring-paper, cold", lambda: RingPaperEstimator().update(revolutions[0], next(results), conditions)),
-    ):
-        print(f"{name:>20}{microseconds(work):8.0f}")
-
-
 def main() -> None:
     paper, others = list(paper_grid()), list(other_tires())
     print_model_error(paper)
     print_whole_chain()
     print_edge_offsets(paper, others)
-    print_cost()
 
 
 if __name__ == "__main__":

@@ -35,6 +35,8 @@ DETERMINED: Final = 3.0
 # its own: it must be determined this many times better.
 _WEAK_BENDING: Final = 1e-3
 _WEAK_FACTOR: Final = 2.0
+# A relative error above this has no digits worth telling.
+_TELLING: Final = 10.0
 # Correlations above this are told.
 _CONFOUNDED: Final = 0.95
 
@@ -79,7 +81,8 @@ class Determination:
         error = self.relative_error[index] if relative_error is None else relative_error
         if not math.isfinite(error):
             return "not determined: the fit puts it at zero"
-        text = f"not determined: standard error {_percent(error)} of the value"
+        size = f"{error:.0%} of" if error < _TELLING else f"over {_TELLING:.0f} times"
+        text = f"not determined: standard error {size} the value"
         if self.model_share.any():
             text += ", most of it model error" if self.model_share[index] > 0.5 else ", most of it noise"
         others = np.abs(self.correlation[index]) - np.eye(4)[index]
@@ -228,7 +231,3 @@ def all_invalid(reason: str) -> tuple[Estimate, ...]:
 def positive(value: float | None) -> bool:
     """Whether a value is known, finite and above 0."""
     return value is not None and math.isfinite(value) and value > 0.0
-
-
-def _percent(value: float) -> str:
-    return f"{value:.0%}" if value < 10.0 else "beyond ten times"

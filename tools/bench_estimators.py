@@ -1,0 +1,166 @@
+# ruff: noqa: E402 - the number of threads must be set before numpy is imported
+"""What one revolution costs, stage by stage and estimator by estimator, and what a dump costs a revolution.
+
+scipy's general least squares on the ring paper's problem stands beside. Run: python tools/bench_estimators.py
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")
+
+import numpy as np
+import scipy
+from bench_ring_paper import BASE, OMEGA, ORDERS, RADIUS_M, revolution_of, sampled, take
+from scipy.optimize import least_squares
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimator, Revolution
+from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
+from gateway.estimators.tire_data import ReferenceNumbers, TireData
+from gateway.estimators.weak_form_fit import fit_waveforms
+from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.ring_series import stiffness_terms
+from gateway.physics.rolling_ring import solve_rolling_ring
+from gateway.signal.average import RunningAverage
+from gateway.signal.contact import find_contact_edges
+from gateway.signal.normalise import normalise_radial
+from gateway.signal.orders import ORDER_COUNT, order_coefficients
+from gateway.signal.resample import fit_phase, resample_revolution
+
+LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
+REVOLUTIONS = 64
+WAVEFORMS = 512
+# What the estimators of load and wear need, so that they work and do not merely say what is missing.
+CONDITIONS = Conditions(
+    RADIUS_M,
+    LOAD_N,
+    PRESSURE_PA,
+    tire=TireData(
+        ring_thickness_m=0.015,
+        reference=ReferenceNumbers(*TABLE_3_NUMBERS, pressure_pa=PRESSURE_PA),
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A revolution with the average that it went into."""
+
+    revolution: Revolution
+    average: AngleAverage
+
+
+def microseconds(work: Callable[[], object], repeats: int = 200) -> float:
+    """Median time of one call."""
+    durations = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        work()
+        durations.append(time.perf_counter() - begin)
+    return 1e6 * float(np.median(durations))
+
+
+def turns() -> tuple[list[Turn], np.ndarray, np.ndarray]:
+    """Revolutions of the exact ring with noise, gravity and a running average; the samples and contact centres."""
+    ring = solve_rolling_ring(BASE, LOAD_N, PRESSURE_PA, OMEGA, nodes=1440)
+    samples, centres = sampled(ring, REVOLUTIONS + 2, seed=2)
+    average = RunningAverage()
+    found = []
+    for previous, start, end in zip(centres, centres[1:], centres[2:], strict=False):
+        revolution = revolution_of(samples, start, end, previous)
+        found.append(Turn(revolution, take(average, revolution)))
+    return found, samples, centres
+
+
+def print_stages(found: list[Turn], samples: np.ndarray, centres: np.ndarray) -> None:
+    axes = np.stack([samples] * 3, axis=1)
+    phase = fit_phase(centres[1], centres[2], centres[0])
+    wave = resample_revolution(axes, phase)[0]
+    clean = normalise_radial(wave, phase).radial_mps2
+    average, revolutions = RunningAverage(), itertools.cycle([turn.revolution for turn in found])
+    rows = {
+        "resample, 3 axes": microseconds(lambda: resample_revolution(axes, phase)),
+        "gravity and drift": microseconds(lambda: normalise_radial(wave, phase)),
+        "orders": microseconds(lambda: order_coefficients(clean)),
+        "contact edges": microseconds(lambda: find_contact_edges(clean, phase.samples)),
+        "running average": microseconds(lambda: take(average, next(revolutions))),
+    }
+    estimators = {name: update_times(name, found) for name in ESTIMATORS}
+    used = rows | {name: float(np.median(estimators[name])) for name in DEFAULT_ESTIMATORS}
+    total = sum(used.values())
+    print(f"\nOne revolution of {phase.samples:.0f} samples, live, median, microseconds (share of {total:.0f})")
+    for name, cost in used.items():
+        print(f"{name:>20}{cost:10.0f}{cost / total:8.0%}")
+    print("\nEvery estimator, microseconds an update over 64 revolutions: median, mean, most")
+    for name, times in estimators.items():
+        print(f"{name:>20}{np.median(times):10.0f}{np.mean(times):10.0f}{np.max(times):12.0f}")
+
+
+def update_times(name: str, found: list[Turn]) -> np.ndarray:
+    """Time of each update in turn, in microseconds, what it is given by others not counted."""
+    names = [other for other in ESTIMATORS if other != "forward" or name == "forward"]
+    chain: list[Estimator] = [make_estimator(other) for other in names[: names.index(name) + 1]]
+    durations = []
+    for turn in found:
+        given: dict[str, dict[str, object]] = {}
+        for estimator in chain:
+            seeing = replace(CONDITIONS, given=given)  # type: ignore[arg-type]
+            begin = time.perf_counter()
+            estimates = estimator.update(turn.revolution, turn.average, seeing)
+            elapsed = time.perf_counter() - begin
+            given[estimator.name] = {estimate.name: estimate for estimate in estimates}
+        durations.append(1e6 * elapsed)
+    return np.array(durations)
+
+
+def print_batch(found: list[Turn]) -> None:
+    waves = np.stack([turn.average.radial_mps2 for turn in itertools.islice(itertools.cycle(found[8:]), WAVEFORMS)])
+    last = found[-1].average
+    centre = np.full(WAVEFORMS, 0.5 * (last.trailing_edge_rad + last.leading_edge_rad))
+    half = np.full(WAVEFORMS, 0.5 * (last.trailing_edge_rad - last.leading_edge_rad))
+    cost = microseconds(lambda: fit_waveforms(waves, last.orders_std_mps2, centre, half), 5) / WAVEFORMS
+    print(f"\nWeak form on {WAVEFORMS} averaged waveforms at once: {cost:.0f} microseconds each")
+
+
+def print_scipy(turn: Turn) -> None:
+    """Eq. 28 by scipy.optimize.least_squares, Jacobian given, bounds at zero, from 1.5 times the paper's numbers."""
+    average = turn.average
+    half = 0.5 * (average.trailing_edge_rad - average.leading_edge_rad)
+    measured = average.orders_mps2[1:ORDER_COUNT].real / OMEGA**2
+    numerator = -LOAD_N / (math.pi * PRESSURE_PA * RADIUS_M * half) * ORDERS**3 * np.sin(ORDERS * half)
+    units = np.array(TABLE_3_NUMBERS)
+    terms = stiffness_terms(ORDERS) * units
+
+    def residual(parameters: np.ndarray) -> np.ndarray:
+        return numerator / (terms @ parameters) - measured
+
+    def jacobian(parameters: np.ndarray) -> np.ndarray:
+        stiffness = terms @ parameters
+        return terms * (-numerator / stiffness**2)[:, np.newaxis]
+
+    def solve() -> object:
+        return least_squares(residual, np.full(4, 1.5), jac=jacobian, bounds=(1e-9, np.inf), x_scale=1.0)
+
+    print(f"\nscipy.optimize.least_squares on Eq. 28, cold: {microseconds(solve, 30):.0f} microseconds")
+
+
+def main() -> None:
+    cpu = platform.processor() or platform.machine()
+    print(f"{cpu}, {os.cpu_count()} cores, one thread used; Python {platform.python_version()},")
+    print(f"numpy {np.__version__}, scipy {scipy.__version__}")
+    found, samples, centres = turns()
+    print_stages(found, samples, centres)
+    print_batch(found)
+    print_scipy(found[-1])
+
+
+if __name__ == "__main__":
+    main()
