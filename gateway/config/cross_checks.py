@@ -18,10 +18,27 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         if "load_std_n" in wheel and "load_n" not in wheel:
             key = key_of(data, ("wheel", index, "load_std_n"))
             yield Fault(key, show(wheel["load_std_n"]), "it needs load_n beside it")
+    yield from _calibrations(data, wheels)
     thresholds = _table(data.get("thresholds"))
     low, high = thresholds.get("pressure_min_kpa"), thresholds.get("pressure_max_kpa")
     if _is_number(low) and _is_number(high) and low >= high:
         yield Fault("thresholds.pressure_min_kpa", show(low), f"allowed: less than pressure_max_kpa = {show(high)}")
+
+
+def _calibrations(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
+    tires = [("tire", data.get("tire"))]
+    tires += [(key_of(data, ("wheel", index, "tire")), wheel.get("tire")) for index, wheel in wheels]
+    for name, tire in tires:
+        calibration = _table(_table(tire).get("load_calibration"))
+        for low_key, high_key in (
+            ("half_angle_min_rad", "half_angle_max_rad"),
+            ("pressure_min_kpa", "pressure_max_kpa"),
+        ):
+            low, high = calibration.get(low_key), calibration.get(high_key)
+            if _is_number(low) and _is_number(high) and low > high:
+                yield Fault(
+                    f"{name}.load_calibration.{low_key}", show(low), f"allowed: up to {high_key} = {show(high)}"
+                )
 
 
 def _duplicates(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:

@@ -53,6 +53,7 @@ class LoadCalibrationTable(Section):
     half_angle_rad: float = Field(ge=0.01, le=1.5)
     pressure_kpa: float = Field(ge=10, le=1500)
     angle_exponent: float = Field(ge=0.1, le=5)
+    angle_curvature: float = Field(default=0.0, ge=-2, le=2)
     pressure_exponent: float = Field(ge=-2, le=3)
     relative_std_percent: float = Field(ge=0, le=100, description="one standard error of a load it gives")
     half_angle_min_rad: float = Field(ge=0.01, le=1.5)
@@ -67,6 +68,7 @@ class LoadCalibrationTable(Section):
             half_angle_rad=self.half_angle_rad,
             pressure_pa=self.pressure_kpa * 1e3,
             angle_exponent=self.angle_exponent,
+            angle_curvature=self.angle_curvature,
             pressure_exponent=self.pressure_exponent,
             relative_std=self.relative_std_percent * 1e-2,
             half_angle_range_rad=(self.half_angle_min_rad, self.half_angle_max_rad),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 
@@ -36,13 +37,16 @@ class ReferenceNumbers:
 
 @dataclass(frozen=True, slots=True)
 class LoadCalibration:
-    """Load from contact half angle and pressure: Q = load_n (half / half_angle_rad)^n (p / pressure_pa)^m.
+    """Load from contact half angle and pressure: ln(Q / load_n) = n x + c x^2 + m ln(p / pressure_pa).
+
+    x = ln(half / half_angle_rad).
 
     Attributes:
         load_n: load at the reference half angle and pressure.
         half_angle_rad: reference half angle.
         pressure_pa: reference pressure.
         angle_exponent: n.
+        angle_curvature: c.
         pressure_exponent: m.
         relative_std: one standard error of a load it gives, relative.
         half_angle_range_rad: smallest and largest half angle it was fitted on.
@@ -53,6 +57,7 @@ class LoadCalibration:
     half_angle_rad: float
     pressure_pa: float
     angle_exponent: float
+    angle_curvature: float
     pressure_exponent: float
     relative_std: float
     half_angle_range_rad: tuple[float, float]
@@ -60,8 +65,13 @@ class LoadCalibration:
 
     def load_at(self, half_angle_rad: float, pressure_pa: float) -> float:
         """Return the load in N of a positive half angle and pressure."""
-        angle, pressure = half_angle_rad / self.half_angle_rad, pressure_pa / self.pressure_pa
-        return float(self.load_n * angle**self.angle_exponent * pressure**self.pressure_exponent)
+        angle, pressure = math.log(half_angle_rad / self.half_angle_rad), math.log(pressure_pa / self.pressure_pa)
+        exponent = (self.angle_exponent + self.angle_curvature * angle) * angle + self.pressure_exponent * pressure
+        return self.load_n * math.exp(exponent)
+
+    def slope_at(self, half_angle_rad: float) -> float:
+        """Return the relative change of the load with that of the half angle."""
+        return self.angle_exponent + 2.0 * self.angle_curvature * math.log(half_angle_rad / self.half_angle_rad)
 
     def outside(self, half_angle_rad: float, pressure_pa: float) -> str:
         """Return what lies outside the range it was fitted on by more than a tenth, or an empty string."""

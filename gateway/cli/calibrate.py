@@ -1,0 +1,182 @@
+"""`treadlink calibrate`: recordings of known load in, what the vehicle file should say of the tire out."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import click
+import numpy as np
+
+from gateway.config.load import load_vehicle, parse_vehicle
+from gateway.config.model import LoadCalibrationTable, Reference, VehicleConfig
+from gateway.config.toml_writer import toml_text
+from gateway.errors import TreadlinkError
+from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
+from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration, reference_numbers
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.reader import RecordingReader
+from gateway.session.batch import estimate_items
+
+ESTIMATOR: Final = "weak-form"
+# The first revolutions of a wheel are found before there is an average to time them against.
+_SKIP: Final = 5
+_LEAST_REVOLUTIONS: Final = 20
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
+@click.option(
+    "--config",
+    "config_path",
+    type=click.Path(path_type=Path),
+    help="Vehicle configuration (TOML) for recordings that bring none; the others state their own loads.",
+)
+@click.option("--wheel", "positions", multiple=True, metavar="POSITION", help="Only this wheel; several may be given.")
+@click.option("--out", "out_path", type=click.Path(path_type=Path), metavar="FILE", help="Write the TOML to this file.")
+@click.option("--force", is_flag=True, help="Overwrite an existing output file.")
+def calibrate(
+    recordings: tuple[Path, ...],
+    config_path: Path | None,
+    positions: tuple[str, ...],
+    out_path: Path | None,
+    force: bool,
+) -> None:
+    """Calibrate a tire on RECORDING... of known load: load from contact angle and pressure, and reference numbers.
+
+    All wheels are taken as tires of one kind unless --wheel chooses among them. The result is TOML for the vehicle
+    file: [tire.load_calibration], by which the estimator `load` gives a load where none is stated, and
+    [tire.reference], which the wear counts from: make it with new tires. The fit's errors are told, also those of
+    leaving out one recording at a time.
+    """
+    if out_path is not None and out_path.exists() and not force:
+        raise TreadlinkError(f"{out_path} exists already", "Choose another name, or give --force.")
+    fallback = load_vehicle(config_path) if config_path is not None else None
+    points: list[TirePoint] = []
+    for path in recordings:
+        points += _points(path, fallback, positions)
+    if not points:
+        raise TreadlinkError(
+            "no wheel in these recordings can be used",
+            f"Each needs a stated load, a pressure and {_LEAST_REVOLUTIONS} good revolutions"
+            + (f", and to be one of {', '.join(positions)}." if positions else "."),
+        )
+    fit = fit_load_calibration(points)
+    reference = reference_numbers(points, ESTIMATOR)
+    for line in _report(points, fit):
+        click.echo(line)
+    text = _toml(fit.calibration, reference)
+    if out_path is None:
+        click.echo("\n" + text, nl=False)
+        return
+    try:
+        out_path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise TreadlinkError(f"{out_path} cannot be written: {error.strerror}", "Check the folder.") from error
+    click.echo(f"written: {out_path}  (put its tables in place of [tire.reference] and [tire.load_calibration])")
+
+
+def _points(path: Path, fallback: VehicleConfig | None, positions: Sequence[str]) -> list[TirePoint]:
+    """Estimate one recording and return its wheels, telling of those that cannot be used."""
+    reader = RecordingReader(path)
+    vehicle = parse_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
+    if vehicle is None:
+        raise TreadlinkError(f"{path} brings no configuration", "Give --config VEHICLE.toml with its loads.")
+    wheels: dict[str, list[RevolutionResult]] = defaultdict(list)
+
+    def take(result: RevolutionResult) -> None:
+        if not positions or result.position in positions:
+            wheels[result.position].append(result)
+
+    estimate_items(reader, vehicle, take, estimators=("kinematic", ESTIMATOR))
+    points = []
+    for position, results in wheels.items():
+        point = _point(f"{path.name} {position}", results)
+        if isinstance(point, str):
+            click.echo(f"left out: {path.name} {position}: {point}", err=True)
+        else:
+            points.append(point)
+    return points
+
+
+def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
+    """Return one wheel of a recording, or why it cannot be used."""
+    good = [result for result in results[_SKIP:] if not result.revolution.faults]
+    if len(good) < _LEAST_REVOLUTIONS:
+        return f"only {len(good)} good revolutions, {_LEAST_REVOLUTIONS} are needed"
+    conditions = good[-1].conditions
+    if conditions.load_n is None:
+        return "no load is stated"
+    pressures = [result.conditions.pressure_pa for result in good if result.conditions.pressure_pa is not None]
+    if not pressures:
+        return "its pressure is not known"
+    return TirePoint(
+        name=name,
+        load_n=conditions.load_n,
+        load_std_n=conditions.load_std_n,
+        pressure_pa=float(np.mean(pressures)),
+        half_angle_rad=float(
+            np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in good])
+        ),
+        numbers={found.name: found for found in good[-1].estimates},
+    )
+
+
+def _report(points: Sequence[TirePoint], fit: LoadFit) -> list[str]:
+    """Return the fit as a table, and what it is good for."""
+    width = max(len("recording and wheel"), *(len(point.name) for point in points))
+    lines = [f"{'recording and wheel':<{width}}   load N  p kPa  half rad  fit err  left out"]
+    for point, residual, left_out in zip(points, fit.residuals, fit.left_out, strict=True):
+        other = f"{left_out:+8.1%}" if np.isfinite(left_out) else "       -"
+        lines.append(
+            f"{point.name:<{width}} {point.load_n:8.0f} {1e-3 * point.pressure_pa:6.1f} {point.half_angle_rad:9.4f} "
+            f"{residual:+8.1%}  {other}"
+        )
+    found = fit.calibration
+    low, high = (found.load_at(half, found.pressure_pa) for half in found.half_angle_range_rad)
+    lines += [
+        "",
+        f"ln(load / {found.load_n:.0f} N) = {found.angle_exponent:.3f} x {found.angle_curvature:+.3f} x^2 "
+        f"{found.pressure_exponent:+.3f} ln(pressure / {1e-3 * found.pressure_pa:.1f} kPa), "
+        f"x = ln(half angle / {found.half_angle_rad:.4f} rad)",
+        f"one standard error {found.relative_std:.1%}"
+        + ("" if len(points) >= 3 else ", assumed: three recordings of different load tell it"),
+        f"valid for {low:.0f} to {high:.0f} N at {1e-3 * found.pressure_pa:.0f} kPa, "
+        f"{1e-3 * found.pressure_range_pa[0]:.0f} to {1e-3 * found.pressure_range_pa[1]:.0f} kPa, and this wear",
+    ]
+    return lines
+
+
+def _toml(calibration: LoadCalibration, reference: ReferenceNumbers) -> str:
+    """Return the tables for the vehicle file, checked against its own rules."""
+    half, pressure = calibration.half_angle_range_rad, calibration.pressure_range_pa
+    table = LoadCalibrationTable(
+        load_n=_rounded(calibration.load_n),
+        half_angle_rad=_rounded(calibration.half_angle_rad),
+        pressure_kpa=_rounded(1e-3 * calibration.pressure_pa),
+        angle_exponent=_rounded(calibration.angle_exponent),
+        angle_curvature=_rounded(calibration.angle_curvature),
+        pressure_exponent=_rounded(calibration.pressure_exponent),
+        relative_std_percent=_rounded(100.0 * calibration.relative_std),
+        half_angle_min_rad=_rounded(half[0]),
+        half_angle_max_rad=_rounded(half[1]),
+        pressure_min_kpa=_rounded(1e-3 * pressure[0]),
+        pressure_max_kpa=_rounded(1e-3 * pressure[1]),
+    )
+    known: dict[str, float] = {}
+    for name in ("Bs", "Cw", "Rs", "Ts"):
+        value = getattr(reference, name)
+        if value is not None:
+            known[name] = _rounded(value)
+            known[f"{name}_std"] = _rounded(getattr(reference, f"{name}_std"))
+    tire: dict[str, object] = {"load_calibration": table.model_dump()}
+    if known and reference.pressure_pa is not None:
+        numbers = Reference(**known, pressure_kpa=_rounded(1e-3 * reference.pressure_pa), estimator=reference.estimator)
+        tire["reference"] = numbers.model_dump(exclude_none=True)
+    return toml_text({"tire": tire})
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")

@@ -1,0 +1,155 @@
+"""What recordings of known load tell of a tire: its load calibration and its reference numbers.
+
+The load calibration is a power law of half angle and pressure with a slight bend. On the exact ring the exponents lie
+around 1.4 and 0.5 and the bend around 0.1, over tires, wear and treads; so they enter as knowledge with an error: one
+recording then gives the scale, two loads the exponent of the angle, two pressures that of pressure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.estimators.base import Estimate, Status
+from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
+
+FloatArray = NDArray[np.float64]
+
+NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
+
+# Exponent of the half angle, its bend and exponent of pressure on the exact ring, and what they vary by.
+_EXPONENTS: Final = (1.4, 0.1, 0.5)
+_EXPONENT_STDS: Final = (0.15, 0.1, 0.15)
+# What the law is wrong by at each point by itself.
+_MODEL_STD: Final = 0.01
+# Points from which leaving one out tells the error.
+_LEAST_POINTS: Final = 3
+# Sidewall numbers change with pressure: they are averaged over points so near the reference pressure.
+_SAME_PRESSURE: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class TirePoint:
+    """One wheel in one recording.
+
+    Attributes:
+        name: shown to the user.
+        load_n: known load.
+        load_std_n: its standard error.
+        pressure_pa: mean pressure.
+        half_angle_rad: median contact half angle.
+        numbers: estimates of the four numbers at the end of the recording, by name.
+    """
+
+    name: str
+    load_n: float
+    load_std_n: float
+    pressure_pa: float
+    half_angle_rad: float
+    numbers: dict[str, Estimate]
+
+
+@dataclass(frozen=True, slots=True)
+class LoadFit:
+    """A calibration and how well it does.
+
+    Attributes:
+        calibration: the power law.
+        residuals: (k,) relative error of the calibrated load at each point.
+        left_out: (k,) relative error at each point of a calibration without it; NaN for a single point.
+    """
+
+    calibration: LoadCalibration
+    residuals: FloatArray
+    left_out: FloatArray
+
+
+def fit_load_calibration(points: Sequence[TirePoint]) -> LoadFit:
+    """Fit load = f(half angle, pressure) to at least one point.
+
+    The calibration's standard error is the root mean square of leaving each point out in turn; with fewer than three
+    points it is what the prior knowledge of the exponents leaves over a range of a factor two, and at least 5 %.
+    """
+    calibration = _fit(points)
+    load = np.array([point.load_n for point in points])
+    fitted = np.array([calibration.load_at(point.half_angle_rad, point.pressure_pa) for point in points])
+    left_out = np.full(len(points), math.nan)
+    for index, point in enumerate(points if len(points) > 1 else ()):
+        others = _fit([*points[:index], *points[index + 1 :]])
+        left_out[index] = others.load_at(point.half_angle_rad, point.pressure_pa) / point.load_n - 1.0
+    if len(points) >= _LEAST_POINTS:
+        error = math.sqrt(float(np.square(left_out).mean()))
+    else:
+        error = math.hypot(0.05, _EXPONENT_STDS[0] * 0.5 * math.log(2.0))
+    return LoadFit(replace(calibration, relative_std=error), fitted / load - 1.0, left_out)
+
+
+def _fit(points: Sequence[TirePoint]) -> LoadCalibration:
+    """Return the calibration by least squares with prior exponents, its standard error yet unknown."""
+    half = np.array([point.half_angle_rad for point in points])
+    pressure = np.array([point.pressure_pa for point in points])
+    load = np.array([point.load_n for point in points])
+    weight = 1.0 / np.hypot(_MODEL_STD, [point.load_std_n / point.load_n for point in points])
+    middle = float(np.exp(np.log(half).mean())), float(np.exp(np.log(pressure).mean()))
+    angle = np.log(half / middle[0])
+    rows = np.stack([np.ones(len(half)), angle, np.square(angle), np.log(pressure / middle[1])], axis=1)
+    prior = np.diag([0.0, *(1.0 / std for std in _EXPONENT_STDS)])
+    left = np.concatenate([rows * weight[:, np.newaxis], prior[1:]])
+    right = np.concatenate([np.log(load) * weight, prior[1:] @ np.array([0.0, *_EXPONENTS])])
+    scale, angle_exponent, curvature, pressure_exponent = np.linalg.lstsq(left, right, rcond=None)[0].tolist()
+    return LoadCalibration(
+        load_n=math.exp(scale),
+        half_angle_rad=middle[0],
+        pressure_pa=middle[1],
+        angle_exponent=angle_exponent,
+        angle_curvature=curvature,
+        pressure_exponent=pressure_exponent,
+        relative_std=math.nan,
+        half_angle_range_rad=(float(half.min()), float(half.max())),
+        pressure_range_pa=(float(pressure.min()), float(pressure.max())),
+    )
+
+
+def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceNumbers:
+    """Return the tire's numbers at a pressure in the middle, each the weighted mean over the points that determine it.
+
+    Bs goes with 1 / p, for EI is the tire's own; Cw does not depend on pressure. Their standard error is that of the
+    mean or, where that is more, what the points' scatter makes of it.
+    """
+    pressure = sorted(point.pressure_pa for point in points)[len(points) // 2]
+    values: dict[str, float | None] = {}
+    stds: dict[str, float] = {}
+    for name in NUMBERS:
+        found = []
+        for point in points:
+            estimate = point.numbers.get(name)
+            near = abs(point.pressure_pa / pressure - 1.0) < _SAME_PRESSURE
+            if estimate is None or estimate.status is not Status.VALID or not (near or name in ("Bs", "Cw")):
+                continue
+            factor = point.pressure_pa / pressure if name == "Bs" else 1.0
+            found.append((estimate.value * factor, estimate.std * factor))
+        values[name], stds[name] = _mean(np.array(found)) if found else (None, 0.0)
+    return ReferenceNumbers(
+        values["Bs"], values["Cw"], values["Rs"], values["Ts"],
+        stds["Bs"], stds["Cw"], stds["Rs"], stds["Ts"],
+        pressure_pa=pressure,
+        estimator=estimator,
+    )  # fmt: skip
+
+
+def _mean(found: FloatArray) -> tuple[float, float]:
+    """Return the weighted mean of (k, 2) values with standard errors, and its standard error."""
+    values, stds = found.T
+    weights = 1.0 / np.square(np.maximum(stds, 1e-4 * np.abs(values)))
+    weights /= weights.sum()
+    mean = float(weights @ values)
+    formal = math.sqrt(float(np.square(weights) @ np.square(stds)))
+    if len(values) < 2:
+        return mean, formal
+    scatter = math.sqrt(float(weights @ np.square(values - mean)) / (len(values) - 1))
+    return mean, max(formal, scatter)

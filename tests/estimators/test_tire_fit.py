@@ -1,0 +1,105 @@
+"""The load calibration against the exact ring, found edges and all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gateway.estimators.base import Estimate, Status
+from gateway.estimators.tire_fit import TirePoint, fit_load_calibration, reference_numbers
+from gateway.physics.rolling_ring import solve_rolling_ring
+from gateway.signal.contact import find_contact_edges
+from tests.exact_ring_data import BASE_RING, omega_at, on_grid
+
+
+@cache
+def point(load_n: float, pressure_pa: float) -> TirePoint:
+    ring = solve_rolling_ring(BASE_RING, load_n, pressure_pa, omega_at(65.0), nodes=720)
+    edges = find_contact_edges(omega_at(65.0) ** 2 * on_grid(ring.sensor.radial_m), 1069.0)
+    return TirePoint("", load_n, 0.0, pressure_pa, 0.5 * (edges.trailing_rad - edges.leading_rad), {})
+
+
+GRID = [(load, pressure) for load in (2500.0, 4000.0, 5500.0, 7000.0) for pressure in (1.8e5, 2.1e5, 2.4e5)]
+
+
+def test_it_fits_the_exact_ring() -> None:
+    fit = fit_load_calibration([point(*at) for at in GRID])
+    assert np.abs(fit.residuals).max() < 0.03
+    assert fit.calibration.relative_std < 0.02
+    for load_n, pressure_pa in ((3200.0, 1.95e5), (6200.0, 2.25e5), (4700.0, 1.85e5)):
+        there = point(load_n, pressure_pa)
+        found = fit.calibration.load_at(there.half_angle_rad, pressure_pa)
+        assert found == pytest.approx(load_n, rel=3.0 * fit.calibration.relative_std)
+
+
+def test_leaving_out_tells_what_a_new_load_will_meet() -> None:
+    points = [point(load, 2.1e5) for load in (3000.0, 4500.0, 6000.0)]
+    fit = fit_load_calibration(points)
+    assert np.abs(fit.left_out).max() > np.abs(fit.residuals).max()
+    assert fit.calibration.relative_std == pytest.approx(math.sqrt(np.square(fit.left_out).mean()))
+    without_last = fit_load_calibration(points[:2]).calibration
+    expected = without_last.load_at(points[2].half_angle_rad, 2.1e5) / 6000.0 - 1.0
+    assert fit.left_out[2] == pytest.approx(expected, abs=1e-9)
+
+
+def test_one_recording_gives_the_scale_and_says_how_little_that_is() -> None:
+    fit = fit_load_calibration([point(5500.0, 2.1e5)])
+    assert np.isnan(fit.left_out).all()
+    assert fit.calibration.relative_std > 0.05
+    for load_n, pressure_pa in ((4000.0, 2.1e5), (7000.0, 2.1e5), (5500.0, 1.8e5)):
+        there = point(load_n, pressure_pa)
+        found = fit.calibration.load_at(there.half_angle_rad, pressure_pa)
+        assert found == pytest.approx(load_n, rel=2.0 * fit.calibration.relative_std)
+
+
+def test_an_uncertain_load_weighs_less() -> None:
+    good = [point(*at) for at in GRID]
+    wrong = replace(point(5500.0, 2.1e5), load_n=6600.0, load_std_n=1200.0)
+    fit = fit_load_calibration([*good, wrong])
+    clean = fit_load_calibration(good)
+    assert np.abs(fit.residuals[:-1] - clean.residuals).max() < 0.005
+
+
+def test_outside_and_slope() -> None:
+    calibration = fit_load_calibration([point(*at) for at in GRID]).calibration
+    assert calibration.outside(0.2, 2.1e5) == ""
+    assert "pressure" in calibration.outside(0.2, 3.0e5)
+    assert "half angle" in calibration.outside(0.6, 2.1e5)
+    by_difference = math.log(calibration.load_at(0.2002, 2e5) / calibration.load_at(0.2, 2e5)) / math.log(1.001)
+    assert calibration.slope_at(0.2001) == pytest.approx(by_difference, rel=1e-3)
+
+
+def numbers(bs: float, cw: float, rs: float, status: Status = Status.VALID) -> dict[str, Estimate]:
+    return {name: Estimate(name, value, 0.01 * value, status) for name, value in (("Bs", bs), ("Cw", cw), ("Rs", rs))}
+
+
+def test_reference_holds_at_one_pressure() -> None:
+    points = [
+        replace(point(5500.0, 1.8e5), numbers=numbers(3.5e-3, 0.195, 3.3)),
+        replace(point(5500.0, 2.1e5), numbers=numbers(3.0e-3, 0.197, 3.0)),
+        replace(point(5500.0, 2.4e5), numbers=numbers(2.625e-3, 0.193, 2.7)),
+    ]
+    found = reference_numbers(points, "weak-form")
+    assert found.pressure_pa == 2.1e5
+    assert found.Bs == pytest.approx(3.0e-3, rel=1e-9)
+    assert found.Bs_std == pytest.approx(3.0e-5 / math.sqrt(3.0), rel=1e-6)
+    assert found.Cw == pytest.approx(0.195, rel=2e-3)
+    assert found.Rs == pytest.approx(3.0)
+    assert found.Ts is None
+
+
+def test_reference_takes_valid_numbers_only() -> None:
+    points = [replace(point(5500.0, 2.1e5), numbers=numbers(3e-3, 0.195, 3.0, Status.PROVISIONAL))]
+    assert reference_numbers(points, "weak-form").Bs is None
+
+
+def test_scatter_that_the_errors_do_not_cover_counts() -> None:
+    points = [
+        replace(point(load, 2.1e5), numbers=numbers(bs, 0.195, 3.0))
+        for load, bs in ((2500.0, 2.8e-3), (4000.0, 3.0e-3), (5500.0, 3.2e-3))
+    ]
+    assert reference_numbers(points, "weak-form").Bs_std > 8e-5

@@ -1,0 +1,194 @@
+"""Wear and load through the whole pipeline, against tires whose wear and load are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from gateway.estimators.base import Conditions, Estimate, Status
+from gateway.estimators.load import LoadEstimator
+from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, TireData
+from gateway.estimators.wear import WearEstimator
+from gateway.pipeline.setup import WheelSetup
+from tests.estimators.revolution_data import exact_wave, make_revolution, settled
+from tests.exact_ring_data import solution
+from tests.simulated_wheel import last, simulated
+
+# The simulator's new tire.
+NEW = TireData(0.015, 0.0, ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3))
+ESTIMATORS = ("load", "wear", "weak-form", "kinematic")  # any order: they run in the registry's
+
+
+def wheel(load_n: float | None, tire: TireData = NEW) -> WheelSetup:
+    return WheelSetup("FL", 0, 0, 0.32, load_n=load_n, tire=tire)
+
+
+@pytest.mark.parametrize("wear_mm", [0.0, 2.9, 6.4])
+def test_wear_from_the_bending_number(wear_mm: float) -> None:
+    found = last(simulated(f"[tire]\nwear_mm = {wear_mm}", 14.0, wheel(5000.0), ESTIMATORS)[0])["wear_mm"]
+    assert found.status is Status.VALID
+    assert found.value == pytest.approx(wear_mm, abs=0.03)
+    assert found.std < 0.03
+
+
+def test_wear_without_a_load_goes_by_the_ratio() -> None:
+    found = last(simulated("[tire]\nwear_mm = 4", 14.0, wheel(None), ESTIMATORS)[0])
+    assert "Bs/Cw" in found["wear_mm"].reason
+    assert found["wear_mm"].value == pytest.approx(4.0, abs=0.05)
+    assert found["wear_number"].value == pytest.approx(4.0 / 320.0, abs=2e-4)
+
+
+def test_pressure_does_not_pass_for_wear() -> None:
+    results, _ = simulated("", 14.0, wheel(5000.0), ESTIMATORS, "pressure_kpa = 180")
+    assert last(results)["wear_mm"].value == pytest.approx(0.0, abs=0.03)
+    # Left out, 180 kPa would look like a stiffer ring: (210 / 180)^(1/3) is 0.8 mm of 15.
+    untold = replace(NEW, reference=replace(NEW.reference, pressure_pa=None))
+    results, _ = simulated("", 14.0, wheel(5000.0, untold), ESTIMATORS, "pressure_kpa = 180")
+    found = last(results)["wear_mm"]
+    assert "pressure not compensated" in found.reason
+    assert found.value < -0.6
+
+
+def test_wear_shows_in_the_snapshot() -> None:
+    from firmware_protocol.decoder import FrameDecoder
+    from gateway.config.faults import parse_document
+    from gateway.pipeline.core import Pipeline
+    from gateway.simulator.scenario_model import Scenario
+    from gateway.simulator.simulation import simulate
+
+    scenario = parse_document(Scenario, "[[wheel]]\nposition = 'FL'\nwheel = 0\n[wheel.tire]\nwear_mm = 3", "test")
+    setup, decoder = wheel(None), FrameDecoder()
+    with_wear = Pipeline((setup,), setup, ESTIMATORS)
+    without = Pipeline((setup,), setup, ("kinematic",))
+    for chunk in simulate(scenario, duration_s=8.0).chunks("link", 10**18):
+        frames = decoder.feed(chunk.data)
+        with_wear.frames("link", frames, chunk.host_ns)
+        without.frames("link", frames, chunk.host_ns)
+    (snapshot,) = with_wear.wheels()
+    assert snapshot.wear_mm.value == pytest.approx(3.0, abs=0.1)
+    # Nobody stated a load: the estimated one is shown.
+    assert snapshot.load_n == pytest.approx(5000.0, rel=0.02)
+    (snapshot,) = without.wheels()
+    assert snapshot.wear_mm is None
+    assert snapshot.load_n is None
+
+
+GIVEN = {"Bs": Estimate("Bs", 2e-3, 4e-5, Status.VALID), "Bs/Cw": Estimate("Bs/Cw", 0.0105, 4e-4, Status.VALID)}
+CONDITIONS = Conditions(0.32, 5000.0, 210e3, tire=NEW, given={"weak-form": GIVEN})
+REVOLUTION = make_revolution(exact_wave(solution()))
+AVERAGE = settled(REVOLUTION)
+
+
+def wear_of(conditions: Conditions) -> Estimate:
+    return WearEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
+
+
+def test_error_of_the_wear_holds_all_three() -> None:
+    ratio = (2e-3 / 3.08e-3) ** (1 / 3)
+    own = 15.0 * ratio / 3.0
+    assert wear_of(CONDITIONS).value == pytest.approx(15.0 * (1.0 - ratio))
+    assert wear_of(CONDITIONS).std == pytest.approx(own * 0.02)
+    reference = replace(CONDITIONS, tire=replace(NEW, reference=replace(NEW.reference, Bs_std=3.08e-5)))
+    assert wear_of(reference).std == pytest.approx(own * math.hypot(0.02, 0.01))
+    thickness = replace(CONDITIONS, tire=replace(NEW, ring_thickness_std_m=0.001))
+    assert wear_of(thickness).std == pytest.approx(math.hypot(own * 0.02, 1.0 - ratio))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"tire": replace(NEW, ring_thickness_m=None)}, "ring_thickness_mm"),
+        ({"tire": replace(NEW, reference=ReferenceNumbers())}, "tire.reference"),
+        ({"given": {}}, "needs the estimator weak-form"),
+        ({"given": {"ring-paper": GIVEN}}, "needs the estimator weak-form"),
+        ({"given": {"weak-form": {}}}, "no bending stiffness number"),
+    ],
+)
+def test_wear_says_what_it_lacks(change: dict[str, object], reason: str) -> None:
+    found = wear_of(replace(CONDITIONS, **change))
+    assert found.status is Status.INVALID
+    assert reason in found.reason
+
+
+def test_drift_of_the_wear() -> None:
+    estimator = WearEstimator()
+    for index in range(1001):
+        worn = (1.0 - 0.0002 * index / 15.0) ** 3 * 3.08e-3
+        given = {"weak-form": {"Bs": Estimate("Bs", worn, 1e-6, Status.VALID)}}
+        found = estimator.update(replace(REVOLUTION, index=index), AVERAGE, replace(CONDITIONS, given=given))[2]
+        assert (found.status is Status.INVALID) == (index < 300)
+    assert found.value == pytest.approx(0.2, rel=1e-6)
+    assert found.std < 1e-6
+    assert found.reason == "over 1000 revolutions"
+
+
+CALIBRATION = LoadCalibration(4372.0, 0.2156, 209e3, 1.359, 0.157, 0.513, 0.013, (0.135, 0.311), (190e3, 230e3))
+CALIBRATED = replace(NEW, load_calibration=CALIBRATION)
+
+
+@pytest.mark.parametrize("load_n", [3000.0, 6500.0])
+def test_load_by_angle_and_by_width(load_n: float) -> None:
+    results, _ = simulated("", 14.0, wheel(None, CALIBRATED), ESTIMATORS, f"load_n = {load_n}")
+    found = last(results)
+    assert found["load_by_angle_n"].value == pytest.approx(load_n, rel=0.03)
+    assert abs(found["load_by_angle_n"].value - load_n) < 3.0 * found["load_by_angle_n"].std
+    assert found["load_by_width_n"].value == pytest.approx(load_n, rel=0.01)
+    assert found["load_n"].value == found["load_by_width_n"].value
+    assert "by belt width" in found["load_n"].reason
+
+
+def test_load_follows_every_revolution() -> None:
+    results, truth = simulated(
+        "", 14.0, wheel(None, CALIBRATED), ("kinematic", "load"), "load_n = [[0, 4000], [6, 4000], [8, 6000]]"
+    )
+    for result in results[40:]:
+        found = {estimate.name: estimate for estimate in result.estimates}["load_by_angle_n"]
+        assert found.value == pytest.approx(truth.load_n(result.revolution.start_s), rel=0.06)
+
+
+def test_a_stated_load_is_compared_with() -> None:
+    # The wheel carries 6000 N, its file says 5000 N.
+    found = last(simulated("", 14.0, wheel(5000.0), ESTIMATORS, "load_n = 6000")[0])
+    assert found["load_n"].value == pytest.approx(6000.0, rel=0.01)
+
+
+def test_a_worn_tire_has_its_calibration_doubted() -> None:
+    found = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
+    assert found["load_by_angle_n"].status is Status.PROVISIONAL
+    assert "worn by 5.0 mm" in found["load_by_angle_n"].reason
+    assert found["load_n"].value == pytest.approx(5000.0, rel=0.01)
+
+
+def test_pressure_number() -> None:
+    found = LoadEstimator().update(REVOLUTION, AVERAGE, CONDITIONS)[3]
+    half = 0.5 * (REVOLUTION.trailing_edge_rad - REVOLUTION.leading_edge_rad)
+    assert found.value == pytest.approx(5000.0 / (2.0 * 210e3 * half * 0.32**2))
+    assert found.value == pytest.approx(0.485, rel=0.02)  # physics notes, section 1
+
+
+@pytest.mark.parametrize(
+    ("conditions", "reason"),
+    [
+        (Conditions(0.32), "needs the pressure"),
+        (Conditions(0.32, pressure_pa=210e3), "treadlink calibrate"),
+        (Conditions(0.32, pressure_pa=210e3), "needs Cw"),
+        (
+            Conditions(0.32, pressure_pa=2e5, tire=TireData(reference=ReferenceNumbers(Cw=0.2, estimator="magic"))),
+            "'magic', which is no estimator",
+        ),
+    ],
+)
+def test_load_says_what_it_lacks(conditions: Conditions, reason: str) -> None:
+    found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
+    assert found.status is Status.INVALID
+    assert reason in found.reason
+
+
+def test_outside_its_range_a_calibration_is_provisional() -> None:
+    narrow = replace(CALIBRATION, half_angle_range_rad=(0.3, 0.4))
+    conditions = replace(CONDITIONS, tire=replace(NEW, load_calibration=narrow), given={})
+    found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]
+    assert found.status is Status.PROVISIONAL
+    assert "half angle outside" in found.reason
