@@ -1,0 +1,64 @@
+"""Pressure shapes and their modal forces against numerical integrals and the exact ring."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.contact_pressure import PARABOLIC, pressure_shape, road_orders, unit_road_orders
+from gateway.physics.ring_series import RoadForce, modal_force
+from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+
+ORDERS = np.arange(1, 61)
+amount = st.floats(-1.0, 1.0)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    shape=st.tuples(amount, amount, amount, amount),
+    half=st.floats(0.05, 0.8),
+    centre=st.floats(-0.1, 0.1),
+)
+def test_orders_are_the_integrals_of_a_vertical_push(shape: tuple[float, ...], half: float, centre: float) -> None:
+    x, weights = np.polynomial.legendre.leggauss(120)
+    theta = centre + half * x
+    q = pressure_shape(theta, 4000.0, 0.3, half, shape, centre)
+    assert 0.3 * half * float(weights @ q) == pytest.approx(4000.0)
+    n = ORDERS[:, np.newaxis]
+    kernel = (np.cos(theta) + 1j * np.sin(theta) / n) * np.exp(-1j * n * theta)
+    np.testing.assert_allclose(
+        road_orders(ORDERS, 4000.0, 0.3, half, shape, centre), half * kernel @ (weights * q), atol=1e-8 * 4000.0
+    )
+
+
+def test_a_uniform_push_is_the_ring_series_and_a_parabola_is_zero_at_the_edges() -> None:
+    np.testing.assert_allclose(
+        road_orders(ORDERS, 5000.0, 0.32, 0.2).real, modal_force(ORDERS, 5000.0, 0.32, 0.2, RoadForce.VERTICAL)
+    )
+    q = pressure_shape(np.array([-0.21, -0.2, 0.0, 0.2, 0.21]), 5000.0, 0.32, 0.2, PARABOLIC)
+    np.testing.assert_allclose(q, [0.0, 0.0, 1.5 * 5000.0 / (2 * 0.32 * 0.2), 0.0, 0.0], atol=1e-9)
+
+
+def test_the_derivative_by_the_half_angle() -> None:
+    step = 1e-6
+    _, slope = unit_road_orders(ORDERS, 0.24, 4, 0.01)
+    upper, lower = (unit_road_orders(ORDERS, 0.24 + sign * step, 4, 0.01)[0] for sign in (1.0, -1.0))
+    np.testing.assert_allclose(slope, (upper - lower) / (2.0 * step), atol=1e-6 * 60)
+
+
+def test_the_exact_rings_pressure_has_the_shapes_that_are_stated() -> None:
+    ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=2.1e5)
+    for load, second, fourth in ((1000.0, -0.98, -0.02), (5000.0, -0.36, -0.59), (8000.0, -0.17, -0.60)):
+        found = solve_rolling_ring(ring, load, 2.1e5, 56.4, nodes=3600)
+        x = found.theta_rad[found.in_contact] / found.half_angle_rad
+        q = found.contact_pressure_npm[found.in_contact]
+        amounts = [
+            (2 * m + 1) * float(q @ np.polynomial.legendre.Legendre.basis(m)(x)) / float(q.sum()) for m in (2, 4)
+        ]
+        assert amounts == pytest.approx([second, fourth], abs=0.03)
+    assert math.isclose(found.contact_centre_rad, 0.0, abs_tol=1e-6)
