@@ -73,7 +73,8 @@ def test_tables_show_every_estimator_that_has_something_to_show(base: Outcome) -
     tables = [*case_tables([base], NAMES, "noise"), *use_tables([base])]
     text = "\n".join(table.text(markdown=False) for table in tables)
     assert "weak-form" in text
-    assert percent(base.long["weak-form", "Bs"].bias) in text
+    assert percent(base.long["weak-form", "Bs"].bias, 2) in text
+    assert percent(base.long["kinematic", "speed_mps"].bias) in text
     rows = [line for line in tables[0].text(markdown=True).splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in rows}) == 1
     assert not list(grid_tables([base], NAMES))

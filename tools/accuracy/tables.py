@@ -16,7 +16,9 @@ HEADS = ("speed", "half angle", "Bs", "Cw", "Rs", "Ts")
 # What the numbers are used for, one estimator each; the last two in mm.
 USES = (("load", "load_by_width_n"), ("wear", "wear_mm"), ("self-calibration", "sensor_offset_m"))
 USE_HEADS = ("load by belt width, %", "wear, mm", "sensor offset, mm")
+NUMBERS = ("Bs", "Cw", "Rs", "Ts")
 RATIOS = ("Bs/Cw", "Rs/Cw", "Ts/Cw")
+CONTACT, CONTACT_HEADS = QUANTITIES[:2], HEADS[:2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +42,14 @@ class Table:
         return "\n".join([f"**{self.title}.** {self.note}", "", padded[0], rule, *padded[1:], ""])
 
 
-def percent(value: float) -> str:
-    """Return a share in percent, three digits; a dash when there is none."""
+def percent(value: float, digits: int = 3) -> str:
+    """Return a share in percent, so many digits; a dash when there is none."""
     if not math.isfinite(value):
         return "-"
     size = abs(100.0 * value)
     if size >= 99.5:
         return f"{100.0 * value:.0f}"
-    return f"{100.0 * value:.3g}" if size >= 1e-3 else ("0" if size == 0.0 else f"{100.0 * value:.0e}")
+    return f"{100.0 * value:.{digits}g}" if size >= 1e-3 else ("0" if size == 0.0 else f"{100.0 * value:.0e}")
 
 
 def grid_tables(outcomes: Sequence[Outcome], estimators: Sequence[str]) -> Iterable[Table]:
@@ -93,29 +95,72 @@ def grid_tables(outcomes: Sequence[Outcome], estimators: Sequence[str]) -> Itera
 
 
 def case_tables(outcomes: Sequence[Outcome], estimators: Sequence[str], group: str) -> Iterable[Table]:
-    """Yield one group's conditions, each by itself."""
+    """Yield one group's conditions, each by itself, estimators side by side."""
     chosen = [outcome for outcome in outcomes if outcome.case.group == group]
     if not chosen:
         return
+    pairs = [(q, head, name) for q, head in zip(CONTACT, CONTACT_HEADS, strict=True) for name in estimators]
+    pairs = [(q, head, name) for q, head, name in pairs if any((name, q) in outcome.clean for outcome in chosen)]
+    if pairs:
+        yield Table(
+            f"Speed and contact, {group}",
+            f"standard deviation per revolution, % (times the bound); after {LONG} revolutions mean error +- spread",
+            ("condition", *(f"{head}, {name}" for _, head, name in pairs)),
+            tuple((o.case.name, *(_contact_cell(o, name, q) for q, _, name in pairs)) for o in chosen),
+        )
+    fitters = [name for name in estimators if any((name, "Bs") in outcome.clean for outcome in chosen)]
+    if not fitters:
+        return
+    heads = ("condition", *fitters)
     yield Table(
         f"Per revolution, {group}",
-        "standard deviation, % (times the bound)",
-        ("condition", "estimator", *HEADS),
-        tuple(_rows(chosen, estimators, _single_cell)),
+        "standard deviation of Bs, Cw, Rs, Ts, % (times the bound)",
+        heads,
+        tuple((o.case.name, *(_single_cell(o, name) for name in fitters)) for o in chosen),
     )
     yield Table(
         f"After {LONG} revolutions, {group}",
-        "mean error +- its standard deviation, % (share of estimates called valid, where not all)",
-        ("condition", "estimator", *HEADS),
-        tuple(_rows(chosen, estimators, _long_cell)),
+        "mean error +- spread of Bs, Cw, Rs, Ts, %; in brackets what the estimator itself does not call valid",
+        heads,
+        tuple((o.case.name, *(_long_cell(o, name, NUMBERS) for name in fitters)) for o in chosen),
     )
     if group == "variants":
         yield Table(
             f"Ratios after {LONG} revolutions, {group}",
-            "mean error +- its standard deviation, %",
-            ("condition", "estimator", *RATIOS),
-            tuple(_rows(chosen, estimators, _long_cell, RATIOS)),
+            "mean error +- spread of Bs/Cw, Rs/Cw, Ts/Cw, %",
+            heads,
+            tuple((o.case.name, *(_long_cell(o, name, RATIOS) for name in fitters)) for o in chosen),
         )
+
+
+def _contact_cell(outcome: Outcome, name: str, quantity: str) -> str:
+    single, long = outcome.single.get((name, quantity)), outcome.long.get((name, quantity))
+    if single is None or long is None or not single.errors:
+        return "-"
+    times = single.std / outcome.bound[quantity]
+    return f"{percent(single.std)} ({times:.2g}x); {percent(long.bias)} +- {percent(long.std)}"
+
+
+def _single_cell(outcome: Outcome, name: str) -> str:
+    samples = {number: outcome.single.get((name, number)) for number in NUMBERS}
+    stds = {number: sample.std if sample is not None else math.nan for number, sample in samples.items()}
+    if not any(map(math.isfinite, stds.values())):
+        return "-"
+    times = " ".join(f"{stds[number] / outcome.bound[number]:.2g}" for number in NUMBERS)
+    return f"{' '.join(percent(std, 2) for std in stds.values())} ({times}x)"
+
+
+def _long_cell(outcome: Outcome, name: str, quantities: Sequence[str]) -> str:
+    texts = []
+    for quantity in quantities:
+        sample = outcome.long.get((name, quantity))
+        if sample is None or not sample.errors:
+            texts.append("none")
+            continue
+        spread = f"+-{percent(sample.std, 1)}" if math.isfinite(sample.std) else ""
+        text = f"{percent(sample.bias, 2)}{spread}"
+        texts.append(text if 2 * sample.valid > sample.asked else f"({text})")
+    return " ".join(texts)
 
 
 def use_tables(outcomes: Sequence[Outcome]) -> Iterable[Table]:
@@ -144,36 +189,6 @@ def _use_cell(outcome: Outcome, key: tuple[str, str]) -> str:
 def plain(value: float) -> str:
     """Return a value with three digits; a dash when there is none."""
     return f"{value:.3g}" if math.isfinite(value) else "-"
-
-
-def _rows(
-    outcomes: Sequence[Outcome],
-    estimators: Sequence[str],
-    cell: Callable[[Outcome, str, str], str],
-    quantities: Sequence[str] = QUANTITIES,
-) -> Iterable[tuple[str, ...]]:
-    for outcome in outcomes:
-        for name in estimators:
-            cells = [cell(outcome, name, quantity) for quantity in quantities]
-            if any(text != "-" for text in cells):
-                yield (outcome.case.name, name, *cells)
-
-
-def _single_cell(outcome: Outcome, name: str, quantity: str) -> str:
-    sample = outcome.single.get((name, quantity))
-    if sample is None or not math.isfinite(sample.std):
-        return "-"
-    return f"{percent(sample.std)} ({sample.std / outcome.bound[quantity]:.2g}x)"
-
-
-def _long_cell(outcome: Outcome, name: str, quantity: str) -> str:
-    sample = outcome.long.get((name, quantity))
-    if sample is None or not sample.asked:
-        return "-"
-    if not sample.errors:
-        return "none"
-    share = "" if sample.valid == sample.asked else f" ({sample.valid / sample.asked:.0%})"
-    return f"{percent(sample.bias)} +- {percent(sample.std)}{share}"
 
 
 def bound_table(outcomes: Sequence[Outcome]) -> Table:
