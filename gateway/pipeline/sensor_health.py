@@ -32,10 +32,9 @@ _STEP_HZ: Final = 25.0
 _FFT_SIZE: Final = 2048
 _AVERAGING: Final = 0.1
 _REVOLUTIONS: Final = 10
-# Waves that belong to a tire reach 3 % of R Omega^2 behind the contact and stand before it as well: the measured drum
-# record has six times as much power behind it.
-_RINGING_SHARE: Final = 0.04
-_RINGING_RATIO: Final = 8.0
+# A measured tire's own waves reach 2.7 % of R Omega^2 behind the contact, with six times the power of those before it.
+_RINGING_SHARE: Final = 0.025
+_RINGING_RATIO: Final = 30.0
 
 _AMBIENT_PA: Final = 101_325.0
 _ZERO_DEGC_K: Final = 273.15

@@ -1,0 +1,246 @@
+"""Sensors at fault: what the estimates do, and that the fault is named once, at the wheel that has it and no other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_protocol.messages import Axis, Environment
+from gateway.config.load import parse_vehicle
+from gateway.estimators.base import Status
+from gateway.importing.import_map import load_map
+from gateway.importing.importer import import_file
+from gateway.pipeline.results import Alarm, RevolutionResult
+from gateway.pipeline.sensor_health import SensorHealth, expected_pressure_change_pa, tilt_rad
+from gateway.session.core import SessionCore
+from tests.reliability.streams import simulated
+
+ROOT = Path(__file__).parents[2]
+SPEED_MPS = 65.0 / 3.6
+HALF_ANGLE_RAD = 0.2383
+
+SCENARIO = """
+[scenario]
+seed = 5
+duration_s = {duration}
+[motion]
+speed_kmh = 65
+[tire]
+radius_mm = 320
+[[hub]]
+hub = 0
+[[wheel]]
+position = "W1"
+wheel = 0
+sensor_id = "0000a001"
+{faulty}
+[[wheel]]
+position = "W2"
+wheel = 1
+sensor_id = "0000a002"
+"""
+
+
+@dataclass(frozen=True)
+class Ride:
+    results: list[RevolutionResult]
+    told: list[str]
+    alarms: tuple[Alarm, ...]
+
+    def of(self, position: str) -> list[RevolutionResult]:
+        return [result for result in self.results if result.position == position]
+
+    def last(self, name: str, position: str = "W1"):
+        return next(estimate for estimate in self.of(position)[-1].estimates if estimate.name == name)
+
+    def flags(self, position: str = "W1") -> set[str]:
+        return {alarm.name for alarm in self.alarms if alarm.position == position}
+
+
+@pytest.fixture(scope="module")
+def ride(tmp_path_factory) -> Callable[..., Ride]:
+    def run(faulty: str = "", duration: float = 9.0, change: Callable[[str], str] = lambda toml: toml) -> Ride:
+        path = tmp_path_factory.mktemp("ride") / "s.toml"
+        path.write_text(SCENARIO.format(duration=duration, faulty=faulty))
+        items, toml = simulated(f"sim:{path}?speed=max")
+        core = SessionCore(parse_vehicle(change(toml), "s"))
+        told: list[str] = []
+        core.on_notice = told.append
+        results: list[RevolutionResult] = []
+        for number, item in enumerate(items):
+            results += core.take(item)
+            if number % 20 == 0:
+                core.tick(item.host_ns)
+        alarms = core.snapshot(0.0).alarms
+        results += core.finish()
+        return Ride(results, [text for text in told if text.startswith(("W1", "W2"))], alarms)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def good(ride) -> Ride:
+    return ride()
+
+
+def test_good_sensors_are_not_flagged(good: Ride) -> None:
+    assert good.told == []
+    assert good.flags("W1") == good.flags("W2") == set()
+    assert good.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
+    assert good.last("trailing_edge_rad").value == pytest.approx(HALF_ANGLE_RAD, abs=0.004)
+
+
+@pytest.mark.parametrize(
+    ("faulty", "flag"),
+    [
+        ("defect = {dead_from_s = 4}", "dead"),
+        ("defect = {stuck_from_s = 4}", "stuck"),
+        ('defect = {stuck_from_s = 4, axes = ["radial"]}', "stuck"),
+        ('defect = {dead_from_s = 4, axes = ["radial"]}', "stuck"),
+    ],
+)
+def test_a_sensor_that_dies_gives_no_more_revolutions(ride, good: Ride, faulty: str, flag: str) -> None:
+    broken = ride(faulty)
+    assert broken.flags() & {"dead", "stuck"} == {flag}
+    assert broken.flags("W2") == set()
+    assert len(broken.told) == 1
+    revolutions = broken.of("W1")
+    until_s = revolutions[0].revolution.start_s + 4.0
+    assert max(result.revolution.start_s + result.revolution.period_s for result in revolutions) < until_s + 0.3
+    for estimate in revolutions[-1].estimates:
+        if estimate.name == "speed_mps" and estimate.status is Status.VALID:
+            assert estimate.value == pytest.approx(SPEED_MPS, rel=0.01)
+    assert len(broken.of("W2")) == len(good.of("W2"))
+
+
+@pytest.mark.parametrize(
+    ("faulty", "word"), [("sensor = {range_g = 60}", "end of its range"), ("defect = {clip_g = 60}", "clipped")]
+)
+def test_a_saturated_sensor_gives_nothing_that_calls_itself_valid(ride, faulty: str, word: str) -> None:
+    clipped = ride(faulty)
+    assert len(clipped.of("W1")) > 60
+    for result in clipped.of("W1"):
+        assert any(word in fault for fault in result.revolution.faults)
+        assert not [estimate.name for estimate in result.estimates if estimate.status is Status.VALID]
+    assert ("saturated" in clipped.flags()) == ("range_g" in faulty)
+    assert clipped.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
+    assert {result.revolution.faults for result in clipped.of("W2")} == {()}
+
+
+@pytest.mark.parametrize("hertz", [200, 250, 300])
+def test_a_loose_sensor_is_flagged_and_its_numbers_say_so_by_their_errors(ride, good: Ride, hertz: int) -> None:
+    loose = ride(f"defect = {{loose_hz = {hertz}}}")
+    assert loose.flags() == {"loose"}
+    assert loose.flags("W2") == set()
+    (text,) = loose.told
+    assert f"{hertz} Hz" in text
+    assert loose.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=2e-3)
+    sharp, blurred = good.last("Cw"), loose.last("Cw")
+    assert blurred.std > 20 * sharp.std or blurred.status is not Status.VALID
+
+
+@pytest.mark.parametrize(("axis", "name"), [("roll_deg", "lateral"), ("pitch_deg", "circumferential")])
+def test_a_tilted_sensor_is_flagged_with_its_angle_and_still_measures_speed(ride, axis: str, name: str) -> None:
+    tilted = ride(f"sensor = {{{axis} = 30}}")
+    (text,) = tilted.told
+    assert f"the {name} axis" in text
+    assert "tilted by 30 deg" in text
+    assert tilted.flags() == {"mounting"}
+    assert tilted.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
+    if axis == "roll_deg":
+        assert tilted.last("sensor_roll_rad").value == pytest.approx(math.radians(30), abs=0.01)
+
+
+def test_swapped_axes_give_no_revolution_but_a_reason(ride) -> None:
+    swapped = ride("sensor = {roll_deg = 90}")
+    assert swapped.of("W1") == []
+    assert "tilted by 90 deg, or the axes are swapped" in swapped.told[0]
+    assert len(swapped.of("W2")) > 60
+
+
+def test_a_radial_axis_that_points_outward_is_turned_round_and_told(ride) -> None:
+    reversed_ = ride("sensor = {radial_sign = -1, sign_declared = false}")
+    assert "points outward" in reversed_.told[0]
+    assert reversed_.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
+    assert reversed_.last("trailing_edge_rad").value == pytest.approx(HALF_ANGLE_RAD, abs=0.004)
+
+
+def test_swapped_wheels(ride) -> None:
+    def swap(toml: str) -> str:
+        return toml.replace("0000a001", "X").replace("0000a002", "0000a001").replace("X", "0000a002")
+
+    swapped = ride(change=swap)
+    assert swapped.flags("W1") == swapped.flags("W2") == {"wrong sensor"}
+    assert "of W2 speaks here: wheels swapped?" in swapped.told[0]
+    assert len(swapped.told) == 2
+    assert swapped.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
+
+
+def test_an_unknown_sensor_is_told(ride) -> None:
+    renewed = ride(change=lambda toml: toml.replace("0000a001", "0000beef"))
+    assert renewed.flags() == {"wrong sensor"}
+    assert "the configuration names 0000beef" in renewed.told[0]
+
+
+def test_a_frozen_pressure_widens_the_errors_of_what_rests_on_it(ride) -> None:
+    frozen = ride("defect = {pressure_stuck_from_s = 2}\ntemperature_degc = [[0, 20], [20, 45]]", duration=20.0)
+    assert frozen.flags() == {"pressure frozen"}
+    (text,) = frozen.told
+    assert "has not moved" in text
+    conditions = frozen.of("W1")[-1].conditions
+    assert conditions.pressure_std_pa == pytest.approx(expected_pressure_change_pa(210e3, 20.0, 45.0), rel=0.1)
+    assert frozen.of("W2")[-1].conditions.pressure_std_pa < 5000.0
+    widened, sharp = frozen.last("Cw"), frozen.last("Cw", "W2")
+    assert widened.std > 5 * sharp.std
+    assert abs(widened.value - sharp.value) < 3 * widened.std
+
+
+def test_a_pressure_that_follows_the_temperature_is_not_frozen() -> None:
+    health = SensorHealth((2,), np.ones(1), np.zeros(1), 9600.0, is_dc=True)
+    for warmer in range(60):
+        error = health.environment(Environment(210e3 + 1000.0 * (warmer // 3), 20.0 + warmer / 3, 3.0))
+        assert error == 0.0
+    assert health.flags() == ()
+
+
+def test_standing_still_is_no_fault() -> None:
+    rng = np.random.default_rng(1)
+    health = SensorHealth((0, 1, 2), np.full(3, 0.15), np.zeros(3), 9600.0, is_dc=True)
+    for _ in range(50):
+        health.samples(np.rint(rng.normal([0, 0, 65], 2.0, (960, 3))).astype(np.int16))
+    assert health.flags() == ()
+
+
+@pytest.mark.parametrize("angle_deg", [-170, -40, 0, 10, 19, 21, 45, 120])
+def test_tilt_is_told_from_20_degrees_on(angle_deg: float) -> None:
+    angle = math.radians(angle_deg)
+    found = tilt_rad(np.array([0.0, 1000.0 * math.sin(angle), 1000.0 * math.cos(angle)]))
+    folded = min(abs(angle_deg), 180 - abs(angle_deg))
+    if folded < 20:
+        assert found is None
+    else:
+        assert found is not None
+        assert found[0] is Axis.LATERAL
+        assert math.degrees(found[1]) == pytest.approx(folded)
+
+
+def test_the_measured_tire_does_not_ring(tmp_path: Path) -> None:
+    measured = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+    if not measured.exists():
+        pytest.skip(f"the measured recording is not at {measured}")
+    target = tmp_path / "drum.mcap"
+    import_file(measured, load_map(ROOT / "examples" / "innerliner_drum_80kmh.map.toml"), target)
+    items, toml = simulated(f"replay:{target}?speed=max")
+    core = SessionCore(parse_vehicle(toml, "drum"))
+    revolutions = [result.revolution for item in items for result in core.take(item)]
+    revolutions += [result.revolution for result in core.finish()]
+    health = SensorHealth((2,), np.ones(1), np.zeros(1), 25600.0, is_dc=True)
+    for revolution in revolutions * 4:  # five revolutions are too few to judge by
+        health.revolution(revolution)
+    assert len(revolutions) == 5
+    assert health.flags() == ()
