@@ -21,6 +21,8 @@ from gateway.signal.orders import ORDER_COUNT
 
 # The first revolution's solution is the next one's start: there is no need to converge on its noise.
 _COLD_PASSES: Final = 2
+# Curvature over the mean in the middle of a contact: below 0 on a drum, 0 on a road, up to 0.4 when it is very short.
+_FLAT_ENOUGH: Final = 0.7
 
 
 class WeakFormEstimator:
@@ -57,6 +59,8 @@ class WeakFormEstimator:
         orders, mean = curvature_of(average.radial_mps2[np.newaxis], centre, offset, max_order)
         if not np.isfinite(orders).all():
             return self._cold("the radial signal has no positive mean: its steady value is missing")
+        if orders[0].sum() > _FLAT_ENOUGH:
+            return self._cold("no flat contact at angle 0")
         std = relative_std(average.orders_std_mps2, float(mean[0]), orders[0], max_order)[np.newaxis]
         try:
             solution = solve_balance(
