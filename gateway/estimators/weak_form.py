@@ -21,8 +21,8 @@ from gateway.signal.orders import ORDER_COUNT
 
 # The first revolution's solution is the next one's start: there is no need to converge on its noise.
 _COLD_PASSES: Final = 2
-# Curvature over the mean in the middle of a contact: below 0 on a drum, 0 on a road, up to 0.4 when it is very short.
-_FLAT_ENOUGH: Final = 0.7
+# Curvature over the mean in the middle of a contact: below 0 on a drum, 0 on a road, towards 1 under hardly any load.
+_FLAT_ENOUGH: Final = 0.9
 
 
 class WeakFormEstimator:

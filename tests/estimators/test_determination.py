@@ -1,0 +1,102 @@
+"""Which numbers count as determined, and how estimates say so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.estimators.base import Conditions, Status
+from gateway.estimators.determination import (
+    NUMBERS,
+    RATIOS,
+    FittedNumbers,
+    all_invalid,
+    determination,
+    load_number,
+    number_estimates,
+    scale_error,
+)
+
+CONDITIONS = Conditions(0.32, 5000.0, 2.1e5)
+VALUES = np.array([3e-3, 0.2, 3.0, 2.5])
+FREE = np.ones(4, dtype=bool)
+
+
+def fitted(relative_noise: object, relative_model: object = 0.0, values: np.ndarray = VALUES) -> FittedNumbers:
+    noise, model = (np.diag(np.square(np.broadcast_to(r, 4) * values)) for r in (relative_noise, relative_model))
+    return FittedNumbers(values, FREE, noise, model)
+
+
+def test_a_number_is_determined_three_standard_errors_from_zero_model_error_counted() -> None:
+    found = determination(fitted([0.1, 0.3, 0.3, 0.2], [0.1, 0.1, 0.2, 0.5]))
+    np.testing.assert_allclose(
+        found.relative_error, [math.hypot(0.1, 0.1), math.hypot(0.3, 0.1), 0.36056, 0.53852], 1e-4
+    )
+    assert found.determined.tolist() == [True, True, False, False]
+    estimates = {
+        e.name: e for e in number_estimates(numbers, CONDITIONS, "")
+    }
+    assert [estimates[name].status for name in NUMBERS] == [Status.VALID] * 2 + [Status.PROVISIONAL] * 2
+    assert "most of it noise" in estimates["Rs"].reason
+    assert estimates["Ts"].reason == "not determined: standard error 54% of the value, most of it model error"
+    assert estimates["Ts"].std == pytest.approx(0.53852 * 2.5, rel=1e-4)
+
+
+def test_weak_bending_must_be_determined_better() -> None:
+    weak = np.array([1e-4, 0.2, 3.0, 2.5])
+    assert determination(fitted(0.25)).determined[0]
+    assert not determination(fitted(0.25, values=weak)).determined[0]
+    assert determination(fitted(0.15, values=weak)).determined[0]
+
+
+def test_on_the_bound_it_is_invalid_and_the_others_stand() -> None:
+    held = replace(fitted(0.1), values=VALUES * [1, 1, 1, 0], free=np.array([True, True, True, False]))
+    found = {e.name: e for e in number_estimates(held, CONDITIONS, "")}
+    assert found["Ts"].status is found["Ts/Cw"].status is Status.INVALID
+    assert "at zero" in found["Ts"].reason
+    assert found["Rs"].status is found["Rs/Cw"].status is Status.VALID
+    without_cw = replace(fitted(0.1), values=VALUES * [1, 0, 1, 1], free=np.array([True, False, True, True]))
+    found = {e.name: e for e in number_estimates(without_cw, CONDITIONS, "")}
+    assert all(found[name].status is Status.INVALID and "Cw" in found[name].reason for name in RATIOS)
+
+
+def test_confounded_numbers_name_each_other() -> None:
+    std = np.array([0.1, 0.5, 0.5, 0.1]) * VALUES
+    correlation = np.eye(4)
+    correlation[1, 2] = correlation[2, 1] = -0.98
+    both = FittedNumbers(VALUES, FREE, correlation * np.outer(std, std), np.zeros((4, 4)))
+    found = determination(both)
+    assert found.condition == pytest.approx(1.98 / 0.02)
+    assert "correlated -0.98 with Rs" in found.why_not(1)
+    assert "correlated" not in determination(fitted(0.5)).why_not(1)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(-1.0, 1.0), min_size=16, max_size=16), st.floats(1e-4, 3.0))
+def test_ratios_have_the_errors_of_ratios(entries: list[float], size: float) -> None:
+    root = np.array(entries).reshape(4, 4) * size * 1e-2 * VALUES[:, np.newaxis]
+    numbers = FittedNumbers(VALUES, FREE, root @ root.T, np.zeros((4, 4)))
+    found = {e.name: e for e in number_estimates(numbers, CONDITIONS, "")}
+    for name, i in zip(RATIOS, (0, 2, 3), strict=True):
+        gradient = np.zeros(4)
+        gradient[i], gradient[1] = 1.0 / VALUES[1], -VALUES[i] / VALUES[1] ** 2
+        assert found[name].value == pytest.approx(VALUES[i] / VALUES[1])
+        assert found[name].std == pytest.approx(math.sqrt(gradient @ root @ root.T @ gradient), rel=1e-6, abs=1e-12)
+
+
+def test_scale_and_doubt_and_nothing() -> None:
+    conditions = replace(CONDITIONS, load_std_n=50.0, pressure_std_pa=4.2e3, radius_std_m=0.0016)
+    assert load_number(conditions) == pytest.approx(5000.0 / (2.1e5 * 0.32**2))
+    assert load_number(Conditions(0.32)) == 1.0
+    assert scale_error(conditions) == pytest.approx(math.hypot(0.01, 0.02, 0.01))
+    doubted = number_estimates(fitted(0.1), conditions, "settling", "note")
+    assert all(e.status is Status.PROVISIONAL and e.reason == "settling" for e in doubted)
+    assert all(e.reason == "note" for e in number_estimates(fitted(0.1), conditions, "", "note"))
+    nothing = all_invalid("why")
+    assert [e.name for e in nothing] == [*NUMBERS, *RATIOS]
+    assert all(e.status is Status.INVALID and math.isnan(e.value) and e.reason == "why" for e in nothing)
