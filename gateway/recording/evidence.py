@@ -10,6 +10,7 @@ from firmware_protocol.wire import LENGTH_OFFSET, MAX_FRAME_BYTES, OVERHEAD_BYTE
 REACH: Final = MAX_FRAME_BYTES - 1
 """A frame that began before a place needs at most so many bytes behind it."""
 _MOST_TRIMS: Final = 65_536
+_MOST_TRIMS_BEHIND: Final = 2048
 _HISTORY_BYTES: Final = 16_384
 _NO_CHANCE_BYTES: Final = 3
 _TICKS: Final = 1 << 32
@@ -51,6 +52,10 @@ class LinkHistory:
     def unfinished(self) -> bytes:
         """Return the end of the stream from where a frame may have begun that is not complete."""
         return unfinished(bytes(self._bytes[-REACH:]))
+
+    def tail(self) -> bytes:
+        """Return the end of the stream, as much as a frame may need of it."""
+        return bytes(self._bytes[-REACH:])
 
     def ticks_us(self) -> dict[int, int]:
         """Return the latest time of each hub that spoke lately."""
@@ -127,6 +132,21 @@ def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, 
             if passing is None and used >= _NO_CHANCE_BYTES:
                 passing = trim
     return passing
+
+
+def ending(data: bytes, following: bytes) -> int:
+    """Return where `data` must end so that the frame that it leaves unfinished goes on right at `following`.
+
+    Returns:
+        The length to keep, len(data) when no other serves a frame.
+    """
+    window = following[:REACH]
+    plain = intact(window)
+    for until in range(len(data), max(0, len(data) - _MOST_TRIMS_BEHIND), -1):
+        tail = data[max(0, until - REACH) : until]
+        if intact(tail + window) > plain + intact(tail):
+            return until
+    return len(data)
 
 
 def without_strangers(data: bytes, before_us: dict[int, int], after_us: dict[int, int]) -> bytes:

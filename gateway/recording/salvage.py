@@ -164,28 +164,30 @@ class Salvage:
         first: tuple[int, int] | None = None
         entries: list[tuple[int, int, int]] = []
         at = position
+        whole = True
         while at < self.size:
             opcode, end = self._plausible(at, times_ns)
             if opcode == Opcode.MESSAGE and not entries:
+                whole = True
                 if first is None:
                     message = parse_message(self._data[at + RECORD_HEAD.size : end])
                     first = message.channel, message.log_time_ns
-            elif opcode == Opcode.MESSAGE_INDEX:
+            elif opcode == Opcode.MESSAGE_INDEX and whole and first is not None:
                 index: MessageIndex = parse_small(opcode, self._data[at + RECORD_HEAD.size : end])
                 entries += ((offset, index.channel_id, time_ns) for time_ns, offset in index.records)
             elif not opcode and first is not None and not entries:
+                whole = False  # were the next an index, an earlier one might be missing
                 end = self._next_record(at + 1, times_ns)
-            elif opcode not in (Opcode.CHANNEL, Opcode.SCHEMA) or entries:
+            elif not opcode or opcode not in (Opcode.CHANNEL, Opcode.SCHEMA) or entries:
+                whole = whole and bool(opcode)
                 break
             at = end
         entries.sort()
         places = [place for place, (_, *known) in enumerate(entries) if tuple(known) == first]
-        place = places[0] if len(places) == 1 else len(entries) if first is None else 0
-        if not place:
+        if not whole or len(places) != 1 or not places[0]:
             return None
-        offset, channel, time_ns = entries[place - 1]
-        following = entries[place][0] if place < len(entries) else MAX_RECORD_BYTES
-        return Indexed(channel, time_ns, following - offset - MESSAGE_HEAD_BYTES)
+        offset, channel, time_ns = entries[places[0] - 1]
+        return Indexed(channel, time_ns, entries[places[0]][0] - offset - MESSAGE_HEAD_BYTES)
 
     def _whole_chunk(self, body: int, end: int) -> list[MessageParts] | None:
         """Return the messages of a chunk that is whole and has the right checksum, else None."""

@@ -19,8 +19,11 @@ from gateway.recording.evidence import (
     completes,
     continuation,
     divide,
+    ending,
     frames_in,
+    intact,
     ticks_in,
+    unfinished,
     without_strangers,
 )
 from gateway.recording.layout import RAW_ENCODING, ChannelInfo, raw_topic
@@ -144,14 +147,14 @@ class Stitcher:
             link, until, begin = foreign
             yield self._kept(number, ahead, data[: min(until, piece.stated)])
             yield self._kept(link, ahead, data[begin:])
-        elif complete:
-            # Either the message is whole and the damage lies behind it, or not: joined they are the same.
-            yield self._kept(number, ahead, data[: piece.stated])
-            yield from self._place(data[piece.stated :], ahead)
-        elif self._goes_on_behind(number, ahead):
-            self.losses.bytes_dropped += len(data)
         else:
-            yield self._kept(number, ahead, data)
+            head = data[: piece.stated]
+            parts = [head, *self._parts(number, head, data[piece.stated :], ahead)] if complete else [data]
+            keep = ending(data, ahead.streams.get(number, b""))
+            best, _ = self._best(number, [*parts, data, data[:keep], b""], ahead)
+            self.losses.bytes_dropped += len(data) - len(best)
+            if best:
+                yield self._kept(number, ahead, best)
 
     def _foreign(self, data: bytes, number: int, stated: int, ahead: _Ahead) -> tuple[int, int, int] | None:
         """Find the end of another link's message, whose header is lost, behind the begin of `number`'s.
@@ -166,7 +169,8 @@ class Stitcher:
         runs = divide(frames_in(data), self._ticks_us([number, *others], ahead), number, (before, stated))
         for link in others:
             until = next((run.start for run in runs if run.link == link), len(data))
-            trim = self._continuation(link, data, ahead, before, until)
+            pending, following = self._history[link].unfinished(), ahead.streams.get(link, b"")
+            trim = continuation(pending, data, following, before, until)
             if trim is not None and trim < len(data):
                 return link, trim, trim
         for run in runs:
@@ -180,36 +184,41 @@ class Stitcher:
 
     def _place(self, data: bytes, ahead: _Ahead) -> Iterator[Rescued]:
         """Give bytes of unknown origin to the link whose frames they hold, without the rest of a header."""
-        if not data:
+        links = self._links_missing(ahead)
+        runs = divide(frames_in(data), self._ticks_us(links, ahead)) if len(links) > 1 else []
+        if len({run.link for run in runs}) > 1:
+            for index, run in enumerate(runs):
+                begin = runs[index - 1].end if index else 0
+                until = runs[index + 1].start if index + 1 < len(runs) else len(data)
+                yield self._kept(run.link, ahead, data[begin:until])
             return
-        # Where a frame goes on behind these bytes, they must not come between.
-        links = [link for link in self._links_missing(ahead) if not self._goes_on_behind(link, ahead)]
-        runs = divide(frames_in(data), self._ticks_us(links, ahead)) if links else []
-        for link in links:
-            until = next((run.start for run in runs if run.link == link), len(data))
-            trim = self._continuation(link, data, ahead, 0, until)
-            if trim is not None and trim < len(data):
-                self.losses.bytes_dropped += trim
-                yield self._kept(link, ahead, data[trim:])
-                return
-        for index, run in enumerate(runs):
-            begin = runs[index - 1].end if index else 0
-            until = runs[index + 1].start if index + 1 < len(runs) else len(data)
-            yield self._kept(run.link, ahead, data[begin:until])
-        if runs:
-            return
-        for link in links:
-            if completes(data, ahead.streams.get(link, b"")):
-                yield self._kept(link, ahead, data)
-                return
-        self.losses.bytes_dropped += len(data)
+        found = [
+            (gain, link, part)
+            for link in ([runs[0].link] if runs else links)
+            for part, gain in [self._best(link, [b"", *self._parts(link, b"", data, ahead)], ahead)]
+        ]
+        gain, link, part = max(found, default=(0, 0, b""), key=lambda entry: entry[0])
+        self.losses.bytes_dropped += len(data) - len(part) if gain else len(data)
+        if gain:
+            yield self._kept(link, ahead, part)
 
-    def _goes_on_behind(self, link: int, ahead: _Ahead) -> bool:
-        return self._continuation(link, b"", ahead, 0, 0) is not None
+    def _parts(self, link: int, head: bytes, rest: bytes, ahead: _Ahead) -> list[bytes]:
+        """Return what may be a link's part where `rest`, behind `head`, may hold bytes of no stream."""
+        following = ahead.streams.get(link, b"")
+        keep = ending(rest, following)
+        parts = [head + rest[:keep], head + rest]
+        first = next((frame.start for frame in frames_in(rest)), len(rest))
+        trim = continuation(unfinished(self._history[link].tail() + head), rest, following, 0, first)
+        if trim is not None:
+            parts += [head + rest[trim:], head + rest[trim : max(trim, keep)]]
+        return parts
 
-    def _continuation(self, link: int, data: bytes, ahead: _Ahead, begin: int, until: int) -> int | None:
-        pending = self._history[link].unfinished()
-        return continuation(pending, data, ahead.streams.get(link, b""), begin, until)
+    def _best(self, link: int, parts: list[bytes], ahead: _Ahead) -> tuple[bytes, int]:
+        """Return the part with which most frames of a link pass, the first among equals, and how many it adds."""
+        before, behind = self._history[link].tail(), ahead.streams.get(link, b"")[:REACH]
+        passing = [intact(before + part + behind) for part in parts]
+        most = max(passing)
+        return parts[passing.index(most)], most - intact(before + behind)
 
     def _ticks_us(self, links: list[int], ahead: _Ahead) -> dict[int, dict[int, int]]:
         """Return the times of each link's hubs before the place, or behind it where nothing came before."""
@@ -219,27 +228,30 @@ class Stitcher:
         """Read on until every link has given enough bytes, or the next torn place."""
         streams: dict[int, bytes] = dict.fromkeys(self._links(), b"")
         sequences: dict[int, int] = {}
+        first_sequences: dict[int, int] = {}
         time_ns: int | None = None
+        certain = dict.fromkeys(streams, True)
         for count, piece in enumerate(self._salvage.pieces(position, self._times_ns)):
-            if isinstance(piece, Torn):
-                message, data = piece.head, piece.data[: piece.stated]
-            else:
-                message, data = piece.message, piece.message.data
-            if message is None or count > _MOST_PIECES_AHEAD:
+            if count > _MOST_PIECES_AHEAD or all(len(stream) >= _AHEAD_BYTES for stream in streams.values()):
                 break
+            message, data = (piece.head, piece.data) if isinstance(piece, Torn) else (piece.message, piece.message.data)
+            if message is None:
+                continue
             if time_ns is None:
                 time_ns = message.log_time_ns
-            if message.channel in streams:
-                sequences.setdefault(message.channel, message.sequence)
-                streams[message.channel] += bytes(data[:_AHEAD_BYTES])
-                if all(len(stream) >= _AHEAD_BYTES for stream in streams.values()):
-                    break
-            if isinstance(piece, Torn) and len(data) < piece.stated:
-                break
+            link = message.channel
+            if link in streams:
+                # Bytes behind a message that is missing cannot belong to a frame before it.
+                certain[link] &= message.sequence == sequences.get(link, message.sequence - 1) + 1
+                first_sequences.setdefault(link, message.sequence)
+                sequences[link] = message.sequence
+                if certain[link]:
+                    streams[link] += bytes(data[: piece.stated] if isinstance(piece, Torn) else data)
+                certain[link] &= not isinstance(piece, Torn) or len(piece.data) >= piece.stated
         if time_ns is None:
             time_ns = max(self._times_ns.values(), default=0)
         # An arrival that is not known must not be stated too early: that would upset the time base.
-        return _Ahead(streams, time_ns, sequences, self._salvage.message_before(position, self._times_ns))
+        return _Ahead(streams, time_ns, first_sequences, self._salvage.message_before(position, self._times_ns))
 
     def _links(self) -> list[int]:
         return [number for number, info in self._salvage.channels.items() if info.encoding == RAW_ENCODING]
