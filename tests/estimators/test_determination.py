@@ -33,14 +33,11 @@ def fitted(relative_noise: object, relative_model: object = 0.0, values: np.ndar
 
 
 def test_a_number_is_determined_three_standard_errors_from_zero_model_error_counted() -> None:
-    found = determination(fitted([0.1, 0.3, 0.3, 0.2], [0.1, 0.1, 0.2, 0.5]))
-    np.testing.assert_allclose(
-        found.relative_error, [math.hypot(0.1, 0.1), math.hypot(0.3, 0.1), 0.36056, 0.53852], 1e-4
-    )
+    numbers = fitted([0.1, 0.3, 0.3, 0.2], [0.1, 0.1, 0.2, 0.5])
+    found = determination(numbers)
+    np.testing.assert_allclose(found.relative_error, [0.14142, 0.31623, 0.36056, 0.53852], rtol=1e-4)
     assert found.determined.tolist() == [True, True, False, False]
-    estimates = {
-        e.name: e for e in number_estimates(numbers, CONDITIONS, "")
-    }
+    estimates = {e.name: e for e in number_estimates(numbers, CONDITIONS, "")}
     assert [estimates[name].status for name in NUMBERS] == [Status.VALID] * 2 + [Status.PROVISIONAL] * 2
     assert "most of it noise" in estimates["Rs"].reason
     assert estimates["Ts"].reason == "not determined: standard error 54% of the value, most of it model error"
