@@ -23,6 +23,7 @@ DISK_FAULT_BYTES: Final = 100_000_000
 # Four wheels, three axes at 9600 Hz in frames of 36 samples and 242 bytes.
 BYTES_PER_HOUR: Final = 4 * 9600 / 36 * 242 * 3600
 DISK_WARNING_HOURS: Final = 1.0
+_LISTEN_S: Final = 0.1
 
 _REQUIREMENT: Final = re.compile(
     r"^([A-Za-z0-9._-]+)[^;]*?(?:>=([0-9.]+))?[^;]*(?:;\s*extra\s*==\s*['\"]([^'\"]+)['\"])?\s*$"
@@ -106,6 +107,18 @@ def check_ports() -> Iterator[Check]:
         yield Check(
             "serial port", Level.WARNING, "none present", "Plug in the hub; without one, try: treadlink live sim:demo"
         )
+
+
+def check_bluetooth() -> Iterator[Check]:
+    """Check whether Bluetooth LE can be used: adapter, service and permission."""
+    from gateway.io.ble import scan
+
+    fault = scan(_LISTEN_S).fault
+    if fault is None:
+        yield Check("bluetooth", Level.OK, "can scan; `treadlink scan` lists the hubs in range")
+    else:
+        # Many machines have none, and need none with a hub on a cable.
+        yield Check("bluetooth", Level.WARNING, str(fault), f"Only for hubs on Bluetooth. {fault.remedy}")
 
 
 def check_device(device: Path, description: str = "") -> Check:
@@ -208,6 +221,9 @@ def check_source(uri: str, clock: Any) -> Iterator[Check]:
         source.close()
         if address.scheme == "tcp":
             _try_to_connect(address.target)
+        elif address.scheme == "ble":
+            yield Check(name, Level.OK, f"in range: {source.look()}")  # type: ignore[attr-defined]
+            return
     except TreadlinkError as error:
         yield Check(name, Level.FAULT, str(error), error.remedy)
         return

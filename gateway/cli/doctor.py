@@ -35,7 +35,7 @@ _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the checks as JSON.")
 def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path, as_json: bool) -> None:
-    """Check Python, packages, ports, permissions, disk, terminal, the configuration and each SOURCE.
+    """Check Python, packages, ports, Bluetooth, permissions, disk, terminal, the configuration and each SOURCE.
 
     Exit code 1 when there is a fault; warnings alone leave it at 0.
     """
@@ -52,6 +52,7 @@ def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> 
     yield from checks.check_python()
     yield from checks.check_packages()
     yield from checks.check_ports()
+    yield from checks.check_bluetooth()
     yield from checks.check_disk(recordings)
     yield from checks.check_terminal(
         sys.stdout.isatty(), shutil.get_terminal_size(), sys.stdout.encoding or "", os.environ

@@ -41,7 +41,8 @@ _DENIED: Final = SourceError(
 _UNAVAILABLE: Final = {
     BleakBluetoothNotAvailableReason.NO_BLUETOOTH: SourceError(
         "this computer has no Bluetooth adapter",
-        "Plug one in (Bluetooth LE, 4.2 or newer), or connect the hub by its serial port.",
+        "Plug one in (Bluetooth LE, 4.2 or newer), or connect the hub by its serial port."
+        + (f" If there is one, its service is not running: {_SERVICE}" if _LINUX else ""),
     ),
     BleakBluetoothNotAvailableReason.NO_BLE_CENTRAL_ROLE: SourceError(
         "the Bluetooth adapter does not speak Bluetooth LE", "Plug in one that does (4.2 or newer)."

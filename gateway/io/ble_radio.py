@@ -89,18 +89,23 @@ class Air:
         finally:
             async with self._changing:
                 self._listeners.remove(listener)
-                if not self._listeners and self._scanner is not None:
-                    scanner, self._scanner = self._scanner, None
-                    with suppress(*BLE_ERRORS, AssertionError):  # an adapter that is gone scans no more
-                        await asyncio.wait_for(scanner.stop(), _LEAVE_TIMEOUT_S)
+                if not self._listeners:
+                    await self._stop()
 
     async def _start(self, listener: Listener) -> None:
         for device in await self._connected():
             listener(Sighting(device.address, device.name or "", None, None, is_hub=True, device=device))
-        if self._scanner is None:
-            scanner = BleakScanner(self._heard, bluez=self.bluez)
-            await scanner.start()
-            self._scanner = scanner
+        # Anew for everyone who joins: a scanner does not notice when Bluetooth was restarted or switched off meanwhile.
+        await self._stop()
+        scanner = BleakScanner(self._heard, bluez=self.bluez)
+        await scanner.start()
+        self._scanner = scanner
+
+    async def _stop(self) -> None:
+        scanner, self._scanner = self._scanner, None
+        if scanner is not None:
+            with suppress(*BLE_ERRORS, AssertionError):  # an adapter that is gone scans no more
+                await asyncio.wait_for(scanner.stop(), _LEAVE_TIMEOUT_S)
 
     async def _connected(self) -> list[BLEDevice]:
         """Return hubs connected to this computer: after a program was killed they are, and do not advertise."""

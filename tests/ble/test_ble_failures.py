@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from bleak.exc import (
@@ -45,8 +47,30 @@ def test_no_adapter(bus: PrivateBus, read: Read) -> None:
         assert str(reader.error) == "this computer has no Bluetooth adapter"
 
 
+def scan_in_a_new_process(address: str) -> dict[str, Any]:
+    done = subprocess.run(
+        [sys.executable, "-m", "gateway.cli", "scan", "--timeout", "0.1", "--json"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "DBUS_SYSTEM_BUS_ADDRESS": address},
+        cwd=Path(__file__).parents[2],
+        check=True,
+    )
+    assert done.stderr == ""
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
 def test_no_bluetooth_service(bus: PrivateBus) -> None:
-    assert str(fault_of_scan()) == "Bluetooth's service is not running"
+    found = scan_in_a_new_process(bus.address)
+    assert found["bluetooth_fault"]["text"] == "Bluetooth's service is not running"
+    assert "systemctl start bluetooth" in found["bluetooth_fault"]["remedy"]
+
+
+def test_no_d_bus(tmp_path: Path) -> None:
+    found = scan_in_a_new_process(f"unix:path={tmp_path}/none")
+    assert "no D-Bus here" in found["bluetooth_fault"]["text"]
+    assert isinstance(found["serial_ports"], list)
 
 
 def test_an_adapter_that_is_not_there(bluez: BluezStandIn) -> None:
@@ -87,37 +111,44 @@ def test_bluetooth_crashes_without_a_word_and_comes_back(bus: PrivateBus, read: 
         assert reader.bytes(4)[0].data == b"back"
 
 
-def test_the_d_bus_dies_and_comes_back(bus: PrivateBus, read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
-    with PrivateBus() as doomed:
-        monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", doomed.address)
-        with BluezStandIn(bus.address, adapter=None):
-            scan(0.01)  # makes the radio notice nothing: it keeps its connection while that lives
-    # A process that starts on the doomed bus:
+def test_the_d_bus_dies_and_comes_back(bus: PrivateBus) -> None:
     code = (
-        "import sys, threading\n"
+        "import os, sys, threading\n"
         "from gateway.clock import SystemClock\n"
         "from gateway.io.source import open_source\n"
         "stop = threading.Event()\n"
         "for item in open_source('ble://Treadlink-FL?scan=0.2', SystemClock()).items(stop):\n"
         "    print(item.kind.value, item.text, flush=True)\n"
         "    if item.kind.value == 'retrying':\n"
+        "        os.environ['DBUS_SYSTEM_BUS_ADDRESS'] = sys.stdin.readline().strip()\n"
+        "    if item.kind.value == 'restored':\n"
         "        stop.set()\n"
     )
-    with PrivateBus() as doomed, BluezStandIn(doomed.address, advertising_interval_s=0.02) as stand_in:
-        stand_in.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
+    with PrivateBus() as doomed, PrivateBus() as next_bus:
         environment = {**os.environ, "DBUS_SYSTEM_BUS_ADDRESS": doomed.address}
-        with subprocess.Popen(
-            [sys.executable, "-c", code],
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment,
-            cwd=Path(__file__).parents[2],
-        ) as process:
-            assert process.stdout is not None
-            assert process.stdout.readline().startswith("connected")
-            doomed.close()
-            assert process.stdout.readline().startswith("lost")
-            assert "no D-Bus" in process.stdout.readline()
+        with BluezStandIn(doomed.address, advertising_interval_s=0.02) as stand_in:
+            stand_in.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
+            process = subprocess.Popen(
+                [sys.executable, "-c", code],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                env=environment,
+                cwd=Path(__file__).parents[2],
+            )
+            with process:
+                assert process.stdin is not None
+                assert process.stdout is not None
+                assert process.stdout.readline().startswith("connected")
+                doomed.close()
+                assert process.stdout.readline().startswith("lost")
+                assert "no D-Bus" in process.stdout.readline()
+                with BluezStandIn(next_bus.address, advertising_interval_s=0.02) as again:
+                    again.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
+                    process.stdin.write(next_bus.address + "\n")
+                    process.stdin.flush()
+                    assert process.stdout.readline().startswith("restored")
+                    assert "as asked" in process.stdout.readline()
 
 
 @pytest.mark.parametrize(

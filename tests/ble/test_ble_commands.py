@@ -1,0 +1,161 @@
+"""The commands that deal with Bluetooth, as a user calls them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli.checks import Level, check_bluetooth, check_source
+from gateway.cli.scan import scan
+from gateway.cli.simulate import simulate
+from gateway.clock import ManualClock
+from gateway.simulator.ble_peripheral import Peripheral
+from gateway.simulator.bluez_stand_in import BluezStandIn
+from gateway.simulator.dbus_daemon import PrivateBus
+from tests.ble.conftest import ADDRESSES, require_dbus_daemon
+from tests.io.hub_ends import TIMEOUT_S
+
+ROOT = Path(__file__).parents[2]
+TREADLINK = [sys.executable, "-m", "gateway.cli"]
+
+
+@pytest.fixture
+def no_serial_ports(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("serial.tools.list_ports.comports", list)
+
+
+@pytest.mark.usefixtures("no_serial_ports")
+def test_scan_lists_hubs_with_signal_and_battery(bluez: BluezStandIn, hub: Peripheral) -> None:
+    bluez.add(Peripheral(ADDRESSES[1], "Hub 2", rssi_dbm=-70))
+    bluez.add(Peripheral(ADDRESSES[2], "Scales", service="0000181d-0000-1000-8000-00805f9b34fb"))
+    done = CliRunner().invoke(scan, ["--timeout", "0.2"])
+    assert done.exit_code == 0
+    lines = done.output.splitlines()
+    assert [" ".join(line.split()) for line in lines] == [
+        f"ble://Treadlink-FL -57 dBm battery 83 % Treadlink-FL at {ADDRESSES[0]}",
+        f"ble://Hub%202 -70 dBm battery not told Hub 2 at {ADDRESSES[1]}",
+        "No serial port is present.",
+    ]
+    assert "Scales" in CliRunner().invoke(scan, ["--timeout", "0.2", "--all"]).output
+
+
+@pytest.mark.usefixtures("no_serial_ports")
+def test_scan_gives_addresses_where_names_are_not_enough(bluez: BluezStandIn, hub: Peripheral) -> None:
+    bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL", rssi_dbm=-70))
+    output = CliRunner().invoke(scan, ["--timeout", "0.2"]).output
+    assert f"ble://{ADDRESSES[0]} " in output
+    assert "Several are named 'Treadlink-FL': give the address." in output
+    report = json.loads(CliRunner().invoke(scan, ["--timeout", "0.2", "--json"]).output)
+    assert report["bluetooth_fault"] is None
+    assert report["serial_ports"] == []
+    assert report["hubs"][0] == {
+        "source": f"ble://{ADDRESSES[0]}",
+        "name": "Treadlink-FL",
+        "address": ADDRESSES[0],
+        "rssi_dbm": -57,
+        "battery_percent": 83,
+        "is_hub": True,
+    }
+
+
+@pytest.mark.usefixtures("no_serial_ports")
+def test_scan_without_an_adapter_says_so_and_goes_on(bus: PrivateBus) -> None:
+    with BluezStandIn(bus.address, adapter=None):
+        done = CliRunner().invoke(scan, ["--timeout", "0.1"])
+    assert done.exit_code == 0
+    assert "Bluetooth: this computer has no Bluetooth adapter" in done.output
+    assert "No serial port is present." in done.output
+
+
+def test_doctor_looks_at_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
+    (found,) = check_bluetooth()
+    assert found.level is Level.OK
+    (seen,) = check_source("ble://Treadlink-FL?scan=0.2", ManualClock())
+    assert seen.level is Level.OK
+    assert f"Treadlink-FL at {ADDRESSES[0]} (-57 dBm)" in seen.text
+    (missing,) = check_source("ble://Treadlink-RR?scan=0.2", ManualClock())
+    assert missing.level is Level.FAULT
+    assert "no hub named Treadlink-RR" in missing.text
+    bluez.run(bluez.service.power(False))
+    (off,) = check_bluetooth()
+    assert off.level is Level.WARNING
+    assert "switched off" in off.text
+
+
+def test_help_imports_no_bluetooth() -> None:
+    code = (
+        "import sys\nfrom gateway.cli import treadlink\n"
+        "try:\n    treadlink(['--help'])\nexcept SystemExit:\n    pass\n"
+        "sys.exit(bool({'bleak', 'dbus_fast', 'asyncio'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0
+    assert "scan" in done.stdout
+
+
+@pytest.fixture
+def demo(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], dict[str, str]]]:
+    require_dbus_daemon()
+    with subprocess.Popen(
+        [*TREADLINK, "simulate", "lab", "--ble", "--duration", "120", "--vehicle", str(tmp_path / "lab.toml")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        cwd=ROOT,
+    ) as process:
+        assert process.stdout is not None
+        impatience = threading.Timer(60, process.kill)
+        impatience.start()
+        told = ""
+        while "Ctrl-C" not in told:
+            line = process.stdout.readline()
+            assert line, told
+            told += line
+        impatience.cancel()
+        address = re.search(r"export DBUS_SYSTEM_BUS_ADDRESS=(\S+)", told)
+        assert address is not None
+        assert "treadlink live ble://Treadlink-W1 --config" in told
+        yield process, {**os.environ, "DBUS_SYSTEM_BUS_ADDRESS": address[1].strip("'")}
+        if process.poll() is None:
+            process.kill()
+
+
+def run(environment: dict[str, str], *arguments: str) -> str:
+    done = subprocess.run(
+        [*TREADLINK, *arguments], capture_output=True, text=True, env=environment, cwd=ROOT, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_the_simulator_as_a_hub_on_bluetooth(
+    demo: tuple[subprocess.Popen[str], dict[str, str]], tmp_path: Path
+) -> None:
+    process, environment = demo
+    assert "ble://Treadlink-W1" in run(environment, "scan", "--timeout", "0.5")
+    uri = "ble://Treadlink-W1?scan=0.5"
+    assert "hub 0 has done it" in run(environment, "command", "time", uri)
+    told = run(environment, "live", uri, "--config", str(tmp_path / "lab.toml"), "--plain", "--duration", "4")
+    assert "Treadlink-W1 at 00:00:5E:00:53:00 (-58 dBm), MTU 247" in told
+    assert re.search(r"^W1 +\d+ +[\d.]+ 6[45]\.", told, re.MULTILINE), told
+    assert re.search(r"ble:Treadlink-W1: \d+ frames, 0 lost", told)
+    process.send_signal(signal.SIGINT)
+    assert process.stdout is not None
+    rest = process.stdout.read()
+    assert process.wait(TIMEOUT_S) == 0
+    assert rest.count("somebody listens") == rest.count("nobody listens any more") == 2
+
+
+@pytest.mark.parametrize("arguments", [["--ble", "--pty"], ["--ble", "--fault", "flip:rate=0.01"], []])
+def test_simulate_takes_one_way_out(arguments: list[str]) -> None:
+    assert CliRunner().invoke(simulate, ["lab", *arguments]).exit_code == 2

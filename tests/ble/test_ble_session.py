@@ -1,0 +1,260 @@
+"""Sessions with hubs on Bluetooth: simulated tires, over the bus, to estimates; and hubs that do as told."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from firmware_protocol.codec import encode_frame
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import (
+    HUB_ITSELF,
+    CommandResult,
+    Frame,
+    HubStatus,
+    LogText,
+    Message,
+    MessageType,
+    Outcome,
+    SetRate,
+    SetStream,
+    SetTime,
+    TimeSync,
+)
+from gateway.clock import ManualClock, SystemClock
+from gateway.config.load import parse_vehicle
+from gateway.errors import SourceError
+from gateway.io.ble import BleSource
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, open_source
+from gateway.session.commands import TwoWaySource, carry_out, command_frame, refusal, with_commands
+from gateway.session.core import SessionCore
+from gateway.session.live import LiveSession
+from gateway.simulator.ble_hubs import BleHub, ble_hubs, broadcast
+from gateway.simulator.ble_peripheral import Peripheral
+from gateway.simulator.bluez_stand_in import BluezStandIn
+from gateway.simulator.scenario import parse_scenario, vehicle_toml
+from gateway.simulator.simulation import simulate
+from gateway.simulator.source import SimulatorSource
+from gateway.views.summary import ResultSummary
+from tests.io.hub_ends import TIMEOUT_S, Reader
+
+Read = Callable[[Source], Reader]
+NOW_NS = 1_700_000_000_000_000_000
+# One hub a wheel, as collectors are mounted.
+SCENARIO = """
+[motion]
+speed_kmh = 90.0
+[sensor]
+rate_hz = 4800.0
+axes = ["radial"]
+[[hub]]
+hub = 0
+battery_percent = 61.0
+[[hub]]
+hub = 1
+battery_percent = 62.0
+[[wheel]]
+position = "FL"
+hub = 0
+wheel = 0
+load_n = 4500.0
+pressure_kpa = 220.0
+temperature_degc = 30.0
+[[wheel]]
+position = "FR"
+hub = 1
+wheel = 0
+load_n = 4000.0
+pressure_kpa = 220.0
+temperature_degc = 30.0
+"""
+
+
+@contextmanager
+def broadcasting(bluez: BluezStandIn) -> Iterator[dict[int, BleHub]]:
+    scenario = parse_scenario(SCENARIO, "test")
+    hubs = ble_hubs(scenario)
+    for hub in hubs.values():
+        bluez.add(hub.peripheral)
+    source = SimulatorSource(simulate(scenario), "sim:test", vehicle_toml(scenario), 1.0, SystemClock())
+    stop = threading.Event()
+    thread = threading.Thread(target=broadcast, args=(source, hubs, bluez, stop))
+    thread.start()
+    try:
+        yield hubs
+    finally:
+        stop.set()
+        thread.join(TIMEOUT_S)
+        assert not thread.is_alive()
+
+
+def test_one_collector_a_wheel_from_the_air_to_estimates(bluez: BluezStandIn) -> None:
+    with broadcasting(bluez) as hubs:
+        clock = SystemClock()
+        uris = ["ble://Treadlink-FL?scan=0.3", "ble://Treadlink-FR?scan=0.3&rate=4800"]
+        sources = [with_commands(open_source(uri, clock), clock) for uri in uris]
+        core = SessionCore(parse_vehicle(vehicle_toml(parse_scenario(SCENARIO, "test")), "test"))
+        live = LiveSession(sources, core, clock, patient=[False, False], summary=ResultSummary())
+        live.start()
+        seen: dict[str, int] = {}
+        waiting = threading.Event()
+        for _ in range(200):
+            for result in live.results():
+                seen[result.position] = seen.get(result.position, 0) + 1
+                assert result.revolution.omega_radps == pytest.approx(90 / 3.6 / 0.32, rel=0.05)
+            if len(seen) == 2 and min(seen.values()) >= 3:
+                break
+            waiting.wait(0.05)
+        snapshot = live.close()
+        assert {position: count >= 3 for position, count in seen.items()} == {"FL": True, "FR": True}
+        for link, battery in zip(snapshot.links, (61, 62), strict=True):
+            assert link.frames_lost == link.crc_errors == link.noise_bytes == 0
+            assert link.battery_percent == battery
+            assert link.rssi_dbm == -62  # of the sensor link, as the hub's status says
+            assert not link.connected
+            assert "as asked" in link.note
+        assert [hub._host_ns > NOW_NS for hub in hubs.values()] == [True, True]
+        assert not any(hub.peripheral.connected for hub in hubs.values())
+
+
+def test_commands_are_carried_out_and_answered(bluez: BluezStandIn) -> None:
+    with broadcasting(bluez):
+
+        def tell(command: SetStream | SetRate | SetTime) -> str:
+            source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
+            assert isinstance(source, TwoWaySource)
+            return carry_out(source, command, TIMEOUT_S)
+
+        assert tell(SetStream(False)) == "hub 1 has done it"
+        assert tell(SetRate(4790.0)) == "hub 1 has done it"
+        with pytest.raises(SourceError, match="SET_RATE: it refuses the value"):
+            tell(SetRate(9600.0))
+        types = set()
+        source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
+        stop, decoder = threading.Event(), FrameDecoder()
+        for item in source.items(stop):
+            for frame in decoder.feed(item.data) if isinstance(item, Chunk) else ():
+                types.add(frame.type)
+            if MessageType.TIME_SYNC in types and MessageType.ENVIRONMENT in types:
+                stop.set()
+        assert MessageType.SAMPLES not in types
+        assert decoder.counters.lost == 0, "what is not sent must not count as lost"
+        assert tell(SetStream(True)) == "hub 1 has done it"
+
+
+class RecordingHub:
+    """A hub that keeps what it is told and answers nothing."""
+
+    def __init__(self, peripheral: Peripheral) -> None:
+        self.told: queue.Queue[Frame] = queue.Queue()
+        self._decoder = FrameDecoder()
+        peripheral.on_write = self._take
+        peripheral.on_notifying = self._connection
+
+    def _take(self, data: bytes) -> None:
+        for frame in self._decoder.feed(data):
+            self.told.put(frame)
+
+    def _connection(self, listening: bool) -> None:
+        self._decoder = FrameDecoder()
+
+    def next(self) -> tuple[int, Message]:
+        frame = self.told.get(timeout=TIMEOUT_S)
+        return frame.seq, frame.message
+
+
+def test_a_hub_is_told_what_it_needs_at_every_connection(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+    clock = ManualClock(NOW_NS)
+    recording = RecordingHub(hub)
+    source = with_commands(open_source("ble://Treadlink-FL?scan=0.2&rate=9600", clock), clock)
+    reader = read(source)
+    reader.event(LinkEventKind.CONNECTED)
+    assert [recording.next() for _ in range(3)] == [
+        (0, SetTime(NOW_NS)),
+        (1, SetRate(9600.0)),
+        (2, SetStream(True)),
+    ]
+    bluez.run(bluez.service.lose(hub, advertising=True))
+    reader.event(LinkEventKind.LOST)
+    reader.event(LinkEventKind.RESTORED)
+    told = [recording.next() for _ in range(3)]
+    assert [seq for seq, _ in told] == [0, 1, 2]
+    assert told[1:] == [(1, SetRate(9600.0)), (2, SetStream(True))]
+    assert isinstance(told[0][1], SetTime)
+    assert told[0][1].host_ns > NOW_NS
+
+
+def test_a_hub_that_does_not_answer_is_said_not_to(bluez: BluezStandIn, hub: Peripheral) -> None:
+    RecordingHub(hub)
+    source = open_source("ble://Treadlink-FL?scan=0.2", SystemClock())
+    assert isinstance(source, BleSource)
+    with pytest.raises(SourceError, match="did not answer"):
+        carry_out(source, SetStream(True), timeout_s=0.2)
+    assert not hub.connected
+
+
+def test_a_hub_that_leaves_before_it_answers(bluez: BluezStandIn, hub: Peripheral) -> None:
+    hub.on_write = lambda _: bluez.service._spawn(bluez.service.lose(hub))
+    source = open_source("ble://Treadlink-FL?scan=0.2", SystemClock())
+    assert isinstance(source, BleSource)
+    with pytest.raises(SourceError, match="lost unexpectedly"):
+        carry_out(source, SetStream(True), TIMEOUT_S)
+
+
+def test_sources_that_cannot_be_told_stay_as_they_are() -> None:
+    source = open_source("serial:/dev/ttyNO", ManualClock())
+    assert with_commands(source, ManualClock()) is source
+
+
+def test_commands_go_to_everyone_on_the_link() -> None:
+    (frame,) = FrameDecoder().feed(command_frame(SetTime(5), 7))
+    assert frame == Frame(MessageType.SET_TIME, 255, 255, 7, 0, SetTime(5))
+
+
+@pytest.mark.parametrize(
+    ("result", "says"),
+    [
+        (CommandResult(1, MessageType.SET_RATE, Outcome.DONE), ""),
+        (CommandResult(1, MessageType.SET_RATE, Outcome.VALUE_REFUSED), "SET_RATE: it refuses the value"),
+        (CommandResult(1, 99, Outcome.UNKNOWN_COMMAND), "command 99: it does not know this command"),
+        (CommandResult(1, MessageType.HELLO, 200), "command 1: outcome 200"),
+    ],
+)
+def test_answers_in_words(result: CommandResult, says: str) -> None:
+    assert refusal(result) == says
+
+
+def test_the_user_is_told_of_a_refusal_and_of_the_signal() -> None:
+    core = SessionCore(None)
+    told: list[str] = []
+    core.on_notice = told.append
+    core.take(LinkEvent("ble:x", NOW_NS, LinkEventKind.CONNECTED, "open", rssi_dbm=-71))
+    assert core.snapshot(0.0).links[0].rssi_dbm == -71
+    refused = CommandResult(1, MessageType.SET_RATE, Outcome.VALUE_REFUSED)
+    for seq, message in enumerate([refused, HubStatus(0, 5, 3.0, 0.1, None, 0, 0, 0, 0)]):
+        type_ = MessageType.COMMAND_RESULT if isinstance(message, CommandResult) else MessageType.HUB_STATUS
+        core.take(Chunk("ble:x", NOW_NS, encode_frame(Frame(type_, 3, HUB_ITSELF, seq, 0, message))))
+    assert told[-1] == "hub 3 did not do as told: SET_RATE: it refuses the value"
+    assert core.snapshot(0.0).links[0].rssi_dbm == -71
+    status = HubStatus(0, 5, 3.0, 0.1, -40, 0, 0, 0, 0)
+    core.take(Chunk("ble:x", NOW_NS, encode_frame(Frame(MessageType.HUB_STATUS, 3, HUB_ITSELF, 2, 0, status))))
+    assert core.snapshot(0.0).links[0].rssi_dbm == -40
+
+
+def test_a_hub_sends_and_counts_nothing_while_nobody_listens() -> None:
+    hub = BleHub(0, Peripheral("00:00:5E:00:53:00", "X"))
+    frames = [Frame(MessageType.LOG_TEXT, 0, HUB_ITSELF, seq, 0, LogText(1, "x")) for seq in range(5)]
+    assert [list(hub.outgoing(frame)) for frame in frames[:3]] == [[], [], []]
+    hub.peripheral.notifying = True
+    (first,) = FrameDecoder().feed(b"".join(hub.outgoing(frames[3])))
+    assert first.seq == 0
+    hub.peripheral.on_write(command_frame(SetTime(77), 0))  # type: ignore[misc]
+    sync = Frame(MessageType.TIME_SYNC, 0, HUB_ITSELF, 9, 0, TimeSync(5, 0))
+    answer, echo = FrameDecoder().feed(b"".join(hub.outgoing(sync)))
+    assert answer.message == CommandResult(0, MessageType.SET_TIME, Outcome.DONE)
+    assert echo.message == TimeSync(5, 77)
+    assert (answer.seq, echo.seq) == (1, 2)
