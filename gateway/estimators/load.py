@@ -18,7 +18,7 @@ from gateway.signal.contact import EDGE_MODEL_STD_RAD
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
 
 _ASSUMED_LOAD_N: Final = 4000.0
-# Wear from which the calibration is off by more than its usual error: 6.4 mm are -25 % on the exact ring.
+# Wear from which the calibration is off by more than its usual error: 6.4 mm make it 28 % too high on the exact ring.
 _WORN_MM: Final = 1.0
 
 
