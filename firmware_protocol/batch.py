@@ -17,12 +17,16 @@ from firmware_protocol.codec import DECODERS, FIXED_LENGTHS, SAMPLE_DTYPE, SAMPL
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import Frame, Hello, Message, MessageType
 from firmware_protocol.scan import LOOKAHEAD_BYTES, MAX_GROUP, Bytes, Indices, scan
+from firmware_protocol.signing import Gate
 from firmware_protocol.tracking import LinkTracker
 
 # The header and the start of a sample payload as six little-endian 32-bit words, one row of an array each.
 _WORDS: Final = 6
 _WORD0, _WORD1, _SEQ, _TICK, _FIRST_SAMPLE, _AXES_N = range(_WORDS)
-_NO_FLAGS: Final = 0x00FF_FFFF
+_FLAGS_SHIFT: Final = 24
+_NO_FLAGS: Final = (1 << _FLAGS_SHIFT) - 1
+_UNKNOWN_FLAGS: Final = 0xFF & ~wire.KNOWN_FLAGS
+_NO_ROOM: Final = -wire.TAG_BYTES
 _SAMPLES: Final = int(MessageType.SAMPLES)
 _SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, _SAMPLES)), "little")
 _SAMPLES_OFFSET: Final = wire.HEADER_BYTES + wire.SAMPLES_HEADER_BYTES
@@ -101,7 +105,8 @@ class FrameBatch:
 
     def message(self, index: int) -> Message:
         """Return the payload of frame `index`, decoded."""
-        length = int(self._words[_WORD1, index]) & 0xFF
+        word = int(self._words[_WORD1, index])
+        length = (word & 0xFF) - (wire.TAG_BYTES if word >> _FLAGS_SHIFT & wire.SIGNED_FLAG else 0)
         return decode_payload(int(self.type[index]), _payload(self._buffer, int(self._start[index]), length))
 
     def frames(self) -> Iterator[Frame]:
@@ -150,8 +155,14 @@ class BatchDecoder:
         counters: what arrived so far; a live object.
     """
 
-    def __init__(self, block_bytes: int = 1 << 21) -> None:
-        """Prepare a buffer for blocks of `block_bytes`; larger ones are taken too and enlarge it."""
+    def __init__(self, block_bytes: int = 1 << 21, gate: Gate | None = None) -> None:
+        """Prepare a buffer for blocks of `block_bytes`; larger ones are taken too and enlarge it.
+
+        Args:
+            block_bytes: room for a block.
+            gate: as for the streaming decoder.
+        """
+        self._gate = gate
         self._buffer: Bytes = np.zeros(0, np.uint8)
         self._block_bytes = block_bytes
         # glibc hands freed memory above a threshold back to the system, and every block would fault it in anew: up to
@@ -201,7 +212,8 @@ class BatchDecoder:
         # With a share d of frames damaged, one CRC over 1/sqrt(d) frames costs least.
         if len(found.start):
             self._group = min(max(isqrt(len(found.start) // (found.crc_errors + 1)), 1), MAX_GROUP)
-        batch = FrameBatch(self._buffer, *self._select(found.start), self._offset)
+        start = found.start if self._gate is None else self._let_through(found.start, self._gate)
+        batch = FrameBatch(self._buffer, *self._select(start), self._offset)
         self._held = slice(found.consumed, size)
         self._offset += found.consumed
         return batch
@@ -212,8 +224,14 @@ class BatchDecoder:
         words = np.ascontiguousarray(gathered.T)
         word1 = words[_WORD1]
         plain = words[_WORD0] == _SAMPLES_WORD
-        plain &= word1 <= _NO_FLAGS
-        plain &= _SAMPLE_LENGTHS[words[_AXES_N] & 0xFFFF] == _byte(words, wire.LENGTH_OFFSET)
+        clear = word1 <= _NO_FLAGS
+        lengths: NDArray[np.integer] = _byte(words, wire.LENGTH_OFFSET)
+        if not clear.all():
+            flags = _byte(words, wire.FLAGS_OFFSET)
+            clear = flags & _UNKNOWN_FLAGS == 0
+            lengths = _lengths(lengths, flags)
+        plain &= clear
+        plain &= _SAMPLE_LENGTHS[words[_AXES_N] & 0xFFFF] == lengths
         others = np.flatnonzero(~plain)
         foreign = others[_byte(words, wire.VERSION_OFFSET)[others] >> 4 != wire.VERSION_MAJOR]
         if len(foreign):
@@ -231,17 +249,29 @@ class BatchDecoder:
             return start, words, sources
         return start[delivered], words.compress(delivered, axis=1), by_source(keys[delivered])
 
+    def _let_through(self, start: Indices, gate: Gate) -> Indices:
+        """Return the offsets of the frames that the gate does not refuse; other major versions are not its business."""
+        admitted = np.ones(len(start), np.bool_)
+        buffer = self._buffer
+        for index, at in enumerate(start.tolist()):
+            if buffer[at + wire.VERSION_OFFSET] >> 4 == wire.VERSION_MAJOR:
+                end = at + wire.OVERHEAD_BYTES + int(buffer[at + wire.LENGTH_OFFSET])
+                admitted[index] = gate(buffer[at:end].tobytes())
+        self.counters.refused += int(len(admitted) - np.count_nonzero(admitted))
+        return start[admitted]
+
     def _examine(self, start: Indices, words: Words, others: Indices) -> tuple[NDArray[np.uint8], list[BootNotice]]:
         """Return the fates of frames that are no plain samples, and the hellos among them."""
-        types, lengths, flags, versions = (
+        types, sent, flags, versions = (
             _byte(words, offset)[others]
             for offset in (wire.TYPE_OFFSET, wire.LENGTH_OFFSET, wire.FLAGS_OFFSET, wire.VERSION_OFFSET)
         )
         expected = _LENGTHS[types]
+        lengths = _lengths(sent, flags)
         fates = np.zeros(len(others), np.uint8)
         fates[(expected >= 0) & (expected != lengths)] = _Fate.BAD_PAYLOAD
         fates[expected == _NONE] = _Fate.UNKNOWN_TYPE
-        fates[flags & (0xFF & ~wire.KNOWN_FLAGS) != 0] = _Fate.UNKNOWN_FLAGS
+        fates[flags & _UNKNOWN_FLAGS != 0] = _Fate.UNKNOWN_FLAGS
         fates[versions > wire.VERSION_BYTE] = _Fate.NEWER_MINOR
         notices = []
         for place in np.flatnonzero((expected == _ANY) & (fates == _Fate.READABLE)).tolist():
@@ -270,6 +300,13 @@ def _look_inside(type_: int, payload: bytes) -> tuple[bool, int | None]:
     except ValueError:
         return False, None
     return True, message.boot_count if isinstance(message, Hello) else None
+
+
+def _lengths(lengths: NDArray[np.integer], flags: NDArray[np.uint8]) -> NDArray[np.int16]:
+    """Return payload lengths without the tags, a length that no payload has where a tag has no room."""
+    without = lengths.astype(np.int16) - wire.TAG_BYTES * (flags & wire.SIGNED_FLAG).astype(np.int16)
+    without[without < 0] = _NO_ROOM
+    return without
 
 
 def _payload(buffer: Bytes, start: int, length: int) -> bytes:

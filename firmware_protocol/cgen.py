@@ -7,6 +7,7 @@ from typing import Final
 
 from firmware_protocol import wire
 from firmware_protocol.cgen_decoders import decoder_declarations, decoder_definitions
+from firmware_protocol.cgen_signing import SIGNING_DECLARATION, signing_definitions
 from firmware_protocol.cgen_values import limits, literal
 from firmware_protocol.declaration import MAX_SAMPLES, PAYLOADS, PURPOSES
 from firmware_protocol.layout import Field, fields
@@ -53,6 +54,7 @@ def c_header() -> str:
             "",
             _CHECK_DECLARATION,
             *decoder_declarations(),
+            SIGNING_DECLARATION,
             "#ifdef __cplusplus",
             "}",
             "#endif",
@@ -69,8 +71,8 @@ def c_encoder() -> str:
     table = ",\n".join(f"    {row}" for row in rows)
     encoders = "\n".join("\n".join(_encoder(type_)) for type_ in PAYLOADS)
     decoders = "\n".join(decoder_definitions())
-    support = _SUPPORT.format(table=table)
-    return f'{_NOTICE}\n#include "{HEADER_NAME}"\n\n#include <string.h>\n\n{support}\n{encoders}\n{decoders}'
+    includes = f'#include "{HEADER_NAME}"\n\n#include <string.h>\n'
+    return "\n".join([_NOTICE, includes, _SUPPORT.format(table=table), encoders, decoders, signing_definitions()])
 
 
 def _constants() -> Iterator[str]:
@@ -85,6 +87,9 @@ def _constants() -> Iterator[str]:
         ("MAX_PAYLOAD_BYTES", wire.MAX_PAYLOAD_BYTES),
         ("MAX_FRAME_BYTES", wire.MAX_FRAME_BYTES),
         ("MAX_SAMPLES", MAX_SAMPLES),
+        ("FLAG_SIGNED", wire.SIGNED_FLAG),
+        ("TAG_BYTES", wire.TAG_BYTES),
+        ("MAX_SIGNED_PAYLOAD_BYTES", wire.MAX_SIGNED_PAYLOAD_BYTES),
         ("WHEEL_HUB_ITSELF", HUB_ITSELF),
         ("EVERY_HUB", EVERY_HUB),
     ):

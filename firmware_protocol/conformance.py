@@ -14,6 +14,7 @@ import numpy as np
 from firmware_protocol import wire
 from firmware_protocol.declaration import PAYLOADS, WireFrame, build, build_raw
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, MessageType
+from firmware_protocol.signed_vectors import signed_vectors
 
 _F32: Final = np.float32
 
@@ -215,7 +216,18 @@ def _streams() -> list[dict[str, Any]]:
             other_major=1,
         ),
         _stream(
-            "unknown flag", [_at(1), _raw(2, b"?", MessageType.SAMPLES, flags=1), _at(3)], intact=3, unknown_flags=1
+            "unknown flag", [_at(1), _raw(2, b"?", MessageType.SAMPLES, flags=2), _at(3)], intact=3, unknown_flags=1
+        ),
+        _stream(
+            "a signed frame, its tag not looked at",
+            [_at(1), build_raw(PAYLOADS[MessageType.SAMPLES].build(_SMALL) + bytes(8), _at(2), flags=1)],
+            [_at(2)],
+        ),
+        _stream(
+            "a signed frame without room for its tag",
+            [_at(1), _raw(2, bytes(7), MessageType.SAMPLES, flags=1), _at(3)],
+            intact=3,
+            bad_payload=1,
         ),
         _stream(
             "payload of a wrong length",
@@ -268,6 +280,7 @@ def make_vectors() -> dict[str, str]:
     return {
         "frames.json": _json({"protocol": protocol, "frames": frames, "refused_payloads": refused}),
         "streams.json": _json({"protocol": protocol, "streams": _streams()}),
+        "signed.json": _json({"protocol": protocol, **signed_vectors()}),
     }
 
 

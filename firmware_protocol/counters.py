@@ -29,7 +29,7 @@ class LinkCounters:
     """Counters of one link, kept up to date by its decoder.
 
     Every intact frame is either delivered, a duplicate, or counted under exactly one of `bad_payload`, `unknown_type`,
-    `other_major`, `newer_minor` and `unknown_flags`.
+    `other_major`, `newer_minor`, `unknown_flags` and `refused`.
 
     Attributes:
         crc_errors: sync and length that were no intact frame.
@@ -40,6 +40,7 @@ class LinkCounters:
         other_major: intact frames of another major version.
         newer_minor: intact frames with a layout newer than this version.
         unknown_flags: intact frames with a flag this version does not know.
+        refused: intact frames that the decoder's gate did not let through; their counters are not looked at.
         sources: counters per (hub, wheel); at most 65,536 entries.
     """
 
@@ -51,6 +52,7 @@ class LinkCounters:
     other_major: int = 0
     newer_minor: int = 0
     unknown_flags: int = 0
+    refused: int = 0
     sources: dict[tuple[int, int], SourceCounters] = field(default_factory=dict)
 
     @property
@@ -86,4 +88,4 @@ class LinkCounters:
     @property
     def intact(self) -> int:
         """Frames whose CRC was right, delivered or not."""
-        return self.frames + self.duplicates + self.bad_payload + self.skipped
+        return self.frames + self.duplicates + self.bad_payload + self.skipped + self.refused

@@ -62,7 +62,7 @@ HEADER: Final = c.Struct(
     "length" / Limited(c.Int8ul, 0, wire.MAX_PAYLOAD_BYTES) * "bytes of the payload",
     "hub" / c.Int8ul * "number of the hub on its link",
     "wheel" / c.Int8ul * "number of the wheel at the hub; 255: the hub itself",
-    "flags" / c.Int8ul * "0; bit 0 is reserved for authentication",
+    "flags" / c.Int8ul * "0; bit 0: signed (below)",
     "seq" / c.Int32ul * "counter of the source (hub, wheel), 0 at start, one more with every frame, wraps",
     "tick_us" / c.Int32ul * "µs since the hub's start, low 32 bits; of the first sample for samples",
 )

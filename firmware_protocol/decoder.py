@@ -15,6 +15,7 @@ from firmware_protocol.counters import LinkCounters
 from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import Frame, Hello, Message, MessageType, SampleBlock
 from firmware_protocol.sequence import COUNTER_MASK
+from firmware_protocol.signing import Gate
 from firmware_protocol.tracking import LinkTracker
 
 _HEADER: Final = Struct("<2xBBBHBII")
@@ -25,6 +26,7 @@ _SAMPLES: Final = int(MessageType.SAMPLES)
 _SAMPLES_WORD: Final = int.from_bytes(wire.SYNC + bytes((wire.VERSION_BYTE, _SAMPLES)), "little")
 _SAMPLES_OFFSET: Final = wire.HEADER_BYTES + wire.SAMPLES_HEADER_BYTES
 _SAMPLES_LEAST: Final = wire.OVERHEAD_BYTES + wire.SAMPLES_HEADER_BYTES
+_NEVER: Final = 1 << 62
 _SYNC_0, _SYNC_1 = wire.SYNC
 _OVERHEAD: Final = wire.OVERHEAD_BYTES
 _MAX_FRAME: Final = wire.MAX_FRAME_BYTES
@@ -45,7 +47,16 @@ class FrameDecoder:
         counters: what arrived so far; a live object.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, gate: Gate | None = None) -> None:
+        """Start at the beginning of a stream.
+
+        Args:
+            gate: asked for every intact frame of this major version; what it refuses is counted and leaves no other
+                trace. Without one, signed frames are read unverified.
+        """
+        self._gate = gate
+        # No frame may go past a gate, so none is long enough for the short way.
+        self._quick_from = _SAMPLES_LEAST if gate is None else _NEVER
         self._tail = b""
         self._wanted = 0
         self._tracker = LinkTracker()
@@ -66,11 +77,12 @@ class FrameDecoder:
             self._tail = buffer
             return frames
         sources = self._sources
+        quick_from = self._quick_from
         start = wanted = 0
         # Sample frames of a known source, back to back and in order, are settled here, all others below.
         while start < size:
             left = size - start
-            if left >= _SAMPLES_LEAST:
+            if left >= quick_from:
                 if left < _MAX_FRAME:
                     total = _OVERHEAD + buffer[start + _LENGTH_OFFSET]
                     if left < total <= _MAX_FRAME and buffer[start] == _SYNC_0 and buffer[start + 1] == _SYNC_1:
@@ -118,11 +130,15 @@ class FrameDecoder:
         if version >> 4 != wire.VERSION_MAJOR:
             counters.other_major += 1
             return
+        if self._gate is not None and not self._gate(buffer[at:end]):
+            counters.refused += 1
+            return
         readable = version <= wire.VERSION_BYTE and not flags & ~wire.KNOWN_FLAGS
         message: Message | None = None
         if readable and type_ in DECODERS:
+            behind = wire.CRC_BYTES + (wire.TAG_BYTES if flags & wire.SIGNED_FLAG else 0)
             with suppress(ValueError):
-                message = decode_payload(type_, buffer[at + wire.HEADER_BYTES : end - wire.CRC_BYTES])
+                message = decode_payload(type_, buffer[at + wire.HEADER_BYTES : end - behind])
         if isinstance(message, Hello):
             self._tracker.hello(key, message.boot_count)
         # Whatever it says, the frame arrived: its counter is looked at first.

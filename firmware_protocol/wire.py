@@ -28,8 +28,12 @@ HEADER_FORMAT: Final = "<2sBBBBBBII"
 SAMPLES_FORMAT: Final = "<IBB"
 SAMPLES_HEADER_BYTES: Final = 6
 
-KNOWN_FLAGS: Final = 0
-"""Flag bits that a 1.0 decoder understands; bit 0 is reserved for authentication."""
+SIGNED_FLAG: Final = 1
+"""Flag of a signed frame: the last TAG_BYTES of the payload region are its tag."""
+TAG_BYTES: Final = 8
+MAX_SIGNED_PAYLOAD_BYTES: Final = MAX_PAYLOAD_BYTES - TAG_BYTES
+KNOWN_FLAGS: Final = SIGNED_FLAG
+"""Flag bits that this decoder understands."""
 
 CRC_RESIDUE: Final = 0x2144DF1C
 """CRC-32 of any intact frame taken with its own CRC at the end: one comparison checks a frame."""

@@ -253,6 +253,49 @@ def test_c_reads_commands(compiler: str, code: Path) -> None:
     assert run_harness(compiler, code, "\n".join(body)) == ""
 
 
+def test_c_signs_as_the_vectors_say(compiler: str, code: Path) -> None:
+    vectors = json.loads((VECTORS / "signed.json").read_text("utf-8"))
+    body = ["    tl_signer signer;", "    uint8_t mac[16];"]
+    for vector in vectors["macs"]:
+        message = bytes.fromhex(vector["message"])
+        body.append(f"""    tl_signer_init(&signer, {c_bytes(bytes.fromhex(vector["key"]))}, 0u, 0u);
+    tl_cmac(&signer, {c_bytes(message)}, {len(message)}u, mac);
+    expect("{vector["name"]}", memcmp(mac, {c_bytes(bytes.fromhex(vector["mac"]))}, 16) == 0);""")
+    for vector in vectors["signed"]:
+        unsigned, signed = bytes.fromhex(vector["unsigned"]), bytes.fromhex(vector["signed"])
+        body.append(f"""    tl_signer_init(&signer, {c_bytes(bytes.fromhex(vector["key"]))}, 0x{vector["identity"]}ull,
+                   {vector["boot_count"]}u);
+    memcpy(frame, {c_bytes(unsigned)}, {len(unsigned)}u);
+    expect("{vector["name"]}", tl_sign(frame, &signer) == {len(signed)}u);
+    expect_frame("{vector["name"]}", frame, {len(signed)}u, {c_bytes(signed)}, {len(signed)}u);
+    expect("{vector["name"]} twice", tl_sign(frame, &signer) == 0);
+    expect_frame("{vector["name"]} twice", frame, {len(signed)}u, {c_bytes(signed)}, {len(signed)}u);""")
+    long = encode_raw(6, b"\1" + bytes(216), 0, 0, 0, 0)
+    body.append(f"""    memcpy(frame, {c_bytes(long)}, {len(long)}u);
+    expect("no room", tl_sign(frame, &signer) == 0);
+    expect_frame("no room", frame, {len(long)}u, {c_bytes(long)}, {len(long)}u);""")
+    assert len(vectors["macs"]) == 4
+    assert len(vectors["signed"]) >= 5
+    assert run_harness(compiler, code, "\n".join(body)) == ""
+
+
+@pytest.mark.parametrize("part", ["key", "message", "identity", "boot_count"])
+def test_the_harness_notices_another_signature(compiler: str, code: Path, part: str) -> None:
+    vector = json.loads((VECTORS / "signed.json").read_text("utf-8"))["signed"][0]
+    key, unsigned = bytearray.fromhex(vector["key"]), bytearray.fromhex(vector["unsigned"])
+    key[0] ^= part == "key"
+    unsigned[20] ^= part == "message"
+    identity = int(vector["identity"], 16) ^ (part == "identity")
+    boot_count = vector["boot_count"] ^ (part == "boot_count")
+    signed = bytes.fromhex(vector["signed"])
+    body = f"""    tl_signer signer;
+    tl_signer_init(&signer, {c_bytes(bytes(key))}, {identity}ull, {boot_count}u);
+    memcpy(frame, {c_bytes(bytes(unsigned))}, {len(unsigned)}u);
+    size_t size = tl_sign(frame, &signer);
+    expect("tag", memcmp(frame + size - 12, {c_bytes(signed[-12:-4])}, 8) == 0);"""
+    assert "FAILED tag" in run_harness(compiler, code, body)
+
+
 def test_header_compiles_on_its_own_and_as_cpp(compiler: str, code: Path) -> None:
     for language in ("c", "c++"):
         standard = "-std=c11" if language == "c" else "-std=c++11"

@@ -16,6 +16,7 @@ from firmware_protocol.codec import encode_payload, encode_raw
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, Frame, Hello, HubStatus, MessageType, SampleBlock
+from firmware_protocol.signing import Gate
 
 HELLO = Hello(1, 0, 1, 2, (1, 0, 0), 1, 9600.0, 7, Coupling.DC, 0.0, (1e3,) * 3, (0.1,) * 3, (0.0,) * 3, 32767)
 STATUS = HubStatus(1, 50, 12.0, 1.0, -60, 1, 2, 3, 4)
@@ -25,7 +26,8 @@ SOURCES = st.sampled_from([(0, 0), (0, 1), (0, 255), (9, 0)])
 # A few counters near each other and near the wrap, so that duplicates, late frames, gaps and restarts all happen.
 SEQS = st.sampled_from([0, 1, 2, 3, 4, 5, 70, 71, 2**31, 2**32 - 2, 2**32 - 1])
 VERSIONS = st.sampled_from([wire.VERSION_BYTE] * 12 + [0x11, 0x1F, 0x20, 0x00])
-FLAGS = st.sampled_from([0] * 12 + [1, 0x80])
+FLAGS = st.sampled_from([0] * 10 + [1] * 4 + [2, 3, 0x80])
+TAG = b"\xa5\x5a tag.."
 FALSE_STARTS = st.sampled_from(
     [
         b"\xa5",
@@ -61,6 +63,9 @@ def framed(draw: st.DrawFn, content: st.SearchStrategy[bytes]) -> bytes:
         type_, payload = draw(st.sampled_from(MessageType)), draw(st.binary(max_size=8))
     else:
         type_, payload = draw(U8), draw(content)[:224]
+    flags = draw(FLAGS)
+    if flags & 1 and draw(st.integers(0, 3)):
+        payload = payload[:216] + TAG
     return encode_raw(
         type_,
         payload,
@@ -69,7 +74,7 @@ def framed(draw: st.DrawFn, content: st.SearchStrategy[bytes]) -> bytes:
         draw(SEQS),
         draw(st.integers(0, 2**32 - 1)),
         version=draw(VERSIONS),
-        flags=draw(FLAGS),
+        flags=flags,
     )
 
 
@@ -108,14 +113,16 @@ def pieces(data: bytes, cuts: list[int]) -> Iterator[bytes]:
         yield data[first:after]
 
 
-def streamed(data: bytes, cuts: list[int]) -> tuple[list[tuple[object, ...]], LinkCounters]:
-    decoder = FrameDecoder()
+def streamed(data: bytes, cuts: list[int], gate: Gate | None = None) -> tuple[list[tuple[object, ...]], LinkCounters]:
+    decoder = FrameDecoder(gate)
     frames = [frame for piece in pieces(data, cuts) for frame in decoder.feed(piece)]
     return [comparable(frame) for frame in [*frames, *decoder.finish()]], decoder.counters
 
 
-def batched(data: bytes, cuts: list[int], block_bytes: int) -> tuple[list[tuple[object, ...]], LinkCounters]:
-    decoder = BatchDecoder(block_bytes)
+def batched(
+    data: bytes, cuts: list[int], block_bytes: int, gate: Gate | None = None
+) -> tuple[list[tuple[object, ...]], LinkCounters]:
+    decoder = BatchDecoder(block_bytes, gate)
     found: list[tuple[object, ...]] = []
     for piece in pieces(data, cuts):
         found += map(comparable, decoder.feed(piece).frames())
@@ -166,6 +173,51 @@ def test_batch_equals_streaming(
         assert batched(data, batch_cuts, block_bytes) == streamed(data, cuts)
 
 
+class Doorkeeper:
+    """A gate with a memory: what it lets through depends on what came before."""
+
+    def __init__(self) -> None:
+        self.asked: list[bytes] = []
+
+    def __call__(self, frame: bytes) -> bool:
+        self.asked.append(frame)
+        return zlib.crc32(b"".join(self.asked[-3:])) % 3 > 0
+
+
+@given(STREAMS, CUTS, CUTS, st.sampled_from([1, 100, 1 << 16]))
+@settings(max_examples=300)
+def test_batch_equals_streaming_behind_a_gate(
+    data: bytes, cuts: list[int], batch_cuts: list[int], block_bytes: int
+) -> None:
+    at_stream, at_batch = Doorkeeper(), Doorkeeper()
+    frames, counters = streamed(data, cuts, at_stream)
+    assert batched(data, batch_cuts, block_bytes, at_batch) == (frames, counters)
+    assert at_stream.asked == at_batch.asked
+    assert len(at_stream.asked) == counters.intact - counters.other_major
+
+
+def test_what_a_gate_refuses_leaves_no_trace_in_the_counters() -> None:
+    good = [encode_raw(6, b"\1own", 0, 1, seq, seq) for seq in range(4)]
+    # Ahead of its time, of another start, and the same counter as a good one: each would cost good frames.
+    evil = [encode_raw(6, b"\1evil", 0, 1, 2**31 - 2, 0), encode_raw(6, b"\1evil", 0, 1, 3, 0)]
+    evil.append(encode_raw(1, encode_payload(HELLO._replace(boot_count=9)), 0, 1, 5, 0))
+    data = b"".join([good[0], evil[0], good[1], evil[1], good[2], evil[2], good[3]])
+    for frames, counters in (
+        streamed(data, [], lambda frame: b"own" in frame),
+        batched(data, [], 1 << 10, lambda frame: b"own" in frame),
+    ):
+        assert [frame[3] for frame in frames] == [0, 1, 2, 3]
+        assert counters.refused == 3
+        assert (counters.lost, counters.duplicates, counters.restarts, counters.reordered) == (0, 0, 0, 0)
+
+
+def test_a_tag_without_room_is_no_sample_block() -> None:
+    for length in range(9):
+        for axes_n in (b"\x08\x01", b"\x07\x00"):
+            data = encode_raw(2, (bytes(4) + axes_n + bytes(3))[:length], 0, 0, 0, 0, flags=1)
+            assert batched(data * 2, [], 100) == streamed(data * 2, [])
+
+
 @pytest.mark.parametrize("dense", [1.0, scan._DENSE])
 @pytest.mark.parametrize("break_outer", [False, True])
 def test_a_frame_that_begins_inside_another_and_ends_behind_it(dense: float, break_outer: bool) -> None:
@@ -197,7 +249,7 @@ def test_bytes_of_blocks_before_do_not_matter(data: bytes, cuts: list[int], fill
     assert batch.counters == stream.counters
 
 
-def long_stream(seed: int, frames: int) -> bytes:
+def long_stream(seed: int, frames: int, signed_share: float = 0.0) -> bytes:
     """Four wheels and their hub with every kind of damage, long enough for the vectorised paths."""
     rng = random.Random(seed)
     seqs: dict[int, int] = dict.fromkeys((0, 1, 2, 3, 255), rng.choice([0, 2**32 - 40]))
@@ -223,7 +275,11 @@ def long_stream(seed: int, frames: int) -> bytes:
         if rng.random() < 0.001:
             boot, seqs = boot + 1, dict.fromkeys(seqs, 0)
         seqs[wheel] = (seqs[wheel] + step) % 2**32
-        frame = bytearray(encode_raw(type_, payload, 0, wheel, seqs[wheel], index))
+        signed = signed_share > 0 and rng.random() < signed_share
+        payload = payload[:216] + rng.randbytes(8) if signed else payload
+        if signed and type_ == MessageType.SAMPLES:
+            payload = bytes((0, 0, 0, 0, 7, 35)) + rng.randbytes(218)
+        frame = bytearray(encode_raw(type_, payload, 0, wheel, seqs[wheel], index, flags=signed))
         if rng.random() < 0.02:
             frame[rng.randrange(len(frame))] ^= rng.randrange(1, 256)
         if rng.random() < 0.01:
@@ -234,7 +290,7 @@ def long_stream(seed: int, frames: int) -> bytes:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_batch_equals_streaming_on_long_streams(seed: int) -> None:
-    data = long_stream(seed, 1500)
+    data = long_stream(seed, 1500, signed_share=seed % 3 * 0.4)
     expected = streamed(data, [])
     assert expected[1].frames > 1000
     assert expected[1].crc_errors > 5
