@@ -91,6 +91,7 @@ class SelfCalibrationEstimator:
         self._mounting: MountingRows | None = None
         self._ratio = 0.0
         self._belt: BeltKinematics | None = None
+        self._floor: Estimate | None = None
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
         """Return the estimates of NAMES; a gain of 1 reads true.
@@ -134,11 +135,14 @@ class SelfCalibrationEstimator:
 
     def _belt_of(self, average: AngleAverage, conditions: Conditions) -> BeltKinematics:
         """Return what the average says of the belt, looked at anew every few revolutions."""
-        if self._belt is None or self._count <= _LEAST_REVOLUTIONS + 1 or self._count % _BELT_EVERY == 0:
+        if self._belt is None or self._looks_again():
             self._ratio = self._offset_ratio(conditions)
             centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
             self._belt = belt_kinematics(average.radial_mps2, self._ratio, centre)
         return self._belt
+
+    def _looks_again(self) -> bool:
+        return self._count <= _LEAST_REVOLUTIONS + 1 or self._count % _BELT_EVERY == 0
 
     def _take_gain(
         self, revolution: Revolution, average: AngleAverage, conditions: Conditions, belt: BeltKinematics
@@ -216,7 +220,9 @@ class SelfCalibrationEstimator:
     ) -> tuple[Estimate, Estimate, Estimate]:
         if revolution.ac_coupled:
             lost = "AC-coupled: the steady value is lost"
-            return _floor_gain(average, conditions, refused), _invalid(NAMES[1], lost), _invalid(NAMES[2], lost)
+            if self._floor is None or refused or self._looks_again():
+                self._floor = _floor_gain(average, conditions, refused)
+            return self._floor, _invalid(NAMES[1], lost), _invalid(NAMES[2], lost)
         if not self._information[0, 0] > 0.0:
             reason = refused or "no revolution yet"
             return _invalid(NAMES[0], reason), _invalid(NAMES[1], reason), _invalid(NAMES[2], reason)

@@ -64,7 +64,9 @@ def test_one_speed_says_what_it_needs() -> None:
 
 
 def test_gain_follows_temperature() -> None:
-    tables = "[sensor]\nrange_g = 1000\ngain_drift_percent_per_k = 0.04\n[motion]\nspeed_kmh = [[0, 40], [10, 90], [30, 50]]"
+    tables = (
+        "[sensor]\nrange_g = 1000\ngain_drift_percent_per_k = 0.04\n[motion]\nspeed_kmh = [[0, 40], [10, 90], [30, 50]]"
+    )
     results, _ = simulated(tables, 30.0, SETUP, ESTIMATORS, "temperature_degc = [[0, 20], [30, 60]]")
     found = last(results)
     assert found["gain_per_degc"].status is Status.VALID
