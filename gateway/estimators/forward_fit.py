@@ -175,8 +175,9 @@ def _fit(
         error = np.full(len(orders), _FIRST_ERROR**2)
         size = math.inf
         for step in range(1, _MAX_STEPS + 1):
-            if start is None and step == _WAVES_FROM:
-                here = begin_waves(model, here, orders - here.orders - correction, variance + error, used)
+            if step == (_WAVES_FROM if start is None else 1):
+                left = orders - here.orders - correction
+                here = begin_waves(model, here, left, variance + error, used, all_sides=start is None)
             residual = orders - here.orders - correction
             rows = np.where(free[:, np.newaxis], model.derivatives(here)[0], 0.0)
             normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
@@ -201,25 +202,38 @@ def _fit(
     except (RingNotConvergedError, ValueError, np.linalg.LinAlgError):
         return None
     residual = np.where(used, orders - fine, 0.0)
-    normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
-    posterior = np.linalg.inv(normal)
-    weight = np.where(used, 1.0 / (variance + error), 0.0)
-    response = posterior @ stacked(rows)
-    by_noise = response * np.tile(weight * np.sqrt(variance), 2)
-    by_model = response * np.tile(weight * np.sqrt(error), 2)
-    by_prior = posterior / PRIOR_STD
+    by_noise, by_model = _covariances(rows, residual, variance, error, used, here.parameters)
     return ForwardFit(
         solution=here,
         model_orders=fine,
         residual=residual,
-        noise=by_noise @ by_noise.T,
-        model=by_model @ by_model.T + by_prior @ by_prior.T,
+        noise=by_noise,
+        model=by_model,
         misfit=float(np.mean(np.abs(residual[used]) ** 2 / (2.0 * variance[used]))),
         half_angle_rad=half_angle,
         half_angle_gradient=half_angle_gradient,
         steps=step,
         converged=size < 1.0,
     )
+
+
+def _covariances(
+    rows: ComplexArray,
+    residual: ComplexArray,
+    variance: FloatArray,
+    error: FloatArray,
+    used: BoolArray,
+    parameters: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance of the parameters from noise, and from model error and priors: the linearised refit."""
+    normal, _ = _normal(rows, residual, variance + error, used, parameters)
+    posterior = np.linalg.inv(normal)
+    weight = np.where(used, 1.0 / (variance + error), 0.0)
+    response = posterior @ stacked(rows)
+    by_noise = response * np.tile(weight * np.sqrt(variance), 2)
+    by_model = response * np.tile(weight * np.sqrt(error), 2)
+    by_prior = posterior / PRIOR_STD
+    return by_noise @ by_noise.T, by_model @ by_model.T + by_prior @ by_prior.T
 
 
 def _limited(change: FloatArray) -> FloatArray:

@@ -15,6 +15,8 @@ ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
 
 _SEARCH_ORDERS: Final = range(15, 90)
+# Share of R omega^2 below which a packet may be one that has just come out of the noise.
+_FAINT: Final = 0.01
 
 
 def cold_start(model: ForwardModel, half_angle_rad: float) -> FloatArray:
@@ -43,13 +45,24 @@ def place_centre(model: ForwardModel, here: ForwardSolution, orders: ComplexArra
 
 
 def begin_waves(
-    model: ForwardModel, here: ForwardSolution, residual: ComplexArray, variance: FloatArray, used: BoolArray
+    model: ForwardModel,
+    here: ForwardSolution,
+    residual: ComplexArray,
+    variance: FloatArray,
+    used: BoolArray,
+    *,
+    all_sides: bool,
 ) -> ForwardSolution:
-    """Give the packets the orders that explain most of the residual, each side by itself."""
+    """Give the packets the orders that explain most of the residual, each side by itself.
+
+    Without `all_sides` only a faint packet is moved: a fit that goes on keeps what it has found.
+    """
     p = here.parameters.copy()
     weight = np.where(used, 1.0 / np.sqrt(variance), 0.0)
     data = stacked(residual * weight)
-    for place in (P.BEFORE_ORDER, P.AFTER_ORDER):
+    for place, packet in zip((P.BEFORE_ORDER, P.AFTER_ORDER), here.packets(), strict=True):
+        if not all_sides and packet.amplitude > _FAINT:
+            continue
         best = -1.0
         for order in _SEARCH_ORDERS:
             if order > 0.9 * model.max_order:
