@@ -18,6 +18,10 @@ from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, even_orders
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+# What a belt of EA = 5 MN moves the numbers by, relative: at every load and wear alike (docs/estimators.md). Nobody
+# tells how extensible a belt is, so this is one standard error.
+EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0005, -0.0012, 0.0022, -0.025])
+
 _BLOCK: Final = 32
 
 
@@ -82,6 +86,7 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
     Noise: the orders' standard errors through the response of the numbers. Model error: the least correction of the
     orders that lets the balance hold, band by band with its phase drawn anew, through the same response; less what
     noise alone would leave. A band keeps its envelope: waves that run out of the contact stay where bending feels them.
+    And the belt's extension, which the balance leaves out.
 
     Args:
         solution: of b waveforms.
@@ -95,6 +100,8 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
     waves = by_band(solution.correction)
     moved = np.concatenate([waves, waves @ QUARTER_TURN], axis=1) @ response.transpose(0, 2, 1)
     model = 0.5 * excess[:, np.newaxis, np.newaxis] * (moved.transpose(0, 2, 1) @ moved)
+    extension = solution.unknowns[:, :4] * EXTENSION_ERRORS
+    model += extension[:, :, np.newaxis] * extension[:, np.newaxis, :]
     return WaveformFits(
         values=solution.unknowns[:, :4],
         free=solution.free[:, :4],
