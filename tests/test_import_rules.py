@@ -22,9 +22,11 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.pipeline": {"firmware_protocol", "gateway.estimators", "gateway.signal", "gateway.physics"},
     "gateway.config": {"gateway.errors", "gateway.pipeline"},
     "gateway.io": {"gateway.clock", "gateway.errors"},
+    "gateway.security": {"firmware_protocol", "gateway.config", "gateway.errors"},
     "gateway.recording": {"firmware_protocol", "gateway.clock", "gateway.errors", "gateway.io"},
     "gateway.simulator": {
         "firmware_protocol", "gateway.clock", "gateway.config", "gateway.errors", "gateway.io", "gateway.physics",
+        "gateway.security",
     },
     "gateway.importing": {
         "firmware_protocol", "gateway.config", "gateway.errors", "gateway.io", "gateway.recording",
@@ -32,13 +34,13 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.views": {"gateway.errors", "gateway.estimators", "gateway.pipeline"},
     "gateway.session": {
         "firmware_protocol", "gateway.clock", "gateway.config", "gateway.errors", "gateway.estimators", "gateway.io",
-        "gateway.pipeline", "gateway.recording", "gateway.views",
+        "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.views",
     },
     "gateway.figures": {"gateway.errors", "gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.cli": {"*"},
 }  # fmt: skip
 # Standard modules that only one place may import.
-ONLY_IN = {"time": {"gateway/clock.py"}, "random": set()}
+ONLY_IN = {"time": {"gateway/clock.py"}, "random": set(), "secrets": {"gateway/security/keys.py"}}
 # Constants any layer may use.
 ANYWHERE = {"gateway"}
 

@@ -25,6 +25,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "figures": ("gateway.cli.figures:figures", "Redraw the papers' figures from simulated tires."),
     "scan": ("gateway.cli.scan:scan", "List the hubs and serial ports that there are, with signal and battery."),
     "command": ("gateway.cli.command:command", "Tell a hub to start, stop, change its rate, or the time."),
+    "keys": ("gateway.cli.keys:keys", "Keep the keys with which sensors sign what they send."),
     "doctor": ("gateway.cli.doctor:doctor", "Check ports, permissions, configuration and optional packages."),
     "protocol": ("gateway.cli.protocol:protocol", "Generate the firmware's C header, encoder and test vectors."),
 }

@@ -9,15 +9,18 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.opening import choose_vehicle, config_option, estimator_option
+from gateway.cli.opening import choose_vehicle, config_option, estimator_option, keys_option
 from gateway.config.model import VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
+from gateway.security.guard import Guard
+from gateway.security.opening import open_guard
 from gateway.session.batch import estimate_items
 from gateway.views.summary import ResultSummary, summary_lines
 from gateway.views.tables import TableFormat, open_table
+from gateway.views.text import clean
 
 
 def _output_option(name: TableFormat, what: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -32,6 +35,7 @@ def _output_option(name: TableFormat, what: str) -> Callable[[Callable[..., None
 @_output_option(TableFormat.JSON, "one JSON object a line, a revolution and wheel each,")
 @_output_option(TableFormat.PARQUET, "a Parquet table (needs treadlink[parquet])")
 @click.option("--force", is_flag=True, help="Overwrite existing output files.")
+@keys_option
 @estimator_option
 def estimate(
     recordings: tuple[Path, ...],
@@ -40,6 +44,7 @@ def estimate(
     json_path: Path | None,
     parquet_path: Path | None,
     force: bool,
+    key_file: Path | None,
     estimators: tuple[str, ...],
 ) -> None:
     """Estimate RECORDING... in one pass, with the same results as live.
@@ -65,7 +70,8 @@ def estimate(
                 for table in tables:
                     table.write(result, name)
 
-            _estimate_one(reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary)
+            guard = open_guard(vehicle, key_file, remembers=False)
+            _estimate_one(reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary, guard)
             if reader.damage is not None:
                 damaged.append(reader.damage)
         for path in filter(None, outputs.values()):
@@ -80,6 +86,7 @@ def _estimate_one(
     take: Callable[[RevolutionResult], None],
     estimators: tuple[str, ...],
     summary: ResultSummary,
+    guard: Guard | None,
 ) -> None:
     path = reader.info.path
     shown = sys.stderr.isatty()
@@ -92,12 +99,15 @@ def _estimate_one(
             progress.update(reader.position - done)
             done = reader.position
 
-        counters = estimate_items(reader, vehicle, take, estimators=estimators, on_bytes=on_bytes)
+        counters = estimate_items(reader, vehicle, take, estimators=estimators, on_bytes=on_bytes, guard=guard)
     click.echo(f"{path}" + ("" if vehicle is not None else "  (no configuration: belt radius 320 mm assumed)"))
     for line in summary_lines(summary.wheels()):
         click.echo(f"  {line}".rstrip())
+    for finding in guard.findings() if guard is not None else ():
+        click.echo(f"  {clean(finding)}")
     for link, counted in counters.items():
         click.echo(
             f"  {link}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
             f"{counted.duplicates} duplicate, {counted.reordered} late"
+            + (f", {counted.refused} refused as not verified" if counted.refused else "")
         )

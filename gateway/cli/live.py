@@ -13,6 +13,7 @@ from gateway.cli.opening import (
     end_session,
     estimator_option,
     is_terminal,
+    keys_option,
     run_plain,
     start_session,
 )
@@ -28,6 +29,7 @@ from gateway.cli.opening import (
 )
 @click.option("--plain", is_flag=True, help="One line a revolution; the default where the output is no terminal.")
 @duration_option
+@keys_option
 @estimator_option
 def live(
     sources: tuple[str, ...],
@@ -35,6 +37,7 @@ def live(
     record: Path | None,
     plain: bool,
     duration_s: float | None,
+    key_file: Path | None,
     estimators: tuple[str, ...],
 ) -> None:
     """Watch wheels being estimated.
@@ -50,7 +53,7 @@ def live(
     Keys in the console: space pauses, m marks an event in the recording, tab or 1 to 8 choose the wheel, z zooms the
     waveform, ? helps, q quits. A summary follows the end.
     """
-    session = start_session(sources, config_path=config_path, record=record, estimators=estimators)
+    session = start_session(sources, config_path=config_path, record=record, estimators=estimators, key_file=key_file)
     show_session(session, plain=plain, duration_s=duration_s)
 
 

@@ -18,6 +18,7 @@ from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS
 from gateway.io.source import Source, open_source, parse_source_uri
 from gateway.pipeline.results import SessionSnapshot
 from gateway.recording.writer import RecordingWriter
+from gateway.security.opening import open_guard
 from gateway.session.commands import with_commands
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
@@ -40,6 +41,12 @@ estimator_option = click.option(
     multiple=True,
     type=click.Choice(list(ESTIMATORS)),
     help=f"Estimator to run, may be given several times [default: {', '.join(DEFAULT_ESTIMATORS)}].",
+)
+keys_option = click.option(
+    "--keys",
+    "key_file",
+    type=click.Path(path_type=Path),
+    help="Keys of signed frames, where the configuration asks for them; default: those of `treadlink keys`.",
 )
 duration_option = click.option("--duration", "duration_s", type=click.FloatRange(min=0.1), help="Stop after so many s.")
 
@@ -68,6 +75,7 @@ def start_session(
     config_path: Path | None,
     record: Path | None,
     estimators: Sequence[str],
+    key_file: Path | None = None,
     clock: Clock | None = None,
 ) -> RunningSession:
     """Open everything and start reading.
@@ -80,13 +88,16 @@ def start_session(
     try:
         sources += [with_commands(open_source(uri, clock), clock) for uri in uris]
         vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
+        # What is played from a file or simulated anew is old by its nature: it neither asks nor moves the counters.
+        remembers = not any(parse_source_uri(uri).scheme in _PATIENT for uri in uris)
+        guard = open_guard(vehicle, key_file, remembers=remembers)
         recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
     except BaseException:
         for source in sources:
             source.close()
         raise
     summary = ResultSummary()
-    core = SessionCore(vehicle, recorder=recorder, estimators=estimators or DEFAULT_ESTIMATORS)
+    core = SessionCore(vehicle, recorder=recorder, estimators=estimators or DEFAULT_ESTIMATORS, guard=guard)
     patient = [parse_source_uri(uri).scheme in _PATIENT for uri in uris]
     live = LiveSession(sources, core, clock, patient=patient, summary=summary)
     live.start()

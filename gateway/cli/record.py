@@ -14,6 +14,7 @@ from gateway.cli.opening import (
     duration_option,
     end_session,
     estimator_option,
+    keys_option,
     start_session,
 )
 from gateway.errors import RecordingError
@@ -32,12 +33,14 @@ _REPORT_S: Final = 1.0
 )
 @config_option
 @duration_option
+@keys_option
 @estimator_option
 def record(
     sources: tuple[str, ...],
     out: Path,
     config_path: Path | None,
     duration_s: float | None,
+    key_file: Path | None,
     estimators: tuple[str, ...],
 ) -> None:
     """Record SOURCE... until Ctrl-C, the end of the source, or --duration.
@@ -45,7 +48,7 @@ def record(
     Link bytes go to disk before they are decoded; results go beside them as topics that plotting programs open.
     Sources are those of `treadlink live`. An existing file is never overwritten.
     """
-    session = start_session(sources, config_path=config_path, record=out, estimators=estimators)
+    session = start_session(sources, config_path=config_path, record=out, estimators=estimators, key_file=key_file)
     _watch(session, duration_s)
     end_session(session, click.echo)
     if session.core.recording_fault is not None:

@@ -8,7 +8,7 @@ from urllib.parse import quote
 import click
 
 from gateway.cli.live import show_session
-from gateway.cli.opening import config_option, duration_option, estimator_option, start_session
+from gateway.cli.opening import config_option, duration_option, estimator_option, keys_option, start_session
 
 
 @click.command()
@@ -17,6 +17,7 @@ from gateway.cli.opening import config_option, duration_option, estimator_option
 @config_option
 @click.option("--plain", is_flag=True, help="One line a revolution; the default where the output is no terminal.")
 @duration_option
+@keys_option
 @estimator_option
 def replay(
     recording: Path,
@@ -24,6 +25,7 @@ def replay(
     config_path: Path | None,
     plain: bool,
     duration_s: float | None,
+    key_file: Path | None,
     estimators: tuple[str, ...],
 ) -> None:
     """Play RECORDING again: the same bytes, the same estimates.
@@ -31,5 +33,5 @@ def replay(
     The configuration is the one recorded with it, unless --config gives another.
     """
     uri = f"replay:{quote(str(recording))}?speed={speed}"
-    session = start_session((uri,), config_path=config_path, record=None, estimators=estimators)
+    session = start_session((uri,), config_path=config_path, record=None, estimators=estimators, key_file=key_file)
     show_session(session, plain=plain, duration_s=duration_s)

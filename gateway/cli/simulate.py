@@ -46,6 +46,7 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.option("--seed", type=click.IntRange(min=0), help="Instead of the scenario's.")
 @click.option("--duration", "duration_s", type=click.FloatRange(min=0.01), help="Length in s, instead of its own.")
 @click.option("--speed", default="1", show_default=True, help="Times real time, or max; a file is always at max.")
+@click.option("--keys", "key_file", type=click.Path(path_type=Path), help="Sign with the keys in this file.")
 @click.option("--vehicle", type=click.Path(path_type=Path), help="Also write the vehicle's configuration here.")
 @click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_list, help="What there is.")
 def simulate(
@@ -57,6 +58,7 @@ def simulate(
     seed: int | None,
     duration_s: float | None,
     speed: str,
+    key_file: Path | None,
     vehicle: Path | None,
 ) -> None:
     """Simulate the hubs and tires of SCENARIO (a built-in name or a TOML file).
@@ -67,12 +69,16 @@ def simulate(
         raise click.UsageError("Give one of --out FILE, --pty and --ble.")
     if ble and faults:
         raise click.UsageError("--fault damages a stream of bytes; Bluetooth carries whole frames or none.")
+    if ble and key_file is not None:
+        raise click.UsageError(
+            "--keys is not for --ble: its hub takes commands, after which it writes its frames anew."
+        )
     loaded = load_scenario(scenario)
     used_seed = loaded.scenario.seed if seed is None else seed
     simulation = make_simulation(
-        loaded, seed=seed, duration_s=duration_s, faults=tuple(parse_faults(faults, used_seed))
+        loaded, seed=seed, duration_s=duration_s, faults=tuple(parse_faults(faults, used_seed)), key_file=key_file
     )
-    toml, clock, link = vehicle_toml(loaded), SystemClock(), link_name(scenario)
+    toml, clock, link = vehicle_toml(loaded, signed=key_file is not None), SystemClock(), link_name(scenario)
     if vehicle is not None:
         _write_new(vehicle, toml)
     if out is not None:

@@ -19,6 +19,11 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             key = key_of(data, ("wheel", index, "load_std_n"))
             yield Fault(key, show(wheel["load_std_n"]), "it needs load_n beside it")
     yield from _calibrations(data, wheels)
+    if _table(data.get("security")).get("policy") == "require":
+        for index, wheel in wheels:
+            if "sensor_id" not in wheel:
+                key = key_of(data, ("wheel", index, "sensor_id"))
+                yield Fault(key, "nothing", 'security.policy = "require" needs to know which sensor belongs there')
     thresholds = _table(data.get("thresholds"))
     low, high = thresholds.get("pressure_min_kpa"), thresholds.get("pressure_max_kpa")
     if _is_number(low) and _is_number(high) and low >= high:

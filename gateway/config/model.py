@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from enum import StrEnum
 from typing import Final
 
 from pydantic import Field, model_validator
@@ -232,6 +233,24 @@ class Thresholds(Section):
         return None if self.frame_loss_max_percent is None else self.frame_loss_max_percent * 1e-2
 
 
+class Policy(StrEnum):
+    """What becomes of frames that nobody can vouch for."""
+
+    OFF = "off"
+    WARN = "warn"
+    REQUIRE = "require"
+
+
+class Security(Section):
+    """`[security]`: whether frames must be signed by the sensors that the wheels name."""
+
+    policy: Policy = Field(
+        default=Policy.OFF,
+        strict=False,
+        description="off: signatures are not looked at; warn: what is not verified is told; require: it is ignored",
+    )
+
+
 class VehicleConfig(Section):
     """The whole configuration of one vehicle or test rig."""
 
@@ -240,6 +259,7 @@ class VehicleConfig(Section):
     axle: tuple[Axle, ...] = Field(default=(), strict=False)
     wheel: tuple[Wheel, ...] = Field(strict=False, min_length=1, description="one [[wheel]] table at least")
     thresholds: Thresholds = Thresholds()
+    security: Security = Security()
 
     @model_validator(mode="after")
     def _consistent(self) -> VehicleConfig:

@@ -116,6 +116,7 @@ class LinkSnapshot:
         battery_percent: of the hub, None when unknown.
         rssi_dbm: of the hub's sensor link, else of the link itself when it was connected; None when unknown.
         supply_w: of the hub, None when unknown.
+        judged: frames by what the check of their signatures found; empty when signatures do not matter.
     """
 
     link: str
@@ -134,6 +135,7 @@ class LinkSnapshot:
     battery_percent: int | None = None
     rssi_dbm: int | None = None
     supply_w: float | None = None
+    judged: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

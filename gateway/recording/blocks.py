@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.batch import BatchDecoder, FrameBatch
 from firmware_protocol.counters import LinkCounters
+from firmware_protocol.signing import Gate
 from gateway.io.source import Chunk
 
 # Below half a MiB the cost per block shows.
@@ -19,10 +20,10 @@ _BLOCK_BYTES: Final = 1 << 20
 class LinkBlocks:
     """Decodes the chunks of one link in blocks; memory stays flat."""
 
-    def __init__(self, link: str) -> None:
-        """Start with the link's first byte."""
+    def __init__(self, link: str, gate: Gate | None = None) -> None:
+        """Start with the link's first byte; `gate` as for the decoder."""
         self.link = link
-        self._decoder = BatchDecoder(_BLOCK_BYTES)
+        self._decoder = BatchDecoder(_BLOCK_BYTES, gate)
         self._pending = bytearray()
         self._fed = 0
         self._ends: list[int] = []

@@ -8,6 +8,7 @@ from typing import Final
 from gateway.config.model import Thresholds
 from gateway.estimators.base import Status
 from gateway.pipeline.results import Alarm, LinkSnapshot, WheelSnapshot
+from gateway.security.guard import SUSPICIOUS
 
 
 def alarms(
@@ -93,6 +94,10 @@ def _of_link(link: LinkSnapshot, limits: Thresholds) -> Iterator[Alarm]:
     worst = limits.frame_loss_max
     if worst is not None and total and link.frames_lost / total > worst:
         yield Alarm(link.link, "loss", f"{link.frames_lost / total:.2%} of the frames lost, above {worst:.2%}")
+    suspicious = {verdict: count for verdict in SUSPICIOUS if (count := link.judged.get(verdict))}
+    if suspicious:
+        text = ", ".join(f"{count} {verdict}" for verdict, count in suspicious.items())
+        yield Alarm(link.link, "security", f"frames not to be trusted: {text}")
     battery, least = link.battery_percent, limits.battery_min_percent
     if battery is not None and least is not None and battery < least:
         yield Alarm(link.link, "battery", f"battery {battery} % is below {least:.0f} %")

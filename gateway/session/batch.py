@@ -17,6 +17,7 @@ from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.setup import WheelSetup
 from gateway.recording.blocks import LinkBlocks
+from gateway.security.guard import Guard
 
 
 class Items(Protocol):
@@ -34,6 +35,7 @@ def estimate_items(
     *,
     estimators: Sequence[str] = DEFAULT_ESTIMATORS,
     on_bytes: Callable[[int], None] | None = None,
+    guard: Guard | None = None,
 ) -> dict[str, LinkCounters]:
     """Estimate everything that `source` yields.
 
@@ -42,6 +44,7 @@ def estimate_items(
         vehicle: configuration, None for an assumed belt radius.
         on_result: called for every completed revolution; each wheel's in order, wheels interleaved by block.
         estimators: names from the registry.
+        guard: judges every frame first; None when signatures do not matter.
         on_bytes: called with the number of link bytes taken in, for a progress bar.
 
     Returns:
@@ -61,7 +64,8 @@ def estimate_items(
             continue
         blocks = links.get(item.link)
         if blocks is None:
-            blocks = links[item.link] = LinkBlocks(item.link)
+            gate = guard.gate(item.link) if guard is not None else None
+            blocks = links[item.link] = LinkBlocks(item.link, gate)
         if on_bytes is not None:
             on_bytes(len(item.data))
         deliver(item.link, blocks.add(item))

@@ -17,10 +17,12 @@ from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
 from gateway.pipeline.setup import WheelSetup
+from gateway.security.guard import Guard
 from gateway.session.alarms import alarms, sensor_alarms
 from gateway.session.commands import refusal
 from gateway.session.diagnosis import LinkDiagnosis
 from gateway.session.recording_stage import Recorder
+from gateway.session.security_watch import SecurityWatch
 from gateway.session.topics import log_level, message_topic, revolution_payload, waveform_payload
 
 _NOTICES: Final = 20
@@ -43,7 +45,7 @@ class _Link:
     """What the session knows of one link."""
 
     diagnosis: LinkDiagnosis
-    decoder: FrameDecoder = field(default_factory=FrameDecoder)
+    decoder: FrameDecoder
     connected: bool = False
     note: str = ""
     bytes_received: int = 0
@@ -71,6 +73,7 @@ class SessionCore:
         *,
         recorder: Recorder | None = None,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+        guard: Guard | None = None,
     ) -> None:
         """Put the parts together.
 
@@ -78,7 +81,9 @@ class SessionCore:
             vehicle: configuration; None when nobody gave one, then the belt radius is assumed and told so.
             recorder: an open recording, closed by `finish`.
             estimators: names from the registry.
+            guard: judges every frame before anything else looks at it; None when signatures do not matter.
         """
+        self._watch = SecurityWatch(guard)
         self.recorder = recorder
         self.recording_fault: str | None = None
         self.records_items = True
@@ -97,6 +102,7 @@ class SessionCore:
         self._sensor_ids = _sensor_ids(vehicle)
         self._told_alarms: set[tuple[str, str]] = set()
         self._notices.extend(vehicle.notices() if vehicle is not None else ())
+        self._notices.extend(self._watch.findings())
 
     def notify(self, text: str) -> None:
         """Tell the user something, once, in plain words."""
@@ -121,6 +127,7 @@ class SessionCore:
             link.connected, link.note = True, "connected"
         link.bytes_received += len(item.data)
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
+        self._diagnosed(item.link, self._watch.findings(), item.host_ns)
         self._diagnosed(item.link, link.diagnosis.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
 
@@ -128,7 +135,7 @@ class SessionCore:
         link = self._links.get(name)
         if link is None:
             diagnosis = LinkDiagnosis(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
-            link = self._links[name] = _Link(diagnosis)
+            link = self._links[name] = _Link(diagnosis, FrameDecoder(self._watch.gate(name)))
         return link
 
     def _diagnosed(self, name: str, findings: list[str], host_ns: int) -> None:
@@ -217,6 +224,7 @@ class SessionCore:
     def tick(self, now_ns: int) -> None:
         """Let the recording reach the disk, and silence be noticed, though nothing arrives."""
         self._record(lambda recorder: recorder.tick(now_ns))
+        self._diagnosed("", self._watch.tick(now_ns), now_ns)
         for name, link in self._links.items():
             if link.connected:
                 self._diagnosed(name, link.diagnosis.tick(now_ns), now_ns)
@@ -236,6 +244,7 @@ class SessionCore:
             results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
         results += self._deliver(self._pipeline.finish(), self._newest_ns)
         self.look_at_sensors()
+        self._diagnosed("", self._watch.finish(), self._newest_ns)
         if self.recorder is not None:
             self._record(lambda recorder: recorder.close())
         if self.recorder is not None:
@@ -280,6 +289,7 @@ class SessionCore:
             battery_percent=status.battery_percent if status is not None else None,
             rssi_dbm=rssi_dbm if rssi_dbm is not None else link.connected_rssi_dbm,
             supply_w=status.supply_w if status is not None else None,
+            judged=self._watch.counts(name),
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +24,8 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
+from gateway.security.keys import hub_identity, sensor_identity
+from gateway.security.signer import FrameSigner
 from gateway.simulator.scenario_tables import Hub
 from gateway.simulator.sensor import FULL_SCALE_COUNTS
 from gateway.simulator.wheel import WheelSimulator
@@ -54,15 +56,26 @@ class _Due(NamedTuple):
 class HubSimulator:
     """Turns the samples of its wheels into frames, block by block."""
 
-    def __init__(self, hub: Hub, wheels: Sequence[WheelSimulator], title: str) -> None:
-        """Take the hub's data, its wheels and what its log says at the start."""
+    def __init__(
+        self, hub: Hub, wheels: Sequence[WheelSimulator], title: str, signer: FrameSigner | None = None
+    ) -> None:
+        """Take the hub's data, its wheels, what its log says at the start, and what signs, if anything."""
+        self._signer = signer
+        self._identities = {wheel.plan.wheel: sensor_identity(wheel.plan.sensor_id) for wheel in wheels}
+        self._identities[HUB_ITSELF] = hub_identity(_HUB_ID + hub.hub)
         self._hub = hub
         self._wheels = tuple(wheels)
         self._title = title
         self._now_s = 0.0
-        self._pending = {wheel.plan.wheel: _Pending(wheel) for wheel in wheels}
+        most_bytes = wire.MAX_PAYLOAD_BYTES if signer is None else wire.MAX_SIGNED_PAYLOAD_BYTES
+        self._pending = {wheel.plan.wheel: _Pending(wheel, most_bytes) for wheel in wheels}
         self._sequence = dict.fromkeys([*self._pending, HUB_ITSELF], 0)
         self._sent = 0
+
+    @staticmethod
+    def identities(hub: Hub, sensor_ids: Iterable[int]) -> list[str]:
+        """Return who would sign: the sensors of a hub and the hub itself."""
+        return [*map(sensor_identity, sensor_ids), hub_identity(_HUB_ID + hub.hub)]
 
     def advance(self, until_s: float) -> list[TimedFrame]:
         """Return the frames of the time since the last call up to before `until_s`, in the order of sending."""
@@ -87,7 +100,10 @@ class HubSimulator:
         self._sequence[item.wheel] = (seq + 1) & _MASK
         self._sent += 1
         frame = Frame(item.type, self._hub.hub, item.wheel, seq, item.tick_us & _MASK, message)
-        return TimedFrame(item.time_s, encode_frame(frame))
+        data = encode_frame(frame)
+        if self._signer is not None:
+            data = self._signer(data, self._identities[item.wheel], self._hub.boot_count)
+        return TimedFrame(item.time_s, data)
 
     def _periodic(self, begin_s: float, end_s: float) -> Iterator[_Due]:
         if begin_s == 0.0:
@@ -147,11 +163,11 @@ class HubSimulator:
 class _Pending:
     """Samples of one wheel that do not fill a frame yet."""
 
-    def __init__(self, wheel: WheelSimulator) -> None:
+    def __init__(self, wheel: WheelSimulator, most_bytes: int) -> None:
         self._wheel = wheel
         self.speaks = wheel.plan.speaks
         self._axes = wheel.chain.axes
-        room = wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES
+        room = most_bytes - wire.SAMPLES_HEADER_BYTES
         self._size = room // (2 * self._axes.bit_count())
         self._first = 0
         self._counts: NDArray[np.int16] = np.empty((0, self._axes.bit_count()), np.int16)

@@ -56,11 +56,12 @@ def parse_scenario(text: str, origin: str) -> Scenario:
     return parse_document(Scenario, text, origin, scenario_faults)
 
 
-def vehicle_toml(scenario: Scenario) -> str:
+def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
     """Return the vehicle configuration that a user of this vehicle would write: what is known, not what is simulated.
 
     Loads and pressures are those of the beginning. The new tire's numbers are stated, its wear is not. What the
-    scenario says is stated wrongly is stated so, and nobody knows of a sensor that is upside down.
+    scenario says is stated wrongly is stated so, and nobody knows of a sensor that is upside down. Sensors that sign
+    have to.
     """
     wheels = []
     for wheel, plan in zip(scenario.wheels(), wheel_plans(scenario), strict=True):
@@ -78,7 +79,10 @@ def vehicle_toml(scenario: Scenario) -> str:
                     "pressure_kpa": _said(stated.pressure_kpa, wheel.pressure_kpa.at(0.0)),
                     "temperature_degc": wheel.temperature_degc.at(0.0),
                     "ring_thickness_mm": tire.ring_thickness_mm,
-                    "reference": {"Bs": tire.Bs, "Cw": tire.Cw, "Rs": tire.Rs, "Ts": tire.Ts},
+                    "reference": {
+                        **{"Bs": tire.Bs, "Cw": tire.Cw, "Rs": tire.Rs, "Ts": tire.Ts},
+                        "pressure_kpa": tire.reference_pressure_kpa,
+                    },
                 },
                 "mounting": {
                     "offset_mm": _said(stated.offset_mm, sensor.offset_mm),
@@ -87,7 +91,8 @@ def vehicle_toml(scenario: Scenario) -> str:
                 },
             }
         )
-    return toml_text({"vehicle": {"name": scenario.scenario.name}, "wheel": wheels})
+    security = {"security": {"policy": "require"}} if signed else {}
+    return toml_text({"vehicle": {"name": scenario.scenario.name}, "wheel": wheels, **security})
 
 
 def _said(stated: float | None, true: float) -> float:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from gateway.errors import ConfigError
+from gateway.errors import ConfigError, SourceError
 from gateway.io.source import Chunk
 from gateway.physics.brush_tread import BrushNotConvergedError
 from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.security.signer import open_signer
 from gateway.simulator.faults import Fault, apply_faults, parse_faults
 from gateway.simulator.hub import HubSimulator, TimedFrame
 from gateway.simulator.plan import WheelPlan, wheel_plans
@@ -73,7 +75,12 @@ class Simulation:
 
 
 def simulate(
-    scenario: Scenario, *, seed: int | None = None, duration_s: float | None = None, faults: tuple[Fault, ...] = ()
+    scenario: Scenario,
+    *,
+    seed: int | None = None,
+    duration_s: float | None = None,
+    faults: tuple[Fault, ...] = (),
+    key_file: Path | None = None,
 ) -> Simulation:
     """Return a scenario ready to run; the tires are solved now.
 
@@ -82,27 +89,44 @@ def simulate(
         seed: instead of the scenario's.
         duration_s: instead of the scenario's.
         faults: on the link; the scenario's own come first.
+        key_file: keys with which sensors and hubs sign; None for unsigned frames.
 
     Raises:
         ConfigError: a tire has no equilibrium under its load.
+        SecurityError: a key is missing.
+        SourceError: a fault would have to sign.
     """
     seed = scenario.scenario.seed if seed is None else seed
     plans = wheel_plans(scenario)
+    all_faults = (*parse_faults(scenario.scenario.faults, seed), *faults)
+    if key_file is not None and any(fault.kind == "reboot" for fault in all_faults):
+        raise SourceError(
+            "the fault 'reboot' cannot sign the frames that it changes", "Leave out the fault or the keys."
+        )
+    signer = open_signer(key_file, _identities(scenario, plans)) if key_file is not None else None
     link_rng, *wheel_rngs = np.random.default_rng(seed).spawn(1 + len(plans))
     wheels = [_wheel(plan, rng) for plan, rng in zip(plans, wheel_rngs, strict=True)]
     title = f"treadlink simulator: {scenario.scenario.name or 'scenario'}, seed {seed}"
     hubs = tuple(
-        HubSimulator(hub, [wheel for wheel in wheels if wheel.plan.hub.hub == hub.hub], title)
+        HubSimulator(hub, [wheel for wheel in wheels if wheel.plan.hub.hub == hub.hub], title, signer)
         for hub in scenario.hubs()
     )
     return Simulation(
         scenario=scenario,
         duration_s=scenario.scenario.duration_s if duration_s is None else duration_s,
-        faults=(*parse_faults(scenario.scenario.faults, seed), *faults),
+        faults=all_faults,
         truth={wheel.plan.position: WheelTruth(wheel.plan, wheel.phase_rad) for wheel in wheels},
         _hubs=hubs,
         _link_rng=link_rng,
     )
+
+
+def _identities(scenario: Scenario, plans: Sequence[WheelPlan]) -> list[str]:
+    return [
+        identity
+        for hub in scenario.hubs()
+        for identity in HubSimulator.identities(hub, [plan.sensor_id for plan in plans if plan.hub.hub == hub.hub])
+    ]
 
 
 def _wheel(plan: WheelPlan, rng: np.random.Generator) -> WheelSimulator:

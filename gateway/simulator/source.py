@@ -15,7 +15,9 @@ from gateway.simulator.faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
 
-OPTIONS = "speed=1|10|max, duration=SECONDS, seed=NUMBER, fault=KIND:OPTION=VALUE (several parted by ';' or '+')"
+OPTIONS = (
+    "speed=1|10|max, duration=SECONDS, seed=NUMBER, fault=KIND:OPTION=VALUE (several parted by ';' or '+'), keys=FILE"
+)
 
 
 class SimulatorSource:
@@ -73,6 +75,7 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
     speed = parse_speed(options.pop("speed", "1"))
     seed_text, duration_text = options.pop("seed", None), options.pop("duration", None)
     fault_texts = split_faults(options.pop("fault", ""))
+    key_file = options.pop("keys", None)
     if options:
         raise SourceError(f"sim has no option '{next(iter(options))}'", f"Options are {OPTIONS}.")
     scenario = load_scenario(address.target)
@@ -82,8 +85,10 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
         seed=seed,
         duration_s=None if duration_text is None else _positive("duration", duration_text),
         faults=tuple(parse_faults(fault_texts, scenario.scenario.seed if seed is None else seed)),
+        key_file=None if key_file is None else Path(key_file),
     )
-    return SimulatorSource(simulation, link_name(address.target), vehicle_toml(scenario), speed, clock)
+    toml = vehicle_toml(scenario, signed=key_file is not None)
+    return SimulatorSource(simulation, link_name(address.target), toml, speed, clock)
 
 
 def link_name(target: str) -> str:

@@ -108,6 +108,7 @@ def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:
     fields += [(f"{link.frames} frames", Role.LABEL), (file_size(link.bytes_received), Role.LABEL)]
     odd = {"noise": file_size(link.noise_bytes) if link.noise_bytes else 0}
     odd |= {"duplicate": link.duplicates, "reordered": link.reordered, "skipped": link.skipped}
+    odd |= {verdict: count for verdict, count in link.judged.items() if verdict != "verified"}
     fields += [(f"{name} {value}", Role.LABEL) for name, value in odd.items() if value]
     if link.connected and link.note and link.note != "connected":
         fields.append((clean(link.note), Role.LABEL))

@@ -166,6 +166,7 @@ def _link_line(link: LinkSnapshot) -> str:
         "reordered": link.reordered,
         "skipped": link.skipped,
         "noise bytes": link.noise_bytes,
+        **link.judged,
         **{f"dropped by {stage}": count for stage, count in link.queue_dropped.items()},
     }
     return f"{link.link}: " + ", ".join([*parts, *(f"{count} {name}" for name, count in counted.items() if count)])

@@ -1,0 +1,91 @@
+"""AES-128-CMAC with the optional package `cryptography`."""
+
+from __future__ import annotations
+
+import hmac
+from typing import TYPE_CHECKING, Final
+
+from firmware_protocol import wire
+from firmware_protocol.signing import freshness, signed_part, tag_of
+from gateway.errors import TreadlinkError
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.cmac import CMAC
+
+KEY_BYTES: Final = 16
+_REMEDY: Final = "Install it: pip install 'treadlink[auth]'."
+
+
+class SecurityError(TreadlinkError):
+    """Keys or counters cannot be used as they are."""
+
+
+class Key:
+    """A secret key; never shown by accident.
+
+    Attributes:
+        secret: its 16 bytes.
+    """
+
+    __slots__ = ("secret",)
+
+    def __init__(self, secret: bytes) -> None:
+        if len(secret) != KEY_BYTES:
+            raise ValueError(f"a key has {KEY_BYTES} bytes, this one {len(secret)}")
+        self.secret = secret
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Key) and hmac.compare_digest(self.secret, other.secret)
+
+    def __hash__(self) -> int:
+        return hash(self.secret)
+
+    def __repr__(self) -> str:
+        return "Key(...)"
+
+    def check_value(self) -> str:
+        """Return six digits by which people can compare keys without seeing them."""
+        return mac(self, bytes(KEY_BYTES))[:3].hex()
+
+
+def start(key: Key) -> CMAC:
+    """Return a CMAC to be copied for every message.
+
+    Raises:
+        SecurityError: the package `cryptography` is missing.
+    """
+    try:
+        from cryptography.hazmat.primitives.ciphers.algorithms import AES
+        from cryptography.hazmat.primitives.cmac import CMAC
+    except ImportError as error:
+        raise SecurityError("signed frames need the package 'cryptography'", _REMEDY) from error
+    return CMAC(AES(key.secret))
+
+
+def mac(key: Key, data: bytes) -> bytes:
+    """Return the AES-128-CMAC of `data`, 16 bytes.
+
+    Raises:
+        SecurityError: the package `cryptography` is missing.
+    """
+    code = start(key)
+    code.update(data)
+    return code.finalize()
+
+
+class Verifier:
+    """Checks tags of one sensor or hub in one start of it."""
+
+    __slots__ = ("_begun", "boot_count")
+
+    def __init__(self, key: Key, identity: int, boot_count: int) -> None:
+        """Prepare; costs what several frames do, so keep it."""
+        self.boot_count = boot_count
+        self._begun = start(key)
+        self._begun.update(freshness(identity, boot_count))
+
+    def is_genuine(self, frame: bytes) -> bool:
+        """Tell whether the tag of a signed frame is right, in a time that does not depend on the tag."""
+        code = self._begun.copy()
+        code.update(signed_part(frame))
+        return hmac.compare_digest(code.finalize()[: wire.TAG_BYTES], tag_of(frame))
