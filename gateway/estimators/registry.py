@@ -25,7 +25,7 @@ ESTIMATORS: Final[dict[str, str]] = {
     "asynchronous": "gateway.estimators.asynchronous:AsynchronousEstimator",
 }
 
-DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "weak-form", "ply-steer")
+DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "weak-form", "wear", "ply-steer")
 
 
 def in_order(names: Iterable[str]) -> list[str]:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import FloatArray
+from gateway.estimators.base import FloatArray, Status
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot, WheelState
 from gateway.views.console_rows import EMPTY, Role, Row, Run, beside, fill_while_fitting, fit, plot_row, row_width
 from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, kpa, percent, show
@@ -88,12 +88,20 @@ def _note(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
     return None
 
 
+# In tables and the summary, not on the console: finer definitions of what it shows already.
+_ELSEWHERE: Final = {"wear number", "wear drift", "ply steer first half", "ply steer adhesion line", "sensor roll"}
+
+
 def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
     """One row a number, then wear when known and what else was estimated: label, value with error, unit, mark."""
     if reading is None:
         return []
     others = [show(wheel.wear_mm)] if wheel.wear_mm is not None else []
-    others += [other for other in reading.others if other.label != "wear"]
+    others += [
+        other
+        for other in reading.others
+        if other.label != "wear" and other.label not in _ELSEWHERE and other.status is not Status.INVALID
+    ]
     label_width = max((width(number.label) for number in reading.numbers), default=0)
     rows: list[Row] = []
     for shown in (*reading.numbers, *others):

@@ -12,6 +12,7 @@ from gateway.views.numbers import UNITS, Shown, show, split_name
 
 SPEED: Final = "speed_mps"
 ANGLE: Final = UNITS["_rad"]
+RING_NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 _ORDER: Final = (Status.VALID, Status.PROVISIONAL, Status.INVALID)
 
 
@@ -22,7 +23,7 @@ class Reading(NamedTuple):
         speed: forward speed.
         leading: leading contact angle, negative.
         trailing: trailing contact angle, positive.
-        others: every other quantity with a unit, e.g. contact length.
+        others: every other quantity, e.g. contact length.
         numbers: the dimensionless numbers, or their ratios when only those are known.
         status: worst status among the numbers shown, invalid when there is none.
         note: the reason for that status; empty when there is nothing to say.
@@ -49,8 +50,10 @@ def read_result(result: RevolutionResult) -> Reading:
     ratios: list[Estimate] = []
     for estimate in result.estimates:
         label, unit = split_name(estimate.name)
-        if not unit.symbol:
-            (ratios if "/" in label else whole).append(estimate)
+        if not unit.symbol and "/" in label:
+            ratios.append(estimate)
+        elif label.rpartition(":")[2] in RING_NUMBERS:
+            whole.append(estimate)
         elif estimate.name == SPEED:
             speed = estimate
         elif unit is ANGLE and label.startswith("leading"):
