@@ -13,10 +13,12 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from gateway import __version__
 from gateway.errors import RecordingError
+from gateway.recording.chunk_index import PackedIndexes
 from gateway.recording.layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
 from gateway.recording.schemas import stored_schema
 
 _BUFFER_BYTES: Final = 1 << 20
+_CHUNK_INDEXES: Final = "_Writer__chunk_indices"
 
 
 class _GuardedStream:
@@ -99,6 +101,9 @@ class McapOutput:
             chunk_size=chunk_bytes,
             compression=CompressionType.ZSTD if compressed else CompressionType.NONE,
         )
+        # mcap keeps 700 bytes a chunk, 25 MB for every hour of recording. It has no way to say otherwise.
+        if hasattr(self._writer, _CHUNK_INDEXES):
+            setattr(self._writer, _CHUNK_INDEXES, PackedIndexes("zstd" if compressed else ""))
         self._schema_ids: dict[str, int] = {}
         self._channels: dict[ChannelInfo, int] = {}
         self._sequences: dict[int, int] = {}

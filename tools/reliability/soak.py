@@ -1,0 +1,178 @@
+"""Hours of four wheels through a whole session as fast as the machine goes: memory, time and revolutions held."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from gateway.clock import SystemClock
+from gateway.config.load import parse_vehicle
+from gateway.io.source import Chunk, LinkItem
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.writer import RecordingWriter
+from gateway.session.core import SessionCore
+from gateway.session.live import LiveSession
+from gateway.simulator.scenario import load_scenario, vehicle_toml
+from gateway.simulator.simulation import Simulation, simulate
+from gateway.views.summary import ResultSummary
+
+START_NS = 1_700_000_000_000_000_000
+
+
+@dataclass(slots=True)
+class Soak:
+    """What came of it.
+
+    Attributes:
+        simulated_s: length of the data.
+        took_s: how long that took.
+        recorded_bytes: size of the recording.
+        memory_mb: resident memory at equal steps of simulated time.
+        turns: contacts that the simulated wheels passed, by wheel, less those of the first seconds (search).
+        revolutions: revolutions found, by wheel.
+        gaps: how often a revolution did not begin where the one before it ended.
+        time_s: median and central 98 % of host time of contacts less truth, by tenth of the run.
+        lost_items: what a stage dropped.
+    """
+
+    simulated_s: float = 0.0
+    took_s: float = 0.0
+    recorded_bytes: int = 0
+    memory_mb: list[float] = field(default_factory=list)
+    turns: dict[str, int] = field(default_factory=dict)
+    revolutions: dict[str, int] = field(default_factory=dict)
+    gaps: int = 0
+    time_s: list[tuple[float, float]] = field(default_factory=list)
+    lost_items: int = 0
+
+
+class _Fast:
+    """A simulation as a source, noting memory as it goes."""
+
+    vehicle_toml: str | None = None
+
+    def __init__(self, simulation: Simulation, marks_s: np.ndarray, memory_mb: list[float]) -> None:
+        self.link = "sim:soak"
+        self._simulation = simulation
+        self._marks = (START_NS + marks_s * 1e9).tolist()
+        self._memory_mb = memory_mb
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        for chunk in self._simulation.chunks(self.link, START_NS):
+            if stop.is_set():
+                return
+            if self._marks and chunk.host_ns >= self._marks[0]:
+                self._marks.pop(0)
+                self._memory_mb.append(resident_mb())
+            yield Chunk(self.link, chunk.host_ns, chunk.data)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def resident_mb() -> float:
+    """Return the resident memory of this process."""
+    gc.collect()
+    return int(Path("/proc/self/status").read_text().split("VmRSS:")[1].split()[0]) / 1024
+
+
+def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, estimators: tuple[str, ...] = ()) -> Soak:
+    """Run `seconds` of a scenario through a live session with recording.
+
+    Args:
+        scenario: a simulator scenario.
+        seconds: simulated time.
+        folder: for the recording, which is deleted again.
+        steps: how often memory is looked at.
+        estimators: names, none for the default ones.
+    """
+    loaded = load_scenario(scenario)
+    simulation = simulate(loaded, duration_s=seconds)
+    soak = Soak(simulated_s=seconds)
+    source = _Fast(simulation, np.linspace(seconds / steps, seconds, steps, endpoint=False), soak.memory_mb)
+    vehicle = parse_vehicle(vehicle_toml(loaded), scenario)
+    writer = RecordingWriter(folder / "soak.mcap", start_ns=START_NS)
+    options = {"estimators": estimators} if estimators else {}
+    core = SessionCore(vehicle, recorder=writer, **options)
+    live = LiveSession([source], core, SystemClock(), patient=[True], summary=ResultSummary())
+    last_end_s: dict[str, float] = {}
+    ends_ns: dict[str, list[int]] = {}
+
+    def look(results: list[RevolutionResult]) -> None:
+        for result in results:
+            revolution = result.revolution
+            begin = last_end_s.get(result.position)
+            # Ends and beginnings are the same contact; a period more or less is 20 ms at the least.
+            if begin is not None and abs(revolution.start_s - begin) > 0.01:
+                soak.gaps += 1
+            last_end_s[result.position] = revolution.start_s + revolution.period_s
+            ends_ns.setdefault(result.position, []).append(result.host_ns - START_NS)
+
+    begin = time.perf_counter()
+    live.start()
+    while not live.wait(0.02):
+        look(live.results())
+    snapshot = live.close()
+    look(live.results())
+    soak.took_s = time.perf_counter() - begin
+    soak.recorded_bytes = snapshot.recorded_bytes
+    soak.lost_items = sum(sum(link.queue_dropped.values()) for link in snapshot.links)
+    (folder / "soak.mcap").unlink()
+    errors: list[np.ndarray] = []
+    times: list[np.ndarray] = []
+    for position, truth in simulation.truth.items():
+        bottoms_s = truth.bottom_times_s(0.0, seconds)
+        found_s = np.array(ends_ns.get(position, []), np.float64) * 1e-9
+        soak.turns[position] = max(0, len(bottoms_s) - 1)
+        soak.revolutions[position] = len(found_s)
+        nearest = np.clip(np.searchsorted(bottoms_s, found_s), 1, len(bottoms_s) - 1)
+        before, after = bottoms_s[nearest - 1], bottoms_s[nearest]
+        errors.append(np.where(found_s - before < after - found_s, found_s - before, found_s - after))
+        times.append(found_s)
+    every, at = np.concatenate(errors), np.concatenate(times)
+    tenths = np.minimum((at / seconds * 10).astype(int), 9)
+    for tenth in range(10):
+        low, middle, high = np.percentile(every[tenths == tenth], (1, 50, 99))
+        soak.time_s.append((float(middle), float(high - low)))
+    return soak
+
+
+def report(soak: Soak) -> Iterator[str]:
+    """Yield the lines that tell what came of it."""
+    yield (
+        f"{soak.simulated_s / 3600:.2f} h of data in {soak.took_s / 60:.1f} min "
+        f"({soak.simulated_s / soak.took_s:.1f} x real time), recording {soak.recorded_bytes / 1e9:.2f} GB"
+    )
+    settled = soak.memory_mb[len(soak.memory_mb) // 10 :]
+    slope = np.polyfit(np.arange(len(settled)), settled, 1)[0] * len(settled) if len(settled) > 1 else float("nan")
+    yield f"memory {min(settled):.0f} to {max(settled):.0f} MB, trend over the run {slope:+.1f} MB: " + " ".join(
+        f"{value:.0f}" for value in soak.memory_mb
+    )
+    for position, turns in soak.turns.items():
+        yield f"{position}: {turns} turns passed, {soak.revolutions[position]} revolutions"
+    yield f"revolutions that do not follow on: {soak.gaps}; dropped by a stage: {soak.lost_items}"
+    yield "host time of contacts less truth by tenth of the run, median (range of 98 %) in ms: " + " ".join(
+        f"{middle * 1e3:.2f} ({spread * 1e3:.1f})" for middle, spread in soak.time_s
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenario", default="demo")
+    parser.add_argument("--minutes", type=float, default=600.0)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        for line in report(run_soak(arguments.scenario, arguments.minutes * 60, Path(folder))):
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
