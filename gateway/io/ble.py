@@ -81,6 +81,13 @@ class BleSource(ReconnectingSource):
     def _fresh_link(self) -> BleLink:
         return BleLink(self._settings, self._ble_clock)
 
+    def _open(self, stop: threading.Event) -> bool:
+        opened = super()._open(stop)
+        link = self._current
+        if opened and isinstance(link, BleLink) and link.sighting is not None:
+            self._settings = replace(self._settings, target=link.sighting.address)
+        return opened
+
     def _chunks(self, stop: threading.Event) -> Iterator[LinkItem]:
         for item in super()._chunks(stop):
             yield item
@@ -94,10 +101,8 @@ class BleSource(ReconnectingSource):
         link = self._current
         if kind not in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED) or not isinstance(link, BleLink):
             return event
-        if link.sighting is None:
-            return event
-        self._settings = replace(self._settings, target=link.sighting.address)
-        return replace(event, text=f"{text}: {link.details()}", rssi_dbm=link.sighting.rssi_dbm)
+        rssi_dbm = link.sighting.rssi_dbm if link.sighting is not None else None
+        return replace(event, text=f"{text}: {link.details()}", rssi_dbm=rssi_dbm)
 
 
 def open_ble(address: SourceAddress, clock: Clock) -> Source:

@@ -68,7 +68,7 @@ class Air:
     """One scanner for all who listen: an adapter refuses a second."""
 
     def __init__(self, adapter: str) -> None:
-        self.bluez: Any = {"adapter": adapter} if adapter else {}
+        self._bluez: Any = {"adapter": adapter} if adapter else {}
         self._listeners: list[Listener] = []
         self._scanner: BleakScanner | None = None
         self._changing = asyncio.Lock()
@@ -97,7 +97,7 @@ class Air:
             listener(Sighting(device.address, device.name or "", None, None, is_hub=True, device=device))
         # Anew for everyone who joins: a scanner does not notice when Bluetooth was restarted or switched off meanwhile.
         await self._stop()
-        scanner = BleakScanner(self._heard, bluez=self.bluez)
+        scanner = BleakScanner(self._heard, bluez=self._bluez)
         await scanner.start()
         self._scanner = scanner
 
@@ -110,7 +110,7 @@ class Air:
     async def _connected(self) -> list[BLEDevice]:
         """Return hubs connected to this computer: after a program was killed they are, and do not advertise."""
         try:
-            adapter = await BleakAdapter.get(bluez=self.bluez)
+            adapter = await BleakAdapter.get(bluez=self._bluez)
             return await adapter.get_connected_devices([UART_SERVICE])
         except NotImplementedError:
             return []

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from gateway.io.ble import scan
 from gateway.io.source import Source
 from gateway.simulator.ble_peripheral import Peripheral
 from gateway.simulator.bluez_stand_in import BluezStandIn
@@ -24,6 +25,15 @@ def require_dbus_daemon() -> None:
         pytest.skip(f"{PROGRAM} is not installed")
 
 
+def settle(wanted: str | None) -> None:
+    """Wait until the radio has taken in what changed on the bus: a scan gives this fault, or none."""
+    for _ in range(200):
+        fault = scan(0.01).fault
+        if (None if fault is None else str(fault)) == wanted:
+            return
+    pytest.fail(f"a scan says '{fault}', not '{wanted}'")
+
+
 @pytest.fixture(scope="session")
 def bus() -> Iterator[PrivateBus]:
     """One for all tests of this process: the radio's thread keeps its connection as long as the process lives."""
@@ -36,6 +46,7 @@ def bus() -> Iterator[PrivateBus]:
 @pytest.fixture
 def bluez(bus: PrivateBus) -> Iterator[BluezStandIn]:
     with BluezStandIn(bus.address, advertising_interval_s=0.02) as stand_in:
+        settle(None)
         yield stand_in
 
 

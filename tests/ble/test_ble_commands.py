@@ -22,7 +22,7 @@ from gateway.clock import ManualClock
 from gateway.simulator.ble_peripheral import Peripheral
 from gateway.simulator.bluez_stand_in import BluezStandIn
 from gateway.simulator.dbus_daemon import PrivateBus
-from tests.ble.conftest import ADDRESSES, require_dbus_daemon
+from tests.ble.conftest import ADDRESSES, require_dbus_daemon, settle
 from tests.io.hub_ends import TIMEOUT_S
 
 ROOT = Path(__file__).parents[2]
@@ -71,6 +71,7 @@ def test_scan_gives_addresses_where_names_are_not_enough(bluez: BluezStandIn, hu
 @pytest.mark.usefixtures("no_serial_ports")
 def test_scan_without_an_adapter_says_so_and_goes_on(bus: PrivateBus) -> None:
     with BluezStandIn(bus.address, adapter=None):
+        settle("this computer has no Bluetooth adapter")
         done = CliRunner().invoke(scan, ["--timeout", "0.1"])
     assert done.exit_code == 0
     assert "Bluetooth: this computer has no Bluetooth adapter" in done.output

@@ -19,29 +19,21 @@ from bleak.exc import (
 )
 
 from gateway.clock import ManualClock
-from gateway.errors import SourceError
 from gateway.io.ble import scan
 from gateway.io.ble_errors import BLE_ERRORS, explain
 from gateway.io.source import LinkEventKind, Source, open_source
 from gateway.simulator.ble_peripheral import Peripheral
 from gateway.simulator.bluez_stand_in import BluezStandIn
 from gateway.simulator.dbus_daemon import PrivateBus
-from tests.ble.conftest import ADDRESSES
+from tests.ble.conftest import ADDRESSES, settle
 from tests.io.hub_ends import Reader
 
 Read = Callable[[Source], Reader]
 
 
-def fault_of_scan() -> SourceError:
-    fault = scan(0.1).fault
-    assert fault is not None
-    assert fault.remedy
-    return fault
-
-
 def test_no_adapter(bus: PrivateBus, read: Read) -> None:
     with BluezStandIn(bus.address, adapter=None):
-        assert str(fault_of_scan()) == "this computer has no Bluetooth adapter"
+        settle("this computer has no Bluetooth adapter")
         reader = read(open_source("ble://Treadlink", ManualClock()))
         assert reader.next() is None
         assert str(reader.error) == "this computer has no Bluetooth adapter"
@@ -81,8 +73,9 @@ def test_an_adapter_that_is_not_there(bluez: BluezStandIn) -> None:
 
 def test_bluetooth_switched_off_and_on_again(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     bluez.run(bluez.service.power(False))
-    assert str(fault_of_scan()) == "Bluetooth is switched off"
+    settle("Bluetooth is switched off")
     bluez.run(bluez.service.power(True))
+    settle(None)
     reader = read(open_source("ble://Treadlink-FL?scan=0.2", ManualClock()))
     reader.event(LinkEventKind.CONNECTED)
     bluez.run(bluez.service.power(False))
