@@ -63,7 +63,11 @@ def main() -> None:
     try:
         treadlink(standalone_mode=True)
     except TreadlinkError as error:
-        click.secho(f"treadlink: {error}", fg="red", err=True)
-        if error.remedy:
-            click.echo(f"  {error.remedy}", err=True)
+        from gateway.views.text import clean
+
+        # Messages repeat names and values from files; those must not be able to command the terminal.
+        message, remedy = ("\n".join(map(clean, text.split("\n"))) for text in (str(error), error.remedy))
+        click.secho(f"treadlink: {message}", fg="red", err=True)
+        if remedy:
+            click.echo(f"  {remedy}", err=True)
         raise SystemExit(1) from error

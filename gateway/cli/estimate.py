@@ -102,12 +102,12 @@ def _estimate_one(
         counters = estimate_items(reader, vehicle, take, estimators=estimators, on_bytes=on_bytes, guard=guard)
     click.echo(f"{path}" + ("" if vehicle is not None else "  (no configuration: belt radius 320 mm assumed)"))
     for line in summary_lines(summary.wheels()):
-        click.echo(f"  {line}".rstrip())
+        click.echo(clean(f"  {line}".rstrip()))
     for finding in guard.findings() if guard is not None else ():
         click.echo(f"  {clean(finding)}")
     for link, counted in counters.items():
         click.echo(
-            f"  {link}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
+            f"  {clean(link)}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
             f"{counted.duplicates} duplicate, {counted.reordered} late"
             + (f", {counted.refused} refused as not verified" if counted.refused else "")
         )

@@ -24,6 +24,7 @@ from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.views.plain import PlainView
 from gateway.views.summary import ResultSummary, summary_lines
+from gateway.views.text import clean
 
 # Sources that can wait when the session is behind; a device cannot.
 _PATIENT: Final = {"replay", "sim"}
@@ -150,7 +151,7 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> Sessio
     snapshot = session.live.close()
     write("")
     for line in summary_lines(session.summary.wheels(), snapshot.links):
-        write(line)
+        write(clean(line))
     if snapshot.recording:
         write("")
         write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB)")

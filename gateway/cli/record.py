@@ -18,6 +18,7 @@ from gateway.cli.opening import (
     start_session,
 )
 from gateway.errors import RecordingError
+from gateway.views.text import clean
 
 _REPORT_S: Final = 1.0
 
@@ -65,7 +66,7 @@ def _watch(session: RunningSession, duration_s: float | None) -> None:
             ended = live.wait(0.1)
             live.results()
             for notice in live.notices():
-                click.echo(f"* {notice}", err=True)
+                click.echo(f"* {clean(notice)}", err=True)
             snapshot = live.snapshot()
             if on_terminal and snapshot.elapsed_s >= shown_s:
                 shown_s = snapshot.elapsed_s + _REPORT_S

@@ -30,6 +30,7 @@ sequence counts the messages of the channel from 0. The channel's metadata name 
 JSON_ENCODING: Final = "json"
 MARKS_TOPIC: Final = "/marks"
 
+_LAST_NS: Final = (1 << 63) - 1
 MAX_RECORD_BYTES: Final = 256 << 20
 """No recorder writes records longer than this; a longer one is damage."""
 
@@ -75,7 +76,7 @@ def declaration(number: int, channel: ChannelInfo) -> dict[str, str]:
 
 def declared_channel(entries: Mapping[str, str]) -> tuple[int, ChannelInfo] | None:
     """Return the channel that `declaration` declared, None when the entries are damaged."""
-    if not is_sealed(entries):
+    if not is_sealed(entries) or not entries.keys() >= {"id", "topic", "encoding", "link"}:
         return None
     return int(entries["id"]), ChannelInfo(entries["topic"], entries["encoding"], entries["link"])
 
@@ -99,8 +100,10 @@ def event_payload(event: LinkEvent) -> dict[str, str | int]:
 def message_to_item(message: RecordedMessage) -> LinkItem | None:
     """Return the link item that a message recorded, or None for decoded topics and unreadable events."""
     channel = message.channel
+    # MCAP's times are unsigned; the later half of them, from the year 2262, is no time of ours.
+    host_ns = min(message.log_time_ns, _LAST_NS)
     if channel.encoding == RAW_ENCODING:
-        return Chunk(channel.link, message.log_time_ns, message.data) if message.data else None
+        return Chunk(channel.link, host_ns, message.data) if message.data else None
     if channel.topic != MARKS_TOPIC and not (channel.topic.startswith("/link/") and channel.topic.endswith("/event")):
         return None
     try:
@@ -108,12 +111,12 @@ def message_to_item(message: RecordedMessage) -> LinkItem | None:
         kind, rssi_dbm = LinkEventKind(payload["kind"]), payload.get("rssi_dbm")
         return LinkEvent(
             str(payload["link"]),
-            message.log_time_ns,
+            host_ns,
             kind,
-            payload["text"],
+            str(payload["text"]),
             None if rssi_dbm is None else int(rssi_dbm),
         )
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
 
 

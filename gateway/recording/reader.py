@@ -36,6 +36,7 @@ from gateway.recording.records import (
 )
 
 REPAIR_REMEDY: Final = "`treadlink repair` rescues what is left of it."
+_MOST_DIGITS: Final = 19
 _FOOTER_BYTES: Final = RECORD_HEAD.size + 20
 
 
@@ -227,7 +228,7 @@ def _is_finished(file: BinaryIO, size: int) -> bool:
 def _describe(path: Path, size: int, finished: bool, entries: dict[str, str]) -> RecordingInfo:
     try:
         sources = tuple(str(source) for source in json.loads(entries.get("sources", "[]")))
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         sources = ()
     start = entries.get("start_ns", "")
     return RecordingInfo(
@@ -235,7 +236,7 @@ def _describe(path: Path, size: int, finished: bool, entries: dict[str, str]) ->
         size_bytes=size,
         finished=finished,
         treadlink=entries.get("treadlink", ""),
-        start_ns=int(start) if start.isdecimal() else None,
+        start_ns=int(start) if start.isdecimal() and len(start) < _MOST_DIGITS else None,
         sources=sources,
         vehicle_toml=entries.get("vehicle_toml"),
     )
