@@ -1,0 +1,78 @@
+"""Live sessions with sources and recorders that misbehave on purpose."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+from gateway.clock import SystemClock
+from gateway.io.source import LinkItem
+from gateway.session.core import SessionCore
+from gateway.session.live import LiveSession
+from gateway.views.summary import ResultSummary
+
+TIMEOUT_S = 30.0
+
+
+class Items:
+    """A source of given items; `before_end` runs in its thread when they are handed over."""
+
+    vehicle_toml = None
+
+    def __init__(
+        self, items: Iterable[LinkItem], link: str = "sim:lab", before_end: Callable[[], object] = lambda: None
+    ) -> None:
+        self._items, self.link, self._before_end = items, link, before_end
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        for item in self._items:
+            if stop.is_set():
+                return
+            yield item
+        self._before_end()
+
+    def close(self) -> None:
+        pass
+
+
+class SlowWriter:
+    """A recorder whose disk takes nothing until `gate` is set."""
+
+    path = Path("slow.mcap")
+
+    def __init__(self) -> None:
+        self.gate = threading.Event()
+        self.items: list[LinkItem] = []
+        self.topics: list[str] = []
+        self.closed = False
+        self.error: Exception | None = None
+
+    @property
+    def size_bytes(self) -> int:
+        return len(self.items)
+
+    def write(self, item: LinkItem) -> None:
+        assert self.gate.wait(TIMEOUT_S)
+        if self.error is not None:
+            raise self.error
+        self.items.append(item)
+
+    def write_topic(self, topic: str, host_ns: int, payload: object) -> None:
+        assert self.gate.wait(TIMEOUT_S)
+        self.topics.append(topic)
+
+    def tick(self, now_ns: int) -> None:
+        pass
+
+    def sync(self) -> None:
+        pass
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def start(source: Items, core: SessionCore, *, patient: bool = True) -> LiveSession:
+    live = LiveSession([source], core, SystemClock(), patient=[patient], summary=ResultSummary())
+    live.start()
+    return live

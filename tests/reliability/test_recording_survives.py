@@ -1,0 +1,224 @@
+"""Recordings through kills, power cuts, full disks, vanishing folders and clocks that jump."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.clock import SystemClock
+from gateway.config.load import parse_vehicle
+from gateway.io.source import Chunk
+from gateway.recording.reader import RecordingReader
+from gateway.recording.repair import repair_recording
+from gateway.recording.writer import RecordingWriter
+from gateway.session.core import SessionCore
+from tests.reliability.sessions import TIMEOUT_S, Items, start
+from tests.reliability.streams import simulated
+from tools.reliability.kills import hub_bytes, kill_once
+
+PAGE = 4096
+
+
+@pytest.fixture(scope="module")
+def lab():
+    items, toml = simulated("sim:lab?speed=max&duration=6&seed=4")
+    return items, parse_vehicle(toml, "lab")
+
+
+@pytest.fixture(scope="module")
+def recorded(lab, tmp_path_factory) -> tuple[Path, bytes]:
+    path = tmp_path_factory.mktemp("whole") / "r.mcap"
+    with_results = SessionCore(lab[1], recorder=RecordingWriter(path, start_ns=lab[0][0].host_ns))
+    for item in lab[0]:
+        with_results.take(item)
+    with_results.finish()
+    return path, link_bytes(lab[0])
+
+
+def link_bytes(items) -> bytes:
+    return b"".join(item.data for item in items if isinstance(item, Chunk))
+
+
+@pytest.mark.parametrize("after_s", [0.08, 0.43, 0.9])
+def test_kill_of_the_real_command_on_a_real_port(tmp_path: Path, after_s: float) -> None:
+    chunks, toml = hub_bytes(1.5)
+    (tmp_path / "vehicle.toml").write_text(toml)
+    killed = kill_once(tmp_path / "kill", chunks, after_s)
+    assert killed.ours >= killed.safe
+    assert killed.stock == killed.ours
+    assert killed.repaired >= killed.ours
+
+
+def test_a_power_cut_that_truncates(recorded, tmp_path: Path) -> None:
+    path, sent = recorded
+    whole = path.read_bytes()
+    rng = np.random.default_rng(1)
+    previous = -1
+    for size in sorted(rng.integers(200, len(whole), 40).tolist()):
+        cut = tmp_path / f"{size}.mcap"
+        cut.write_bytes(whole[:size])
+        reader = RecordingReader(cut)
+        got = link_bytes(reader.items())
+        assert sent.startswith(got)
+        assert len(got) >= previous
+        previous = len(got)
+        assert reader.damage is None or "repair" in reader.damage
+    assert previous > 0.9 * len(sent)
+
+
+@pytest.mark.parametrize("content", ["zeros", "noise", "older"])
+def test_a_power_cut_that_tears_pages(recorded, tmp_path: Path, content: str) -> None:
+    path, sent = recorded
+    whole = path.read_bytes()
+    rng = np.random.default_rng(2)
+    for number in range(12):
+        torn = bytearray(whole)
+        # The last pages were on their way; some arrived, some did not.
+        first = len(whole) // PAGE - 16
+        for page in rng.choice(np.arange(first, first + 16), 5, replace=False).tolist():
+            old = {"zeros": bytes(PAGE), "noise": rng.bytes(PAGE), "older": whole[:PAGE]}[content]
+            torn[page * PAGE : (page + 1) * PAGE] = old
+        target = tmp_path / f"{content}{number}.mcap"
+        target.write_bytes(torn)
+        reader = RecordingReader(target)
+        got = [item for item in reader.items() if isinstance(item, Chunk)]
+        begin = link_bytes(got)
+        assert begin[: first * PAGE // 2] == sent[: first * PAGE // 2]
+        assert reader.damage is not None
+        fixed = tmp_path / f"{content}{number}.fixed.mcap"
+        repair_recording(target, fixed)
+        rescued = RecordingReader(fixed)
+        assert len(link_bytes(rescued.items())) >= 0.8 * first * PAGE * len(sent) / len(whole)
+        assert rescued.damage is None
+
+
+LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+from gateway.cli import main
+sys.argv = ["treadlink", *sys.argv[1:]]
+main()
+"""
+
+
+@pytest.mark.parametrize("command", ["live", "record"])
+def test_a_disk_that_takes_no_more(tmp_path: Path, command: str) -> None:
+    path = tmp_path / "r.mcap"
+    options = ["--plain", "--record", str(path)] if command == "live" else ["--out", str(path)]
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, command, "sim:lab?speed=max&duration=8", *options],
+        capture_output=True, text=True, timeout=90, check=False,
+    )  # fmt: skip
+    printed = done.stdout + done.stderr
+    assert "RECORDING STOPPED" in printed
+    assert "INCOMPLETE" in printed
+    assert "Traceback" not in printed
+    assert done.returncode == (0 if command == "live" else 1)
+    assert path.stat().st_size <= 300_000
+    if command == "live":
+        assert sum(line.startswith("W1 ") for line in done.stdout.splitlines()) > 60, "the live view goes on"
+    got = link_bytes(RecordingReader(path).items())
+    whole, _ = simulated("sim:lab?speed=max&duration=8")
+    assert link_bytes(whole).startswith(got)
+    assert len(got) > 150_000
+
+
+def test_a_full_file_system(tmp_path: Path, lab) -> None:
+    items, vehicle = lab
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mount = shutil.which("mount")
+    mounted = (
+        mount
+        and not subprocess.run(
+            [mount, "-t", "tmpfs", "-o", "size=200k", "tmpfs", str(folder)], capture_output=True, check=False
+        ).returncode
+    )
+    if not mounted:
+        pytest.skip("mounting a small file system takes root; the file size limit above stands in for it")
+    try:
+        path = folder / "r.mcap"
+        core = SessionCore(vehicle, recorder=RecordingWriter(path, start_ns=items[0].host_ns))
+        live = start(Items(items), core)
+        assert live.wait(TIMEOUT_S)
+        snapshot = live.close()
+        (notice,) = [text for text in snapshot.notices if "RECORDING STOPPED" in text]
+        assert "disk full" in notice
+        assert "Free space" in notice
+        assert snapshot.wheels[0].counters.revolutions > 45
+        got = link_bytes(RecordingReader(path).items())
+        assert link_bytes(items).startswith(got)
+        assert len(got) > 100_000
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_folder_that_vanishes(tmp_path: Path, lab) -> None:
+    items, vehicle = lab
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    core = SessionCore(vehicle, recorder=RecordingWriter(folder / "r.mcap", start_ns=items[0].host_ns))
+
+    def vanish():
+        for number, item in enumerate(items):
+            if number == 100:
+                shutil.rmtree(folder)
+            yield item
+
+    live = start(Items(vanish()), core)
+    assert live.wait(TIMEOUT_S)
+    snapshot = live.close()
+    (notice,) = [text for text in snapshot.notices if "RECORDING STOPPED" in text]
+    assert "was deleted while it was written" in notice
+    assert snapshot.wheels[0].counters.revolutions > 45
+
+
+def test_the_clock_of_the_gateway_does_not_follow_steps_of_the_system_clock(monkeypatch) -> None:
+    clock = SystemClock()
+    before = clock.now_ns()
+    monkeypatch.setattr(time, "time_ns", lambda: 0)
+    monkeypatch.setattr(time, "time", lambda: 0.0)
+    assert 0 <= clock.now_ns() - before < 60_000_000_000
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, -0.5, 7200.0])
+def test_arrival_times_that_jump_cost_no_byte_and_no_revolution(tmp_path: Path, lab, step_s: float) -> None:
+    items, vehicle = lab
+    middle = items[len(items) // 2].host_ns
+    jumped = [
+        Chunk(item.link, item.host_ns + (round(step_s * 1e9) if item.host_ns >= middle else 0), item.data)
+        for item in items
+        if isinstance(item, Chunk)
+    ]
+    path = tmp_path / "r.mcap"
+    core = SessionCore(vehicle, recorder=RecordingWriter(path, start_ns=jumped[0].host_ns))
+    results = [result for item in jumped for result in core.take(item)] + core.finish()
+    steady = SessionCore(vehicle)
+    expected = [result for item in items for result in steady.take(item)] + steady.finish()
+    assert [r.revolution.start_s for r in results] == [r.revolution.start_s for r in expected]
+    got = [item for item in RecordingReader(path).items() if isinstance(item, Chunk)]
+    assert got == jumped
+
+
+def test_ctrl_c_finishes_the_recording(tmp_path: Path) -> None:
+    path = tmp_path / "r.mcap"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gateway.cli", "live", "sim:lab", "--plain", "--record", str(path)],
+        stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    assert process.stdout is not None
+    while not process.stdout.readline().startswith("W1 "):
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    process.stdout.read()
+    process.stdout.close()
+    assert process.wait(30) == 0
+    assert RecordingReader(path).info.finished
