@@ -119,6 +119,7 @@ def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, 
     if not pending:
         return None
     passing: int | None = None
+    others: list[FrameAt] | None = None
     last = len(data) if until is None else until
     trims: list[int] = [*range(begin, min(last, begin + _MOST_TRIMS)), last]
     for trim in trims:
@@ -127,6 +128,9 @@ def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, 
         if intact(pending + window) > intact(window):
             end = next((at.end for at in frames_in(pending + window) if at.start < len(pending)), len(pending))
             used = end - len(pending)
+            others = frames_in(data + following[:REACH]) if others is None else others
+            if any(frame.start < trim + used and frame.end > trim for frame in others):
+                continue  # all frames begin alike: this is the rest of one that is whole by itself
             if SYNC.startswith((data[trim:] + following)[used : used + len(SYNC)]):
                 return trim
             if passing is None and used >= _NO_CHANCE_BYTES:

@@ -142,7 +142,7 @@ class Salvage:
                 else:
                     at = body + chunk.data_offset
                 continue
-            if opcode and end <= self.size and (self.size - end < RECORD_HEAD.size or self._plausible(end, base)[0]):
+            if opcode and self._goes_on(opcode, body, end, base):
                 if opcode == Opcode.MESSAGE:
                     message = parse_message(self._data[body:end])
                     base[message.channel] = message.log_time_ns
@@ -155,6 +155,14 @@ class Salvage:
             yield Torn(self._data[begin:at], head, end - begin if head is not None else 0, False, at)
             if head is not None:
                 base[head.channel] = head.log_time_ns
+
+    def _goes_on(self, opcode: int, body: int, end: int, base: Mapping[int, int]) -> bool:
+        """Tell whether a record ends where the next begins."""
+        if end > self.size or not (self.size - end < RECORD_HEAD.size or self._plausible(end, base)[0]):
+            return False
+        # Bytes may be missing such that a message ends with a later record; the begin of one is in it then.
+        begin = body + MESSAGE_HEAD.size
+        return opcode != Opcode.MESSAGE or self._next_record(begin, base, end) == end
 
     def message_before(self, position: int, times_ns: Mapping[int, int]) -> Indexed | None:
         """Return the message that stood right before `position` when the file was whole.
@@ -247,10 +255,11 @@ class Salvage:
             return record.message_encoding in (RAW_ENCODING, JSON_ENCODING)
         return True
 
-    def _next_record(self, start: int, base: Mapping[int, int]) -> int:
-        """Return the next position from `start` at which a record must begin, or the end of the file."""
+    def _next_record(self, start: int, base: Mapping[int, int], until: int | None = None) -> int:
+        """Return the next position from `start` at which a record must begin, or `until`, the end of the file."""
         at = start
-        while (match := _RECORD_START.search(self._data, at)) is not None:
+        last = self.size if until is None else until
+        while (match := _RECORD_START.search(self._data, at, last)) is not None:
             at = match.start()
             opcode, end = self._plausible(at, base)
             if opcode in (Opcode.MESSAGE, Opcode.CHUNK):
@@ -259,7 +268,7 @@ class Salvage:
             if opcode and (self.size - end < RECORD_HEAD.size or self._plausible(end, base)[0]):
                 return at
             at += 1
-        return self.size
+        return last
 
     def _find_declarations(self) -> None:
         unsealed: dict[int, ChannelInfo] = {}

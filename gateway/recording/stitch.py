@@ -106,6 +106,8 @@ class Stitcher:
 
     def _whole(self, piece: Whole) -> Iterator[Rescued]:
         number, sequence, time_ns, _, view = piece.message
+        if piece.verified:
+            self._adopt(piece)
         info = self._salvage.channels.get(number)
         data = bytes(view)
         self.losses.unverified += not piece.verified
@@ -280,17 +282,22 @@ class Stitcher:
         return Rescued(self._salvage.channels[number], time_ns, data)
 
     def _adopt_undeclared_links(self) -> None:
-        """Where every declaration of the links is lost, take what is no JSON for a link's bytes."""
-        if self._links():
-            return
-        for piece in self._salvage.pieces():
-            if isinstance(piece, Whole) and piece.message.channel not in self._salvage.channels:
-                number = piece.message.channel
-                if not _is_json(bytes(piece.message.data)):
-                    names = [info.link for info in self._salvage.channels.values() if info.link]
-                    link = names[0] if names else "recovered"
-                    self._salvage.channels[number] = ChannelInfo(raw_topic(link), RAW_ENCODING, link)
+        """Where every declaration of the links is lost, look for their bytes before anything else is decided."""
+        if not self._links():
+            for piece in self._salvage.pieces():
+                if isinstance(piece, Whole) and self._adopt(piece):
                     return
+
+    def _adopt(self, piece: Whole) -> bool:
+        """Take an undeclared channel for a link's when its messages are no JSON."""
+        number = piece.message.channel
+        if number in self._salvage.channels or _is_json(bytes(piece.message.data)):
+            return False
+        declared = {info.link for info in self._salvage.channels.values() if info.encoding == RAW_ENCODING}
+        events = [info.link for info in self._salvage.channels.values() if info.link and info.link not in declared]
+        link = events[0] if len(events) == 1 else f"recovered-{number}"
+        self._salvage.channels[number] = ChannelInfo(raw_topic(link), RAW_ENCODING, link)
+        return True
 
 
 def _is_json(data: bytes) -> bool:
