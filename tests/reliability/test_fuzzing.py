@@ -1,0 +1,101 @@
+"""Anything may come in: no crash, bounded memory, errors that say something. Coverage-guided: tools/fuzz_atheris.py."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tools.reliability.fuzz_targets import TARGETS, UnclearError
+
+EXAMPLES = {"decoder": 150, "session": 60, "recording": 60, "table": 40, "map": 60, "vehicle": 60, "scenario": 60}
+MOST_BYTES = 96 << 20
+
+Edit = tuple[int, int, bytes]
+EDITS = st.lists(
+    st.tuples(st.integers(0, 1 << 16), st.integers(0, 40), st.one_of(st.binary(max_size=24), st.sampled_from(
+        [b"\xff\xff\xff\xff", b"\0" * 8, b"\xff" * 8, b"\x7f\xff", b"nan", b"inf", b"1e999", b"-1", b"\n[[wheel]]\n",
+         b'"', b"\x1b[2J", b"\xed\xa0\x80", b"[", b"=", b"0x", b"#"]
+    ))),
+    max_size=8,
+)  # fmt: skip
+
+
+def edited(seed: bytes, edits: list[Edit]) -> bytes:
+    """Return a good input with pieces cut out and put in."""
+    data = seed
+    for place, cut, piece in edits:
+        at = place % (len(data) + 1)
+        data = data[:at] + piece + data[at + cut :]
+    return data
+
+
+@pytest.mark.parametrize("name", list(TARGETS))
+def test_changed_input(name: str) -> None:
+    target = TARGETS[name]
+    seeds = target.seeds()
+
+    @settings(max_examples=EXAMPLES[name], deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+    @given(st.sampled_from(seeds), EDITS)
+    def run(seed: bytes, edits: list[Edit]) -> None:
+        target.run(edited(seed, edits))
+
+    run()
+
+
+@pytest.mark.parametrize("name", list(TARGETS))
+def test_any_input(name: str) -> None:
+    target = TARGETS[name]
+
+    @settings(
+        max_examples=EXAMPLES[name] // 2, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
+    )
+    @given(st.binary(max_size=2000))
+    def run(data: bytes) -> None:
+        target.run(data)
+
+    run()
+
+
+@pytest.mark.parametrize("name", list(TARGETS))
+def test_memory_is_bounded(name: str) -> None:
+    target = TARGETS[name]
+    seed = target.seeds()[0]
+    inputs = [
+        b"",
+        seed,
+        seed * 20,
+        b"\0" * 200_000,
+        b"\xff" * 200_000,
+        b"\xa5\x5a" * 50_000,
+        b"[" * 20_000,
+        b"a=1\n" * 5000,
+    ]
+    inputs += [seed[:at] + b"\xff" * 8 + seed[at + 8 :] for at in range(0, len(seed), max(1, len(seed) // 40))]
+    target.run(seed)
+    tracemalloc.start()
+    try:
+        for data in inputs:
+            target.run(data)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < MOST_BYTES
+
+
+def test_the_targets_run_on_good_input() -> None:
+    for target in TARGETS.values():
+        for seed in target.seeds():
+            target.run(seed)
+
+
+def test_an_error_without_words_is_a_fault() -> None:
+    from gateway.errors import TreadlinkError
+    from tools.reliability import fuzz_targets
+
+    with pytest.raises(UnclearError):
+        fuzz_targets._explained(TreadlinkError(""))
+    with pytest.raises(UnclearError):
+        fuzz_targets._explained(TreadlinkError("bad \x1b[2J name"))
