@@ -1,10 +1,10 @@
-"""What contacts of one wheel have in common, and what is left of one that lost an edge on the link."""
+"""Pairs of contacts, what contacts of one wheel have in common, and what is left of one that lost an edge."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gateway.signal.segmentation import Contact
@@ -16,6 +16,26 @@ Missing = Callable[[int, int], int]
 # How much size and turn of neighbours in a run may differ.
 _RUN_SIZE_RATIO: Final = 1.5
 _RUN_TURN_RATIO: Final = 1.25
+
+
+@dataclass(frozen=True, slots=True)
+class ContactPair:
+    """Two neighbouring contacts: one completed revolution.
+
+    Attributes:
+        start: the contact that begins it.
+        end: the contact that ends it.
+        period_std: standard error of the period in samples; a contact's two edges jitter separately on a real road, and
+            how much their distance varies tells how much the centre does.
+        previous_period: samples of the revolution before, None when it was not seen.
+        decided_at: samples before this number were there when it was decided, and no others may be used for it.
+    """
+
+    start: Contact
+    end: Contact
+    period_std: float
+    previous_period: float | None
+    decided_at: int
 
 
 def size(contact: Contact) -> float:

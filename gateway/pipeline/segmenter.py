@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.pipeline.contact_checks import ContactPair as ContactPair
 from gateway.pipeline.contact_checks import Missing, consistent, mend
 from gateway.pipeline.results import WheelState
-from gateway.pipeline.tracking import ContactPair as ContactPair
 from gateway.pipeline.tracking import ContactTrack, Read
 from gateway.signal.segmentation import Contact, find_contacts, refine_contact
 from gateway.signal.trains import LONGEST_PERIOD_S, Known
@@ -33,7 +33,7 @@ STANDSTILL_STD_MPS2: Final = 2.5
 _TRUST_KNOWN_S: Final = 6.0
 # After so many contacts, and then every so many, an unprejudiced search looks whether these are the contacts at all.
 _FIRST_CHECK: Final = 4
-_CHECK_EVERY: Final = 32
+_CHECK_EVERY: Final = 48
 _CHECK_PERIODS: Final = 3.6
 
 

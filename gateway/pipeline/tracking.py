@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.pipeline.contact_checks import Missing, edge_jitter2, mend, size
+from gateway.pipeline.contact_checks import ContactPair, Missing, edge_jitter2, mend, size
 from gateway.signal.dips import box_offsets, dip_score
 from gateway.signal.resample import MARGIN_SAMPLES
 from gateway.signal.segmentation import Contact, refine_contact
@@ -27,7 +27,7 @@ _ACCEPT_SHARE: Final = 0.45
 _ACCEPT_GRAVITY_MPS2: Final = 4.0
 # Contacts in a row that may go unseen, their samples lost or hit by an impact, when the next one is where it must be.
 _MAX_UNSEEN: Final = 2
-_UNSEEN_TURN_RATIO: Final = 1.25
+_UNSEEN_TURN_RATIO: Final = (1.25, 1.12)
 _UNSEEN_PERIOD_RATIO: Final = 1.3
 _UNSEEN_DEPTH_RATIO: Final = 2.0
 # Below this, at 10 to 15 km/h, a wheel may have stopped or turned back instead.
@@ -41,8 +41,9 @@ _TIME_SPREAD: Final = 0.02
 _JERK_MPS2: Final = 5.0
 _MOST_SPREAD: Final = 0.5
 _MOST_CANDIDATES: Final = 6
-_STRETCHES: Final = (0.5, 0.71, 1.0, 1.41, 1.9)
 _BAND: Final = (0.8, 1.25)
+# A braking wheel is not expected to go on like this: it may stop, or speed up again.
+_MOST_LONGER: Final = 1.45
 # Shallower contacts than this are passed at speeds at which a wheel can stop or turn back within a revolution.
 _SLOW_MPS2: Final = 250.0
 # A contact that lasts this much longer or shorter than it should had an edge spoilt.
@@ -58,26 +59,6 @@ _RECENT: Final = 6
 # What is learnt of a wheel is believed after so many contacts of at least this depth, passed at 20 km/h or more.
 _KNOWN_CONTACTS: Final = 8
 _KNOWN_DEPTH_MPS2: Final = 60.0
-
-
-@dataclass(frozen=True, slots=True)
-class ContactPair:
-    """Two neighbouring contacts: one completed revolution.
-
-    Attributes:
-        start: the contact that begins it.
-        end: the contact that ends it.
-        period_std: standard error of the period in samples; a contact's two edges jitter separately on a real road, and
-            how much their distance varies tells how much the centre does.
-        previous_period: samples of the revolution before, None when it was not seen.
-        decided_at: samples before this number were there when it was decided, and no others may be used for it.
-    """
-
-    start: Contact
-    end: Contact
-    period_std: float
-    previous_period: float | None
-    decided_at: int
 
 
 class ContactTrack:
@@ -133,14 +114,17 @@ class ContactTrack:
         period = last
         for _ in range(3):
             period = 1.0 / max(speed + 0.5 * gain * (last + period), speed / INTERVAL_RATIO)
-        longest = min(last * INTERVAL_RATIO, LONGEST_PERIOD_S * self._rate_hz)
+        longest = min(last * _MOST_LONGER, LONGEST_PERIOD_S * self._rate_hz)
         return float(np.clip(period, last / INTERVAL_RATIO, longest))
+
+    def _nearest(self) -> float:
+        """Samples to the next contact at least."""
+        return min(0.5 * self._period, self.periods[-1] / INTERVAL_RATIO)
 
     def step(self, read: Read, missing: Missing) -> list[ContactPair] | None:
         """Look for the next contact in the samples before `next_index`; None when the wheel is lost."""
         last, end = self.contact, self.next_index
-        nearest = min(0.5 * self._period, self.periods[-1] / INTERVAL_RATIO)
-        first = min(max(int(last.centre + nearest) - box_offsets(self._width)[2], int(last.centre)), end)
+        first = min(max(int(last.centre + self._nearest()) - box_offsets(self._width)[2], int(last.centre)), end)
         radial = read(first, end) * self._sign
         candidates, waiting = self._candidates(np.concatenate(([0.0], np.cumsum(radial))), first)
         if waiting and end < self._give_up_at:
@@ -173,29 +157,37 @@ class ContactTrack:
         """
         spread = self._time_spread()
         # What the period may turn out to be while a slow wheel speeds up or brakes decides how wide a dip to look for.
-        stretches = _STRETCHES if self.contact.depth_mps2 < _SLOW_MPS2 else (1.0,)
+        stretches = [1.0]
+        if self.contact.depth_mps2 < _SLOW_MPS2:
+            lowest = math.floor(2.0 * math.log2(self._nearest() / self._period))
+            stretches = [2.0 ** (half / 2.0) for half in range(lowest, 3)]
         found: list[tuple[float, float, float, bool]] = []
         for stretch in stretches:
             width = max(3.0, stretch * self._width)
             score, offset = dip_score(prefix, width)
             if not len(score):
                 continue
-            period = np.arange(first + offset, first + offset + len(score)) - self.contact.centre
-            turns = np.clip(np.rint(period / self._period), 1.0, _MAX_UNSEEN + 1.0)
+            # The least depth that may be accepted anywhere decides quickly where to look closer.
+            farthest = (first + offset + len(score) - self.contact.centre) / (_MAX_UNSEEN + 1.0)
+            least = self._depth_period2 / max(farthest, 1.5 * self._period) ** 2
+            places = np.flatnonzero(score >= (_ACCEPT_SHARE - 0.2) * least)
+            period = places + (first + offset - self.contact.centre)
+            turns = np.minimum(np.maximum(np.rint(period / self._period), 1.0), _MAX_UNSEEN + 1.0)
             expected = self._depth_period2 * (turns / period) ** 2
-            good = score >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
+            good = score[places] >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
             if len(stretches) > 1:
                 relative = period / (turns * self._period * stretch)
                 good &= (relative > _BAND[0]) & (relative < _BAND[1])
-            places = np.flatnonzero(good)
+            places, period, turns, expected = places[good], period[good], turns[good], expected[good]
             if not len(places):
                 continue
-            groups = np.split(places, np.flatnonzero(np.diff(places) > max(1, round(0.5 * width))) + 1)
-            for group in groups:
-                top = int(group[int(np.argmax(score[group]))])
-                depth_off = math.log(score[top] / expected[top]) / _DEPTH_SPREAD
-                time_off = (period[top] / self._period - turns[top]) / (spread * turns[top])
-                cost = depth_off**2 + time_off**2 + _UNSEEN_COST * (turns[top] - 1.0)
+            breaks = np.flatnonzero(np.diff(places) > max(1, round(0.5 * width))) + 1
+            for lo, hi in pairwise((0, *breaks.tolist(), len(places))):
+                at = lo + int(np.argmax(score[places[lo:hi]]))
+                top = int(places[at])
+                depth_off = math.log(score[top] / expected[at]) / _DEPTH_SPREAD
+                time_off = (period[at] / self._period - turns[at]) / (spread * turns[at])
+                cost = float(depth_off**2 + time_off**2 + _UNSEEN_COST * (turns[at] - 1.0))
                 found.append((cost, float(first + offset + top), width, top + 0.3 * width >= len(score)))
         found.sort()
         return [(at, width) for _, at, width, _ in found[:_MOST_CANDIDATES]], bool(found) and found[0][3]
@@ -206,9 +198,10 @@ class ContactTrack:
         period = found.centre - last.centre
         if not 1.0 / _SIZE_RATIO < size(found) / self._size < _SIZE_RATIO or found.depth_mps2 < _LEAST_DEPTH_MPS2:
             return 0
+        unseen_limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
         for turns in range(1, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
             one = period / turns
-            limit = TURN_RATIO if turns == 1 else _UNSEEN_TURN_RATIO
+            limit = TURN_RATIO if turns == 1 else unseen_limit
             stretch = INTERVAL_RATIO if turns == 1 else _UNSEEN_PERIOD_RATIO
             unlike = max(one / self._period, self._period / one)
             if turns == 1:
@@ -219,13 +212,14 @@ class ContactTrack:
         return 0
 
     def _misfit(self, found: Contact, turns: int) -> float:
-        """How far a contact, `turns` revolutions on, is from what it should be."""
+        """How far a contact, `turns` revolutions on, is from what it should be, weak ones further."""
         late = (found.centre - self.contact.centre) / turns / self._period - 1.0
         return (
             (math.log(self._turn_of(self.contact, found, turns) / self._turn) / _TURN_SPREAD) ** 2
             + (math.log(size(found) / self._size) / _SIZE_SPREAD) ** 2
             + (0.5 * late / self._time_spread()) ** 2
             + _UNSEEN_COST * (turns - 1)
+            - math.log(found.depth_mps2 * math.sqrt(found.duration))
         )
 
     def _time_spread(self) -> float:

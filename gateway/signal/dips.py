@@ -21,9 +21,9 @@ _LONGEST_LOOK_S: Final = 0.9
 # Boxes of the dip score in units of the contact duration: centre +-0.35, flanks 0.75 to 1.5 on either side.
 _CENTRE, _FLANK_IN, _FLANK_OUT = 0.35, 0.75, 1.5
 _SCALE_STEP: Final = 2.0**0.5
-# A dip is looked for as far back as three of the longest periods that its duration allows, and at least so long.
-_LOOK_BACK_DURATIONS: Final = 256.0
-_LOOK_BACK_S: Final = 0.75
+# A dip is looked for as far back as four of the longest periods that its duration allows, and at least so long.
+_LOOK_BACK_DURATIONS: Final = 160.0
+_LOOK_BACK_S: Final = 0.5
 # Durations of more samples than this are looked at in a signal of half the rate.
 _MOST_SAMPLES: Final = 17.0
 _NOISE_FACTOR: Final = 5.0
@@ -93,12 +93,16 @@ def noise_std_mps2(signal: FloatArray) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """Scores of one duration: sample i of `score` lies at `first + i * step` of the signal; `centre` is not negated."""
+    """Scores of one duration by sign: sample i lies at `first + i * step` of the signal; `centre` is not negated.
+
+    `highest` is the highest score within half a duration on either side.
+    """
 
     width: float
     first: float
     step: int
     score: dict[int, FloatArray]
+    highest: dict[int, FloatArray]
     centre: FloatArray
 
 
@@ -129,14 +133,15 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
                 lowest * (rate_hz / scale.width) ** 2,
                 _NOISE_FACTOR * noise * ((1.0 / (2 * centre + 1) + 1.0 / (outer - inner + 1)) / scale.step) ** 0.5,
             )
-            highest = maximum_filter1d(score, 2 * max(1, round(0.5 * scale.width / scale.step)) + 1, mode="nearest")
-            top = np.flatnonzero((score >= highest) & (score > floor))
+            top = np.flatnonzero((score >= scale.highest[sign]) & (score > floor))
+            if not len(top):
+                continue
             depth: FloatArray = score[top]
             at: FloatArray = np.asarray(scale.first + top * scale.step, np.float64)
             best = depth * (scale.width / rate_hz) ** 2 <= DEPTH_DURATION2_M[1]
             for other in (place - 1, place + 1):
                 if 0 <= other < len(scales):
-                    best &= depth >= _score_at(scales[other], sign, at)
+                    best &= depth >= _highest_at(scales[other], sign, at)
             top = top[best]
             parts.append(
                 np.stack((at[best], depth[best], np.full(len(top), scale.width), sign * scale.centre[top])),
@@ -169,17 +174,19 @@ def _scales(signal: FloatArray, rate_hz: float) -> list[_Scale]:
         if not len(centre):
             break
         score = {1: np.minimum(left, right) - centre, -1: centre - np.maximum(left, right)}
-        scales.append(_Scale(width, start + (skip + first + 0.5) * step - 0.5, step, score, centre))
+        around = 2 * max(1, round(0.5 * width / step)) + 1
+        highest = {sign: maximum_filter1d(values, around, mode="nearest") for sign, values in score.items()}
+        scales.append(_Scale(width, start + (skip + first + 0.5) * step - 0.5, step, score, highest, centre))
         width *= _SCALE_STEP
     return scales
 
 
-def _score_at(scale: _Scale, sign: int, at: FloatArray) -> FloatArray:
-    """Scores of a scale at other scales' samples; -inf where it has none."""
+def _highest_at(scale: _Scale, sign: int, at: FloatArray) -> FloatArray:
+    """Highest scores of a scale about other scales' samples; -inf where it has none."""
     index = np.rint((at - scale.first) / scale.step).astype(np.int64)
-    inside = (index >= 0) & (index < len(scale.score[sign]))
+    inside = (index >= 0) & (index < len(scale.highest[sign]))
     values = np.full(len(at), -np.inf)
-    values[inside] = scale.score[sign][index[inside]]
+    values[inside] = scale.highest[sign][index[inside]]
     return values
 
 
@@ -188,11 +195,11 @@ def _without_doubles(parts: FloatArray) -> Dips:
     order = np.argsort(-parts[1], kind="stable")
     at, _, width, _ = parts[:, order]
     kept: list[int] = []
-    open_ = np.ones(len(at), bool)
+    free = np.ones(len(at), bool)
     for place in range(len(at)):
-        if open_[place]:
+        if free[place]:
             kept.append(place)
-            open_ &= np.abs(at - at[place]) > 0.5 * np.maximum(width, width[place])
+            free &= np.abs(at - at[place]) > 0.5 * np.maximum(width, width[place])
     chosen = parts[:, order[kept]]
     chosen = chosen[:, np.argsort(chosen[0], kind="stable")]
     return Dips(chosen[0], chosen[1], chosen[2], chosen[3])

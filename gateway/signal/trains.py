@@ -45,6 +45,9 @@ _KNOWN_TURN_RATIO: Final = 1.4
 _KNOWN_SIZE_RATIO: Final = 1.8
 # A run of up to so many contacts is doubted when there are dips about it so many times deeper.
 _FEW: Final = 3
+# A dip hides shallower ones, not wider, within this share of the shortest period that its width allows.
+_SHADOW: Final = 0.5
+_SHADOW_DEPTH: Final = 3.0
 _OUTDONE_SHARE: Final = 0.4
 _OUTDONE_DEPTH: Final = 1.15
 _OUTDONE_LENGTH: Final = 0.25
@@ -94,10 +97,10 @@ def best_train(
     Returns:
         places in `dips` in time order, none when there is no such run; and its strength.
     """
-    base = max(0, len(dips) - _MOST_DIPS)
-    at, depth, width, floor = (values[base:] for values in (dips.at, dips.depth, dips.width, dips.floor))
-    if len(at) < 3:
+    places = _undominated(dips)[-_MOST_DIPS:]
+    if len(places) < 3:
         return [], 0.0
+    at, depth, width, floor = (values[places] for values in (dips.at, dips.depth, dips.width, dips.floor))
     least = _CLIPPED_TURN2_M if clipped_span else _TURN2_M[0]
     before, after, turns = _possible_pairs(at, depth, width / rate_hz, floor, prefix, rate_hz, least)
     good = np.minimum(depth[before], depth[after]) >= _CLIPPED_SHARE * clipped_span
@@ -106,36 +109,57 @@ def best_train(
         good &= (turns < _KNOWN_TURN_RATIO * known.turn) & (known.turn < _KNOWN_TURN_RATIO * turns)
         good &= (size < _KNOWN_SIZE_RATIO * known.size) & (known.size < _KNOWN_SIZE_RATIO * size)
     before, after, turns = before[good], after[good], turns[good]
-    strength = depth * np.sqrt(width)
-    energy = strength.tolist()
-    times = at.tolist()
-    # Best run that ends in each pair, by its last but one: extended pair after pair in time order.
-    ending: list[list[tuple[int, float, float, float, int]]] = [[] for _ in times]
+    train, strength = _strongest(before.tolist(), after.tolist(), turns.tolist(), at.tolist(), depth * np.sqrt(width))
+    return [int(places[place]) for place in train], strength
+
+
+def _undominated(dips: Dips) -> NDArray[np.int64]:
+    """Places of the dips that do not lie in the shadow of a deeper and longer one, nearer than a period can be."""
+    near = np.abs(dips.at[:, None] - dips.at[None, :]) < _SHADOW * dips.width[None, :] / DUTY[1]
+    ratio = dips.depth[None, :] / dips.depth[:, None]
+    # What is many times deeper may be an impact beside a contact.
+    near &= (ratio > 1.0) & (ratio < _SHADOW_DEPTH) & (dips.width[None, :] > 0.7 * dips.width[:, None])
+    return np.flatnonzero(~near.any(axis=1))
+
+
+def _strongest(
+    before: list[int], after: list[int], turns: list[float], at: list[float], energy: FloatArray
+) -> tuple[list[int], float]:
+    """Join pairs into the run of three or more dips with the greatest sum of energies."""
+    energies = energy.tolist()
+    # Runs that end with each dip, by their last pair: value, place in `history`, interval, turn, dips.
+    ending: list[list[tuple[float, int, float, float, int]]] = [[] for _ in at]
     history: list[tuple[int, int, int]] = []
-    best, best_value = -1, 0.0
-    for i, j, own in zip(before.tolist(), after.tolist(), turns.tolist(), strict=True):
-        interval = times[j] - times[i]
-        value, source, count = energy[i], -1, 2
-        for place, earlier, earlier_turn, earlier_value, earlier_count in ending[i]:
+    best, best_value, latest = -1, 0.0, -1
+    for i, j, own in zip(before, after, turns, strict=True):
+        if j != latest:
+            # No more pairs end in the dip before this one; those that begin there look for the best first.
+            if latest >= 0:
+                ending[latest].sort(reverse=True)
+            latest = j
+        interval = at[j] - at[i]
+        value, source, count = energies[i], -1, 2
+        for earlier_value, place, earlier, earlier_turn, earlier_count in ending[i]:
             if (
-                earlier_value > value
-                and interval < INTERVAL_RATIO * earlier
+                interval < INTERVAL_RATIO * earlier
                 and earlier < INTERVAL_RATIO * interval
                 and own < _TRAIN_TURN_RATIO * earlier_turn
                 and earlier_turn < _TRAIN_TURN_RATIO * own
             ):
                 value, source, count = earlier_value, place, earlier_count + 1
-        value += energy[j]
+                break
+        value += energies[j]
         history.append((i, j, source))
-        ending[j].append((len(history) - 1, interval, own, value, count))
+        ending[j].append((value, len(history) - 1, interval, own, count))
         if count >= 3 and value > best_value:
             best, best_value = len(history) - 1, value
     train: list[int] = []
     while best >= 0:
-        i, j, best = history[best]
-        train.append(j + base)
-        last = i + base
-    return ([last, *reversed(train)], best_value) if train else ([], 0.0)
+        first, last, best = history[best]
+        train.append(last)
+        if best < 0:
+            train.append(first)
+    return train[::-1], best_value
 
 
 def _possible_pairs(
