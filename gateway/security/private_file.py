@@ -26,24 +26,32 @@ def read_private(path: Path, most_bytes: int) -> str | None:
         return None
     except OSError as error:
         raise SecurityError(f"'{path}' cannot be read: {error.strerror}", "Check its owner and mode.") from error
-    with os.fdopen(descriptor, "rb") as file:
-        status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode):
-            raise SecurityError(f"'{path}' is no file", "Name a file of keys, or a new one.")
-        if _HAS_MODES and status.st_mode & 0o077:
-            raise SecurityError(
-                f"'{path}' can be read or changed by others (mode {stat.S_IMODE(status.st_mode):04o})",
-                f"Make it private: chmod 600 '{path}'. If others may have read it, make new keys.",
-            )
-        if _HAS_MODES and status.st_uid not in (os.getuid(), 0):
-            raise SecurityError(f"'{path}' belongs to another user", "Use a file of your own.")
-        data = file.read(most_bytes + 1)
+    try:
+        _check(path, os.fstat(descriptor))
+        with os.fdopen(descriptor, "rb", closefd=False) as file:
+            data = file.read(most_bytes + 1)
+    except OSError as error:
+        raise SecurityError(f"'{path}' cannot be read: {error.strerror}", "Check the disk.") from error
+    finally:
+        os.close(descriptor)
     if len(data) > most_bytes:
         raise SecurityError(f"'{path}' is larger than any such file", "Name the right file.")
     try:
         return data.decode()
     except UnicodeDecodeError as error:
         raise SecurityError(f"'{path}' is not UTF-8 text", "Name the right file.") from error
+
+
+def _check(path: Path, status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise SecurityError(f"'{path}' is no file", "Name a file of keys, or a new one.")
+    if _HAS_MODES and status.st_mode & 0o077:
+        raise SecurityError(
+            f"'{path}' can be read or changed by others (mode {stat.S_IMODE(status.st_mode):04o})",
+            f"Make it private: chmod 600 '{path}'. If others may have read it, make new keys.",
+        )
+    if _HAS_MODES and status.st_uid not in (os.getuid(), 0):
+        raise SecurityError(f"'{path}' belongs to another user", "Use a file of your own.")
 
 
 def write_private(path: Path, text: str) -> None:

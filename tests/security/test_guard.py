@@ -1,0 +1,259 @@
+"""Nothing gets through that its sensor did not send, now, for the first time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import HUB_ITSELF
+from gateway.security.freshness import WINDOW, Ledger
+from gateway.security.guard import Guard, Place, Verdict
+from gateway.security.keys import counters_file
+from tests.security.attacks import KEYS, PLACES, SENSORS, Sender, attacks, downgraded, forged, guard, hello, with_crc
+
+COUNT = 2000
+SUM = {
+    "forged": {Verdict.FORGED},
+    "changed in flight": {Verdict.FORGED, Verdict.EARLY},
+    "replayed": {Verdict.REPLAYED, Verdict.TOO_LATE},
+    "replayed from an earlier start": {Verdict.FORGED, Verdict.TOO_LATE, Verdict.REPLAYED},
+    "late beyond the window": {Verdict.TOO_LATE},
+    "wrong key": {Verdict.FORGED},
+    "unsigned": {Verdict.UNSIGNED},
+    "tag taken off": {Verdict.UNSIGNED},
+}
+
+
+def test_no_attack_gets_a_frame_through_and_each_is_counted_and_told() -> None:
+    seen = set()
+    for name, before, frames in attacks(COUNT, seed=1):
+        watching = guard()
+        before(watching)
+        gate = watching.gate("link")
+        genuine = gate.counts[Verdict.VERIFIED]
+        watching.findings()
+        accepted = sum(map(gate, frames))
+        assert accepted == 0, name
+        assert gate.counts[Verdict.VERIFIED] == genuine
+        assert sum(gate.counts.values()) == genuine + COUNT
+        assert {verdict for verdict in gate.counts if verdict is not Verdict.VERIFIED} <= SUM[name], (name, gate.counts)
+        told = watching.findings()
+        assert told, name
+        assert len(told) < 12
+        assert all("SECURITY" in text and "ignored, but recorded" in text for text in told)
+        seen.add(name)
+    assert seen == SUM.keys()
+
+
+def test_the_sensor_is_heard_through_every_attack() -> None:
+    for name, before, frames in attacks(300, seed=2):
+        watching = guard()
+        before(watching)
+        # The genuine sensor goes on from where the recorded session stopped.
+        sender = Sender()
+        sender.seq = dict.fromkeys(sender.seq, 5000)
+        gate = watching.gate("link")
+        for frame in frames:
+            assert not gate(frame), name
+            assert gate(sender.samples()), name
+
+
+@pytest.mark.parametrize("byte", [*range(2, 32), -13, -12, -5])
+def test_every_byte_is_protected(byte: int) -> None:
+    sender, watching = Sender(), guard()
+    gate = watching.gate("link")
+    assert gate(sender.hello())
+    frame = bytearray(sender.samples())
+    for bit in range(8):
+        changed = bytearray(frame)
+        changed[byte] ^= 1 << bit
+        if byte != 4:  # another length is another frame to any decoder
+            assert not gate(with_crc(bytes(changed)))
+    assert gate(bytes(frame))
+
+
+@pytest.mark.parametrize("order", [[1, 0], [63, *range(63)], [5, 3, 4, 0, 2, 1]])
+def test_frames_late_within_the_window_are_taken_once(order: list[int]) -> None:
+    sender, gate = Sender(), guard().gate("link")
+    gate(sender.hello())
+    frames = [sender.samples() for _ in range(64)]
+    assert all(gate(frames[index]) for index in order)
+    assert not any(gate(frames[index]) for index in order)
+
+
+def test_frames_later_than_the_window_are_refused() -> None:
+    sender, gate = Sender(), guard().gate("link")
+    gate(sender.hello())
+    late = [sender.samples() for _ in range(2)]
+    for _ in range(WINDOW - 2):
+        gate(sender.samples())
+    assert gate(sender.samples())
+    assert not gate(late[0])
+    assert gate.counts[Verdict.TOO_LATE] == 1
+    assert gate(late[1])
+
+
+def test_a_start_of_the_hub_is_followed_also_without_its_hello() -> None:
+    gate = guard().gate("link")
+    for boot_count in (7, 8, 20):
+        sender = Sender(boot_count)
+        assert gate(sender.hello())
+        assert gate(sender.samples())
+        assert gate(sender.status())
+    following = Sender(21)
+    following.hello()
+    assert gate(following.samples())
+    assert not gate(Sender(20).hello())
+
+
+def test_counters_outlive_the_session(tmp_path: Path) -> None:
+    path = tmp_path / "counters"
+    sender = Sender()
+    heard = [sender.hello(), *(sender.samples() for _ in range(100))]
+    first = guard(Ledger(path))
+    assert all(map(first.gate("link"), heard))
+    first.ledger.save()
+    assert path.stat().st_mode & 0o777 == 0o600
+    second = guard(Ledger(path))
+    gate = second.gate("link")
+    assert not any(map(gate, heard))
+    # The sensor is recognised in the middle of its start, before its next hello.
+    assert gate(sender.samples())
+    assert gate(sender.hello())
+    second.ledger.save()
+    assert not any(map(guard(Ledger(path)).gate("other link"), heard))
+
+
+def test_two_sessions_keep_the_higher_counter(tmp_path: Path) -> None:
+    path = tmp_path / "counters"
+    one, other = Ledger(path), Ledger(path)
+    one.counter("0000a001").take(1000)
+    other.counter("0000a001").take(10)
+    other.counter("0000a002").take(5)
+    one.save()
+    other.save()
+    assert Ledger(path).counter("0000a001").highest == 1000
+    assert Ledger(path).counter("0000a002").highest == 5
+
+
+def test_a_frame_heard_on_one_link_is_old_on_another() -> None:
+    sender, watching = Sender(), guard()
+    frames = [sender.hello(), sender.samples()]
+    assert all(map(watching.gate("one"), frames))
+    assert not any(map(watching.gate("other"), frames))
+
+
+def test_swapped_sensors_are_named_and_ignored() -> None:
+    swapped = Sender(sensors={0: SENSORS[1], 1: SENSORS[0]})
+    watching = guard()
+    gate = watching.gate("link")
+    frames = [swapped.hello(0), swapped.hello(1), swapped.samples(0), swapped.samples(1)]
+    assert not any(map(gate, frames))
+    assert gate.counts == {Verdict.NOT_ADMITTED: 4}
+    told = "\n".join(watching.findings())
+    assert "FL: sensor 0000a002 of FR speaks here: wheels swapped?" in told
+    assert "FR: sensor 0000a001 of FL speaks here: wheels swapped?" in told
+
+
+def test_an_unknown_sensor_is_shown_and_ignored_until_it_is_admitted() -> None:
+    stranger = Sender(sensors={0: 0xBEEF}, keys={**KEYS, "0000beef": KEYS["0000a001"]})
+    watching = guard()
+    gate = watching.gate("link")
+    assert not any(map(gate, [stranger.hello(), stranger.samples()]))
+    assert gate.counts == {Verdict.NO_KEY: 2}
+    assert "sensor 0000beef, of which there is no key" in "\n".join(watching.findings())
+    with_key = Guard(PLACES, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
+    assert not any(map(with_key.gate("link"), [stranger.hello(), stranger.samples()]))
+    assert "sensor 0000beef speaks here, the configuration names 0000a001" in "\n".join(with_key.findings())
+    admitted = Guard({(0, 0): Place("FL", "0000beef")}, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
+    assert all(map(admitted.gate("link"), [stranger.hello(), stranger.samples()]))
+
+
+def test_a_wheel_that_is_not_configured_is_ignored() -> None:
+    elsewhere = Sender(sensors={9: SENSORS[0]})
+    watching = guard()
+    assert not any(map(watching.gate("link"), [elsewhere.hello(9), elsewhere.samples(9)]))
+    assert "hub 0 wheel 9: sensor 0000a001 of FL speaks here" in "\n".join(watching.findings())
+
+
+def test_the_hub_is_heard_after_a_sensor_has_vouched_for_it() -> None:
+    sender, watching = Sender(), guard()
+    gate = watching.gate("link")
+    assert not gate(sender.status())
+    assert gate.counts == {Verdict.EARLY: 1}
+    assert gate(sender.hello())
+    assert gate(sender.status())
+    assert not gate(downgraded(sender.status()))
+
+
+def test_policy_warn_lets_through_and_tells() -> None:
+    sender, watching = Sender(), guard(requires=False)
+    gate = watching.gate("link")
+    assert gate(sender.hello())
+    assert gate(sender.samples(signed=False))
+    assert gate(sender.samples(signed=False))
+    assert gate.counts == {Verdict.VERIFIED: 1, Verdict.UNSIGNED: 2}
+    (told,) = watching.findings()
+    assert "not signed" in told
+    assert "policy warn" in told
+
+
+def test_missing_keys_are_told_at_the_start() -> None:
+    watching = Guard(PLACES, {}, Ledger(), requires=True)
+    assert len(watching.findings()) == 2
+    assert watching.findings() == []
+
+
+def test_what_is_told_and_kept_does_not_grow_with_the_flood() -> None:
+    import numpy as np
+
+    rng = np.random.default_rng(3)
+    watching = guard()
+    gate = watching.gate("link")
+    sender = Sender()
+    gate(sender.hello())
+    told = 0
+    for number in range(3000):
+        impostor = Sender(sensors={0: number + 10}, keys={**KEYS, f"{number + 10:08x}": KEYS["0000a001"]})
+        assert not gate(impostor.hello())
+        told += len(watching.findings())
+        assert not gate(forged(sender.samples(), rng))
+    assert told < 8
+    assert gate(sender.samples())
+
+
+def test_forged_frames_cost_no_genuine_one_behind_the_decoders() -> None:
+    import numpy as np
+
+    rng = np.random.default_rng(4)
+    sender = Sender()
+    stream, genuine = [], 0
+    for _ in range(300):
+        frame = sender.samples() if genuine else sender.hello()
+        genuine += 1
+        # The attacker is quicker: his frame with the counter of the next genuine one comes first.
+        stream += [forged(frame, rng), with_crc(frame[:-12] + rng.bytes(8) + frame[-4:]), frame]
+    data = b"".join(stream)
+    streaming, batch = FrameDecoder(guard().gate("a")), BatchDecoder(1 << 14, guard().gate("a"))
+    frames = streaming.feed(data) + streaming.finish()
+    assert len(frames) == genuine
+    assert [frame.seq for frame in frames] == list(range(genuine))
+    assert [frame.seq for frame in batch.feed(data).frames()] == list(range(genuine))
+    for counters in (streaming.counters, batch.counters):
+        assert counters.refused == 2 * genuine
+        assert (counters.lost, counters.duplicates, counters.reordered, counters.restarts) == (0, 0, 0, 0)
+
+
+def test_hello_of_the_hub_itself_introduces_nobody() -> None:
+    sender, gate = Sender(), guard().gate("link")
+    gate(sender.hello())
+    assert not gate(with_crc(sender.send(HUB_ITSELF, hello(SENSORS[0], 7))[:-12] + bytes(12)))
+
+
+def test_counters_lie_beside_the_keys() -> None:
+    assert counters_file(Path("a/keys")) == Path("a/keys.counters")
+    assert isinstance(guard().gate("x").counts, Counter)

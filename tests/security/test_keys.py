@@ -1,0 +1,165 @@
+"""Keys stay with their owner."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from firmware_protocol.reference_cmac import aes_cmac
+from gateway.cli.keys import keys
+from gateway.errors import TreadlinkError
+from gateway.security import cmac
+from gateway.security.cmac import Key, SecurityError, mac
+from gateway.security.freshness import Ledger
+from gateway.security.keys import KeyFile, counters_file, parse_identity
+from gateway.security.private_file import write_private
+
+SECRET = "00112233445566778899aabbccddeeff"
+
+
+def run(*arguments: str | Path, text: str | None = None, fails: bool = False) -> str:
+    result = CliRunner().invoke(keys, [str(argument) for argument in arguments], input=text)
+    if fails:
+        assert isinstance(result.exception, TreadlinkError), result.output
+        return f"{result.exception} {result.exception.remedy}"
+    assert result.exception is None, result.exception
+    return result.output
+
+
+def test_new_list_show_remove(tmp_path: Path) -> None:
+    path = tmp_path / "sub" / "keys"
+    made = run("new", "a001", "0123456789ABCDEF", "--file", path)
+    file = KeyFile(path)
+    assert set(file.keys) == {"0000a001", "0123456789abcdef"}
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert path.parent.stat().st_mode & 0o777 == 0o700
+    listed = run("list", "--file", path)
+    for key in file.keys.values():
+        assert key.secret.hex() not in made + listed
+        assert key.check_value() in made
+        assert key.check_value() in listed
+    shown = run("new", "b", "--show", "--file", path)
+    assert shown.split() == ["0000000b", KeyFile(path).keys["0000000b"].secret.hex()]
+    assert "already" in run("new", "A001", "--file", path, fails=True)
+    assert KeyFile(path).keys["0000a001"] == file.keys["0000a001"]
+    run("new", "a001", "--replace", "--file", path)
+    assert KeyFile(path).keys["0000a001"] != file.keys["0000a001"]
+    run("remove", "a001", "--file", path)
+    assert "0000a001" not in KeyFile(path).keys
+    assert "no key" in run("remove", "a001", "--file", path, fails=True)
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_import(tmp_path: Path) -> None:
+    path = tmp_path / "keys"
+    assert "1 key in" in run("import", "-", "--file", path, text=f"# theirs\n A001\t{SECRET.upper()}  # FL\n\n")
+    assert KeyFile(path).keys["0000a001"].secret.hex() == SECRET
+    run("import", "-", "--file", path, text=f"a001 {SECRET}")
+    other = f"a001 {'0' * 32}"
+    assert "already" in run("import", "-", "--file", path, text=other, fails=True)
+    run("import", "-", "--replace", "--file", path, text=other)
+    assert KeyFile(path).keys["0000a001"].secret == bytes(16)
+    assert "there is no file" in run("import", tmp_path / "none", "--file", path, fails=True)
+
+
+@pytest.mark.parametrize("line", [f"a001 {SECRET}0", f"a001{SECRET}", f"xyz {SECRET}", SECRET, f"123456789 {SECRET}"])
+def test_wrong_lines_are_refused_without_showing_them(tmp_path: Path, line: str) -> None:
+    told = run("import", "-", "--file", tmp_path / "keys", text=f"\n{line}\n", fails=True)
+    assert SECRET not in told
+    assert not (tmp_path / "keys").exists()
+
+
+@pytest.mark.parametrize("mode", [0o644, 0o640, 0o620, 0o604, 0o601])
+def test_a_file_that_others_may_open_is_refused(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "keys"
+    run("new", "1", "--file", path)
+    path.chmod(mode)
+    for command in (["list"], ["new", "2"], ["remove", "1"]):
+        told = run(*command, "--file", path, fails=True)
+        assert f"mode {mode:04o}" in told
+        assert "chmod 600" in told
+    path.chmod(0o600)
+    counters = counters_file(path)
+    write_private(counters, "{}")
+    counters.chmod(mode)
+    with pytest.raises(SecurityError, match="by others"):
+        Ledger(counters)
+
+
+def test_what_is_no_file_of_keys_is_refused(tmp_path: Path) -> None:
+    import os
+
+    os.mkfifo(tmp_path / "pipe", 0o600)
+    for path in (tmp_path, tmp_path / "pipe"):
+        with pytest.raises(SecurityError):
+            KeyFile(path)
+    write_private(tmp_path / "text", "hello")
+    with pytest.raises(SecurityError, match="line 1"):
+        KeyFile(tmp_path / "text")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"format":2,"highest":{}}', '{"format":1,"highest":{"a":"-1"}}', "[" * 100_000]
+)
+def test_counters_that_make_no_sense_are_not_taken_for_none(tmp_path: Path, text: str) -> None:
+    write_private(tmp_path / "counters", text)
+    with pytest.raises(SecurityError, match="counters"):
+        Ledger(tmp_path / "counters")
+
+
+def test_a_new_key_begins_with_new_counters(tmp_path: Path) -> None:
+    path = tmp_path / "keys"
+    run("new", "a001", "b", "--file", path)
+    ledger = Ledger(counters_file(path))
+    for identity in ("0000a001", "0000000b"):
+        ledger.counter(identity).take(10**10)
+    ledger.save()
+    run("new", "a001", "--replace", "--file", path)
+    after = Ledger(counters_file(path))
+    assert after.counter("0000a001").highest == -1
+    assert after.counter("0000000b").highest == 10**10
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "keys"
+    run("new", "1", "--file", path)
+    before = path.read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    assert "No space left" in run("new", "2", "--file", path, fails=True)
+    assert path.read_bytes() == before
+    assert [found.name for found in tmp_path.iterdir()] == ["keys"]
+
+
+def test_a_key_is_not_shown_by_accident() -> None:
+    key = Key(bytes.fromhex(SECRET))
+    for text in (repr(key), str(key), f"{key}", repr({"a": key})):
+        assert SECRET not in text
+        assert "\\x" not in text
+
+
+@pytest.mark.parametrize("identity", ["", "x", "123456789", "0" * 15, "0" * 17, "-1", "a001\n"])
+def test_identities_are_serial_numbers(identity: str) -> None:
+    with pytest.raises(SecurityError):
+        parse_identity(identity)
+
+
+@pytest.mark.parametrize("size", [0, 1, 15, 16, 17, 31, 32, 33, 64, 252])
+def test_the_package_and_the_plain_reference_agree(size: int) -> None:
+    key, data = bytes.fromhex(SECRET), bytes(range(size % 251)) + bytes(max(0, size - 251))
+    assert mac(Key(key), data) == aes_cmac(key, data)
+
+
+def test_without_the_package_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith("cryptography")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with pytest.raises(SecurityError) as caught:
+        cmac.start(Key(bytes(16)))
+    assert "treadlink[auth]" in caught.value.remedy

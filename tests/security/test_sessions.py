@@ -1,0 +1,211 @@
+"""Policies from the configuration to what the user sees, live and from a recording; nothing listens to the world."""
+
+from __future__ import annotations
+
+import ast
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.clock import ManualClock
+from gateway.config.load import parse_vehicle
+from gateway.errors import ConfigError, TreadlinkError
+from gateway.io.source import Chunk, open_source
+from gateway.recording.reader import RecordingReader
+from gateway.recording.writer import RecordingWriter
+from gateway.security.keys import KeyFile, counters_file
+from gateway.security.opening import open_guard
+from gateway.session.batch import estimate_items
+from gateway.session.core import SessionCore
+from tests.security.attacks import downgraded, forged
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("0000a001", "0000a002", "0000a003", "0000a004", "0000b001", "5452454144000000")
+
+
+@pytest.fixture(scope="module")
+def key_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = KeyFile(tmp_path_factory.mktemp("keys") / "keys")
+    for name in NAMES:
+        file.make(name)
+    file.save()
+    return file.path
+
+
+@pytest.fixture(scope="module")
+def signed(key_file: Path) -> tuple[list[Chunk], str]:
+    """Four signed wheels, and the configuration that goes with them."""
+    source = open_source(f"sim:demo?speed=max&duration=3&seed=3&keys={key_file}", ManualClock())
+    return [item for item in source.items(threading.Event()) if isinstance(item, Chunk)], source.vehicle_toml or ""
+
+
+def run(
+    chunks: list[Chunk], toml: str, key_file: Path, **options: object
+) -> tuple[SessionCore, list[object], list[str]]:
+    vehicle = parse_vehicle(toml, "test")
+    core = SessionCore(vehicle, guard=open_guard(vehicle, key_file, remembers=False), **options)
+    told: list[str] = list(core.snapshot(0.0).notices)
+    core.on_notice = told.append
+    results = [result for chunk in chunks for result in core.take(chunk)]
+    return core, results + core.finish(), told
+
+
+def frames_of(chunk: Chunk) -> list[bytes]:
+    data, frames = chunk.data, []
+    while data:
+        size = 20 + data[4]
+        frames.append(data[:size])
+        data = data[size:]
+    return frames
+
+
+def under_attack(chunks: list[Chunk], seed: int) -> list[Chunk]:
+    """Put forged, replayed and downgraded frames between the genuine ones."""
+    rng = np.random.default_rng(seed)
+    hostile: list[Chunk] = []
+    heard: list[bytes] = []
+    for chunk in chunks:
+        parts: list[bytes] = []
+        for frame in frames_of(chunk):
+            if len(heard) > 50 and len(frame) > 200:
+                parts += [forged(frame, rng), downgraded(frame), heard[rng.integers(len(heard))]]
+            parts.append(frame)
+            if frame[6] != 255:  # the hub's first words come before a hello, so they were not taken yet
+                heard.append(frame)
+        hostile.append(Chunk(chunk.link, chunk.host_ns, b"".join(parts)))
+    return hostile
+
+
+def test_estimates_are_the_same_with_and_without_an_attacker(signed: tuple[list[Chunk], str], key_file: Path) -> None:
+    chunks, toml = signed
+    alone, plain, told = run(chunks, toml, key_file)
+    attacked, kept, warned = run(under_attack(chunks, 5), toml, key_file)
+    assert len(plain) > 40
+    assert [(r.position, r.host_ns, r.estimates) for r in plain] == [(r.position, r.host_ns, r.estimates) for r in kept]
+    assert not [text for text in told if "SECURITY" in text]
+    link = attacked.snapshot(1.0).links[0]
+    assert link.judged["verified"] == alone.snapshot(1.0).links[0].judged["verified"]
+    assert min(link.judged[name] for name in ("wrong tag", "unsigned")) > 1000
+    assert link.judged["replayed"] + link.judged["too late"] > 1000
+    assert link.frames_lost == link.duplicates == link.reordered == 0
+    (alarm,) = [alarm for alarm in attacked.snapshot(1.0).alarms if alarm.name == "security"]
+    assert "wrong tag" in alarm.text
+    for words in ("wrong tag", "not signed", "playing a recording"):
+        assert any(words in text for text in warned)
+    assert not [alarm for alarm in alone.snapshot(1.0).alarms if alarm.name == "security"]
+
+
+def test_a_recording_keeps_what_was_refused_and_never_a_key(
+    signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path
+) -> None:
+    chunks, toml = signed
+    hostile = under_attack(chunks, 6)
+    path = tmp_path / "r.mcap"
+    writer = RecordingWriter(path, start_ns=1, vehicle_toml=toml, sources=[f"sim:demo?keys={key_file}"])
+    _, live, _ = run(hostile, toml, key_file, recorder=writer)
+    recorded = [item for item in RecordingReader(path).items() if isinstance(item, Chunk)]
+    assert b"".join(item.data for item in recorded) == b"".join(chunk.data for chunk in hostile)
+    content = path.read_bytes()
+    assert b"SECURITY" in content
+    for name, key in KeyFile(key_file).keys.items():
+        assert key.secret not in content, name
+        assert key.secret.hex().encode() not in content.lower()
+    # What a recording gives is what the session gave.
+    guard = open_guard(parse_vehicle(toml, "test"), key_file, remembers=False)
+    again: list[object] = []
+    counters = estimate_items(RecordingReader(path), parse_vehicle(toml, "test"), again.append, guard=guard)
+
+    def order(results: list[object]) -> list[object]:
+        return sorted((r.position, r.host_ns, r.revolution.index) for r in results)
+
+    assert order(again) == order(live)
+    assert next(iter(counters.values())).refused > 3000
+    assert not counters_file(key_file).exists()
+
+
+def test_without_keys_nothing_is_estimated_and_the_reason_told(signed: tuple[list[Chunk], str], tmp_path: Path) -> None:
+    chunks, toml = signed
+    core, results, told = run(chunks, toml, tmp_path / "none")
+    assert results == []
+    assert core.snapshot(1.0).links[0].judged.keys() == {"no key", "before hello"}
+    assert sum("no key of" in text for text in told) == 4
+
+
+@pytest.mark.parametrize("policy", ["off", "warn"])
+def test_the_other_policies_let_everything_through(
+    signed: tuple[list[Chunk], str], key_file: Path, policy: str
+) -> None:
+    chunks, toml = signed
+    bare = [Chunk(c.link, c.host_ns, b"".join(map(downgraded, frames_of(c)))) for c in chunks]
+    core, results, told = run(bare, toml.replace('"require"', f'"{policy}"'), key_file)
+    assert len(results) > 40
+    judged = core.snapshot(1.0).links[0].judged
+    assert set(judged) == ({"unsigned"} if policy == "warn" else set())
+    assert any("not signed" in text for text in told) == (policy == "warn")
+    assert run(bare, toml, key_file)[1] == []
+
+
+def test_signed_frames_carry_the_same_samples(signed: tuple[list[Chunk], str], key_file: Path) -> None:
+    chunks, toml = signed
+    off = toml.replace('"require"', '"off"')
+    _, verified, _ = run(chunks, toml, key_file)
+    _, looked_over, _ = run(chunks, off, key_file)
+    assert [r.estimates for r in verified] == [r.estimates for r in looked_over]
+
+
+def test_swapped_wheels_are_named(signed: tuple[list[Chunk], str], key_file: Path) -> None:
+    chunks, toml = signed
+    swapped = toml.replace("0000a001", "x").replace("0000a002", "0000a001").replace('"x"', '"0000a002"')
+    _, results, told = run(chunks, swapped, key_file)
+    assert {result.position for result in results} == {"RL", "RR"}
+    assert any("sensor 0000a001 of FR speaks here: wheels swapped?" in text for text in told)
+
+
+def test_live_command_end_to_end(key_file: Path, tmp_path: Path) -> None:
+    def call(*arguments: str) -> str:
+        result = CliRunner().invoke(treadlink, arguments)
+        assert result.exception is None, (result.output, result.exception)
+        return result.output
+
+    path = tmp_path / "r.mcap"
+    uri = f"sim:lab?speed=max&duration=2&keys={key_file}"
+    shown = call("live", uri, "--plain", "--keys", str(key_file), "--record", str(path))
+    assert "verified" in shown
+    assert "refused as not verified" in call("estimate", str(path), "--keys", str(key_file))
+    assert not counters_file(key_file).exists()
+    result = CliRunner().invoke(treadlink, ["live", f"{uri}&fault=reboot", "--plain"])
+    assert isinstance(result.exception, TreadlinkError)
+
+
+def test_require_needs_to_know_every_sensor() -> None:
+    toml = '[security]\npolicy = "require"\n[tire]\nradius_mm = 300.0\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n'
+    with pytest.raises(ConfigError, match=r"wheel\[FL\].sensor_id"):
+        parse_vehicle(toml, "test")
+    with pytest.raises(ConfigError, match=r"security.policy"):
+        parse_vehicle(toml.replace("require", "always"), "test")
+    vehicle = parse_vehicle(toml.replace("require", "warn"), "test")
+    assert 'policy = "warn"' in vehicle.to_toml()
+    assert parse_vehicle(vehicle.to_toml(), "again") == vehicle
+    assert open_guard(parse_vehicle(toml.replace("require", "off"), "test"), None, remembers=True) is None
+
+
+LISTENERS = {"bind", "create_server", "start_server", "start_unix_server", "HTTPServer", "TCPServer", "run_app"}
+
+
+def test_whatever_listens_listens_to_this_computer_alone() -> None:
+    """Every call in the program that could open a listening socket must name the loopback address itself."""
+    found = []
+    for path in [*(ROOT / "gateway").rglob("*.py"), *(ROOT / "firmware_protocol").rglob("*.py")]:
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call):
+                name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+                text = ast.unparse(node)
+                if name in LISTENERS and "127.0.0.1" not in text and "::1" not in text:
+                    found.append(f"{path.relative_to(ROOT)}: {text}")
+            if isinstance(node, ast.Constant) and node.value in ("0.0.0.0", "::"):
+                found.append(f"{path.relative_to(ROOT)}: {node.value}")
+    assert found == []
