@@ -30,6 +30,7 @@ sequence counts the messages of the channel from 0. The channel's metadata name 
 JSON_ENCODING: Final = "json"
 MARKS_TOPIC: Final = "/marks"
 
+_MOST_CHANNEL_DIGITS: Final = 5
 _LAST_NS: Final = (1 << 63) - 1
 MAX_RECORD_BYTES: Final = 256 << 20
 """No recorder writes records longer than this; a longer one is damage."""
@@ -77,6 +78,8 @@ def declaration(number: int, channel: ChannelInfo) -> dict[str, str]:
 def declared_channel(entries: Mapping[str, str]) -> tuple[int, ChannelInfo] | None:
     """Return the channel that `declaration` declared, None when the entries are damaged."""
     if not is_sealed(entries) or not entries.keys() >= {"id", "topic", "encoding", "link"}:
+        return None
+    if not entries["id"].isdecimal() or len(entries["id"]) > _MOST_CHANNEL_DIGITS:
         return None
     return int(entries["id"]), ChannelInfo(entries["topic"], entries["encoding"], entries["link"])
 

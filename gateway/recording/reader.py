@@ -236,7 +236,7 @@ def _describe(path: Path, size: int, finished: bool, entries: dict[str, str]) ->
         size_bytes=size,
         finished=finished,
         treadlink=entries.get("treadlink", ""),
-        start_ns=int(start) if start.isdecimal() and len(start) < _MOST_DIGITS else None,
+        start_ns=int(start) if start.isdecimal() and len(start) <= _MOST_DIGITS else None,
         sources=sources,
         vehicle_toml=entries.get("vehicle_toml"),
     )

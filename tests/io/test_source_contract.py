@@ -1,0 +1,128 @@
+"""What every source promises, held against all of them."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.clock import ManualClock
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, open_source
+from gateway.recording.writer import RecordingWriter
+from tests.io.hub_ends import PtyPort, Reader, TcpHub
+
+Opened = tuple[Source, Callable[[], None]]
+"""A source, and what makes its hub send; to be called when it is connected."""
+
+STREAM = np.random.default_rng(7).bytes(400_000)
+ENOUGH_CHUNKS = 3
+
+
+def nothing() -> None:
+    return None
+
+
+@pytest.fixture(params=["serial", "tcp", "replay", "dump", "sim"])
+def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Opened]:
+    clock = ManualClock()
+    closing: list[Callable[[], object]] = []
+    if request.param == "serial":
+        port = PtyPort(tmp_path / "ttyHUB")
+        closing.append(port.close)
+
+        def send() -> None:
+            with contextlib.suppress(OSError, ValueError):  # the port may be closed under it
+                port.send(STREAM)
+
+        source = open_source(f"serial:{port.path}", clock)
+    elif request.param == "tcp":
+        hub = TcpHub()
+        closing.append(hub.close)
+
+        def send() -> None:
+            connection = hub.accept()
+            closing.append(connection.close)
+            with contextlib.suppress(OSError):  # the gateway may have closed
+                connection.sendall(STREAM)
+
+        source = open_source(f"tcp://127.0.0.1:{hub.port}", clock)
+    elif request.param == "replay":
+        writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
+        for number in range(60):
+            writer.write(Chunk("serial:/dev/x", number * 10**7, STREAM[number * 1000 : (number + 1) * 1000]))
+        writer.close()
+        source, send = open_source(f"replay:{writer.path}", clock), nothing
+    elif request.param == "dump":
+        (tmp_path / "d.bin").write_bytes(STREAM)
+        source, send = open_source(f"replay:{tmp_path}/d.bin?rate=100000", clock), nothing
+    else:
+        source, send = open_source("sim:demo?seed=1", clock), nothing
+    yield source, send
+    source.close()
+    for close in closing:
+        close()
+
+
+def read_some(source: Source, send: Callable[[], None], reader: Reader) -> list[LinkItem]:
+    """Return items up to the third chunk; the hub sends as soon as the link is open."""
+    sender = threading.Thread(target=send, daemon=True)  # may be left with bytes that nobody reads
+    items: list[LinkItem] = []
+    while sum(isinstance(item, Chunk) for item in items) < ENOUGH_CHUNKS:
+        item = reader.next()
+        assert item is not None, f"ended early: {reader.error}"
+        items.append(item)
+        if isinstance(item, LinkEvent) and item.kind is LinkEventKind.CONNECTED:
+            sender.start()
+    return items
+
+
+def test_chunks_are_never_empty_and_in_order_under_one_name(opened: Opened, read: Callable[[Source], Reader]) -> None:
+    source, send = opened
+    name = source.link
+    items = read_some(source, send, read(source))
+    assert name
+    assert {item.link for item in items} == {name} == {source.link}
+    chunks = [item for item in items if isinstance(item, Chunk)]
+    assert all(chunk.data and isinstance(chunk.data, bytes) for chunk in chunks)
+    times = [item.host_ns for item in items]
+    assert times == sorted(times)
+    assert source.vehicle_toml is None or "[vehicle]" in source.vehicle_toml
+
+
+def test_stopping_ends_it(opened: Opened, read: Callable[[Source], Reader]) -> None:
+    source, send = opened
+    reader = read(source)
+    read_some(source, send, reader)
+    reader.finish()
+    assert reader.error is None
+
+
+def test_stopping_before_it_begins_ends_it(opened: Opened) -> None:
+    source, _ = opened
+    stop = threading.Event()
+    stop.set()
+    assert not [item for item in source.items(stop) if isinstance(item, Chunk)]
+
+
+def test_closing_from_another_thread_ends_it_and_twice_is_fine(
+    opened: Opened, read: Callable[[Source], Reader]
+) -> None:
+    source, send = opened
+    reader = read(source)
+    read_some(source, send, reader)
+    source.close()
+    source.close()
+    while reader.next() is not None:
+        pass
+    assert reader.error is None
+
+
+def test_closed_before_it_begins_it_gives_no_chunk(opened: Opened) -> None:
+    source, _ = opened
+    source.close()
+    source.close()
+    assert not [item for item in source.items(threading.Event()) if isinstance(item, Chunk)]

@@ -1,0 +1,84 @@
+"""`treadlink repair` and `treadlink compact` as a user calls them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.errors import RecordingError
+from gateway.io.source import LinkItem
+from tests.recording import streams
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> tuple[Path, list[LinkItem]]:
+    rng = np.random.default_rng(30)
+    items: list[LinkItem] = [*streams.chunks(rng, b"".join(streams.frames(rng, 400)), "serial:/dev/ttyUSB0")]
+    return streams.write(tmp_path / "drive.mcap", items).path, items
+
+
+def run(*arguments: str) -> str:
+    result = CliRunner().invoke(treadlink, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_repairing_a_cut_file_says_what_came_of_it(recording: tuple[Path, list[LinkItem]]) -> None:
+    path, items = recording
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 3 // 4])
+    before = path.read_bytes()
+    output = run("repair", str(path))
+    assert "drive.repaired.mcap" in output
+    assert "rescued:" in output
+    assert "lost:" in output
+    assert path.read_bytes() == before
+    got = streams.link_bytes(streams.read(path.with_name("drive.repaired.mcap")))
+    assert streams.link_bytes(items).startswith(got)
+    assert len(got) > 60_000
+
+
+def test_a_whole_file_is_left_alone(recording: tuple[Path, list[LinkItem]]) -> None:
+    path, items = recording
+    assert "nothing to repair" in run("repair", str(path))
+    assert [entry.name for entry in path.parent.iterdir()] == ["drive.mcap"]
+    run("repair", "--force", "--out", str(path.with_name("copy.mcap")), str(path))
+    assert streams.read(path.with_name("copy.mcap")) == items
+
+
+def test_an_earlier_repair_is_not_overwritten(recording: tuple[Path, list[LinkItem]]) -> None:
+    path, _ = recording
+    path.write_bytes(path.read_bytes()[:-10])
+    path.with_name("drive.repaired.mcap").write_bytes(b"precious")
+    with pytest.raises(RecordingError, match="exists already") as caught:
+        run("repair", str(path))
+    assert "--out" in caught.value.remedy
+    assert path.with_name("drive.repaired.mcap").read_bytes() == b"precious"
+
+
+def test_compacting_beside_and_in_place(recording: tuple[Path, list[LinkItem]]) -> None:
+    path, items = recording
+    assert "messages the same" in run("compact", str(path))
+    small = path.with_name("drive.compact.mcap")
+    assert streams.read(small) == items
+    assert small.stat().st_size < path.stat().st_size
+    small.unlink()
+    run("compact", "--in-place", str(path))
+    assert [entry.name for entry in path.parent.iterdir()] == ["drive.mcap"]
+    assert streams.read(path) == items
+
+
+def test_out_goes_with_one_recording(recording: tuple[Path, list[LinkItem]]) -> None:
+    path = str(recording[0])
+    result = CliRunner().invoke(treadlink, ["compact", "--out", "x.mcap", path, path])
+    assert result.exit_code == 2
+    assert "one recording" in result.output
+
+
+@pytest.mark.parametrize("command", ["repair", "compact"])
+def test_a_missing_file_is_named(tmp_path: Path, command: str) -> None:
+    with pytest.raises(RecordingError, match=r"no recording '.*gone\.mcap'"):
+        run(command, str(tmp_path / "gone.mcap"))
