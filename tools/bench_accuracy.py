@@ -20,6 +20,9 @@ from gateway.estimators.registry import ESTIMATORS
 # These live on the lateral axis, which the ring does not have: tools/bench_ply_steer.py measures them.
 ELSEWHERE = ("ply-steer", "slip-angle")
 QUICK = Effort(clean=10, single=12, single_slow=4, runs=2)
+FULL = Effort(clean=20, single=40, single_slow=8, runs=4)
+# Of 27 conditions shown together.
+FULL_GRID = Effort(clean=20, single=12, single_slow=3, runs=3)
 
 
 def main() -> None:
@@ -28,12 +31,14 @@ def main() -> None:
     if options.only:
         cases = [case for case in cases if case.group in options.only]
     estimators = options.estimator or [name for name in ESTIMATORS if name not in ELSEWHERE]
-    effort = QUICK if options.quick else Effort()
-    outcomes = _measure_all(cases, estimators, effort, options.jobs)
-    print(
-        f"{len(cases)} cases; per revolution {effort.single} revolutions (forward {effort.single_slow}), "
-        f"after {LONG}: {effort.runs} runs\n"
-    )
+    efforts = [QUICK if options.quick else FULL_GRID if case.group == "grid" else FULL for case in cases]
+    outcomes = _measure_all(cases, estimators, efforts, options.jobs)
+    for effort in dict.fromkeys(efforts):
+        print(
+            f"{efforts.count(effort)} conditions: per revolution {effort.single} revolutions "
+            f"(forward {effort.single_slow}), after {LONG} {effort.runs} runs."
+        )
+    print()
     tables = [
         bound_table(outcomes),
         *grid_tables(outcomes, estimators),
@@ -55,11 +60,14 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _measure_all(cases: list[Case], estimators: list[str], effort: Effort, jobs: int) -> list[Outcome]:
+def _measure_all(cases: list[Case], estimators: list[str], efforts: list[Effort], jobs: int) -> list[Outcome]:
     """Measure on several processes; progress goes to the terminal's error stream."""
     found: dict[int, Outcome] = {}
     with ProcessPoolExecutor(jobs) as pool:
-        waiting = {pool.submit(measure, case, estimators, effort): place for place, case in enumerate(cases)}
+        waiting = {
+            pool.submit(measure, case, estimators, effort): place
+            for place, (case, effort) in enumerate(zip(cases, efforts, strict=True))
+        }
         for done in as_completed(waiting):
             found[waiting[done]] = done.result()
             print(f"\r{len(found)} of {len(cases)} cases", end="", file=sys.stderr, flush=True)
