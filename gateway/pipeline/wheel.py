@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,8 +12,6 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling, Environment, Hello
 from firmware_protocol.sequence import unwrap
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
-from gateway.estimators.registry import in_order, make_estimator
 from gateway.pipeline.angle import revolution_in_angle
 from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
@@ -24,7 +20,7 @@ from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.pipeline.sensor_health import SensorHealth
 from gateway.pipeline.setup import WheelSetup
 from gateway.pipeline.timebase import HostClock, SampleClock
-from gateway.signal.average import RunningAverage
+from gateway.pipeline.tire import TireEstimates
 
 FloatArray = NDArray[np.float64]
 
@@ -33,8 +29,6 @@ RING_S: Final = 8.0
 _MAX_BRIDGE_S: Final = 0.25
 # A late block must carry a time stamp that fits its sample number; otherwise the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
-# Environment values kept for revolutions that are still being cut.
-_ENVIRONMENT_DEPTH: Final = 64
 
 
 @dataclass(slots=True)
@@ -55,16 +49,13 @@ class WheelPipeline:
     def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
         """Make the wheel's estimators; buffers are allocated at the first hello."""
         self.setup = setup
-        self._estimators = [make_estimator(name) for name in in_order(estimators)]
-        self._average = RunningAverage()
+        self._tire = TireEstimates(setup, estimators)
         self._timer = ContactTimer()
         self._axes: _Axes | None = None
         self._ring: SampleRing | None = None
         self._segmenter: Segmenter | None = None
         self._clock: SampleClock | None = None
-        self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
-        self._last: RevolutionResult | None = None
-        self._samples = self._lost = self._saturated = self._revolutions = self._rejected = 0
+        self._samples = self._lost = self._saturated = self._revolutions = 0
         self._overwritten_before = self._looked_at = 0
         self.blocks_before_hello = 0
 
@@ -88,9 +79,7 @@ class WheelPipeline:
         self._axes = _Axes(hello, columns, scale, offset, radial, health)
         if not same_layout:
             if known is not None and known.hello.sensor_id != hello.sensor_id:
-                self._average.reset()
-                for estimator in self._estimators:
-                    estimator.reset()
+                self._tire.reset()
             if self._ring is not None:
                 self._overwritten_before += self._ring.overwritten
             self._ring = SampleRing(round(RING_S * hello.rate_hz), len(columns))
@@ -101,12 +90,12 @@ class WheelPipeline:
     def environment(self, tick_us: int, environment: Environment) -> None:
         """Take a pressure and temperature reading with its hub time."""
         pressure_error_pa = self._axes.health.environment(environment) if self._axes is not None else 0.0
-        self._environment.append((tick_us, environment, pressure_error_pa))
+        self._tire.environment(tick_us, environment, pressure_error_pa)
 
     def restart(self) -> None:
         """The hub started again: its counters and times are new; what was learnt of the tire stays."""
         self._axes = None
-        self._environment.clear()
+        self._tire.forget_environment()
 
     def samples(
         self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16], host: HostClock
@@ -214,7 +203,7 @@ class WheelPipeline:
         rate_hz, sign = clock.rate_hz(pair.end.centre), segmenter.sign
         timed = self._timer.time(
             pair,
-            self._average.latest,
+            self._tire.average,
             lambda first, end: self._read_radial(first, end) * sign,
             ring.missing_between,
             rate_hz,
@@ -237,83 +226,18 @@ class WheelPipeline:
         self._revolutions += 1
         end_us = clock.hub_us(timed.end.centre)
         layout.health.revolution(in_angle)
-        average = self._take_in(in_angle)
-        conditions = self._conditions(end_us)
-        estimates = self._estimate(in_angle, average, conditions)
-        self._last = RevolutionResult(self.setup.position, host.host_ns(end_us), in_angle, conditions, estimates)
-        return self._last
-
-    def _estimate(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
-        """Run the estimators in turn; each sees what those before it found.
-
-        A name that an earlier estimator gives already is prefixed with its estimator's: `ring-paper:Bs`.
-        """
-        given: dict[str, dict[str, Estimate]] = {}
-        seeing = replace(conditions, given=MappingProxyType(given))
-        estimates: list[Estimate] = []
-        taken: set[str] = set()
-        for estimator in self._estimators:
-            found = {estimate.name: estimate for estimate in estimator.update(revolution, average, seeing)}
-            given[estimator.name] = found
-            for name, estimate in found.items():
-                estimates.append(replace(estimate, name=f"{estimator.name}:{name}") if name in taken else estimate)
-            taken.update(found)
-        return tuple(estimates)
-
-    def _take_in(self, revolution: Revolution) -> AngleAverage:
-        """Update the running average, or leave it alone when the revolution has faults."""
-        latest = self._average.latest
-        if revolution.faults:
-            self._rejected += 1
-            if latest is not None:
-                return latest
-        target = self._average if not revolution.faults else RunningAverage()
-        finite = np.isfinite(revolution.radial_mps2).all()
-        return target.update(
-            revolution.radial_mps2 if finite else np.zeros_like(revolution.radial_mps2),
-            revolution.orders_mps2,
-            revolution.omega_radps,
-            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-            edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-            noise_mps2=revolution.noise_mps2,
-        )
-
-    def _conditions(self, tick_us: float) -> Conditions:
-        pressure, temperature = self.setup.pressure_pa, self.setup.temperature_degc
-        pressure_std = self.setup.pressure_std_pa
-        # The latest reading taken before.
-        taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
-        if taken is not None:
-            _, reading, pressure_error = taken
-            pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
-            temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
-            pressure_std = max(pressure_std, pressure_error)
-        return Conditions(
-            radius_m=self.setup.radius_m,
-            load_n=self.setup.load_n,
-            pressure_pa=pressure,
-            temperature_degc=temperature,
-            load_std_n=self.setup.load_std_n,
-            pressure_std_pa=pressure_std,
-            sensor_offset_m=self.setup.sensor_offset_m,
-            tire=self.setup.tire,
-        )
+        return self._tire.take(in_angle, end_us, host.host_ns(end_us))
 
     @property
     def average_mps2(self) -> FloatArray | None:
         """Running average of the radial axis, (n,), None before the first revolution."""
-        latest = self._average.latest
-        return latest.radial_mps2 if latest is not None else None
-
-    def _latest(self, name: str) -> Estimate | None:
-        """The latest estimate of a name, None where it is invalid or no estimator gives it."""
-        estimates = self._last.estimates if self._last is not None else ()
-        return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)
+        average = self._tire.average
+        return average.radial_mps2 if average is not None else None
 
     def snapshot(self) -> WheelSnapshot:
         """Return the latest state for views."""
-        conditions = self._conditions(math.inf)
-        load = self._latest("load_n") if conditions.load_n is None else None
+        conditions = self._tire.conditions(math.inf)
+        load = self._tire.latest("load_n") if conditions.load_n is None else None
         hello = self._axes.hello if self._axes is not None else None
         state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
         ring = self._ring
@@ -322,19 +246,19 @@ class WheelPipeline:
             sensor_id=f"{hello.sensor_id:08x}" if hello is not None else "",
             rate_hz=hello.rate_hz if hello is not None else 0.0,
             state=state,
-            last=self._last,
+            last=self._tire.last,
             average_mps2=self.average_mps2,
             pressure_pa=conditions.pressure_pa,
             temperature_degc=conditions.temperature_degc,
             load_n=load.value if load is not None else conditions.load_n,
-            wear_mm=self._latest("wear_mm"),
+            wear_mm=self._tire.latest("wear_mm"),
             counters=WheelCounters(
                 samples=self._samples,
                 samples_lost=self._lost,
                 samples_saturated=self._saturated,
                 samples_overwritten=self._overwritten_before + (ring.overwritten if ring is not None else 0),
                 revolutions=self._revolutions,
-                revolutions_rejected=self._rejected,
+                revolutions_rejected=self._tire.rejected,
             ),
             flags=self._axes.health.flags() if self._axes is not None else (),
         )
