@@ -84,13 +84,20 @@ class Ledger:
             found = self._counters[identity] = Counter(self._saved.get(identity, -1))
         return found
 
-    def save(self) -> None:
+    def highest(self) -> dict[str, int]:
+        """Return the counters as they are now, for `save`."""
+        return {name: counter.highest for name, counter in self._counters.items() if counter.highest >= 0}
+
+    def save(self, current: Mapping[str, int] | None = None) -> None:
         """Write what has changed; what another treadlink wrote meanwhile is kept where it is higher.
+
+        Args:
+            current: what `highest` returned; with it this may run in another thread than all else, one at a time.
 
         Raises:
             SecurityError: it cannot be written.
         """
-        current = {name: counter.highest for name, counter in self._counters.items() if counter.highest >= 0}
+        current = self.highest() if current is None else current
         if self._path is None or current.items() <= self._saved.items():
             return
         there = _read(self._path)

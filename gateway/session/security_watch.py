@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from typing import Final
 
@@ -11,6 +12,7 @@ from gateway.security.guard import Guard
 
 # What a crash may lose of the counters; frames of so long ago could be played to the next session.
 _SAVE_EVERY_NS: Final = 5_000_000_000
+_JOIN_S: Final = 5.0
 
 
 class SecurityWatch:
@@ -19,7 +21,9 @@ class SecurityWatch:
     def __init__(self, guard: Guard | None) -> None:
         self._guard = guard
         self._due_ns = 0
-        self._failed = False
+        self._saving: threading.Thread | None = None
+        self._fault: str | None = None
+        self._told = False
 
     def gate(self, link: str) -> Gate | None:
         """Return what judges the frames of a link."""
@@ -36,24 +40,39 @@ class SecurityWatch:
         return {verdict.value: count for verdict, count in self._guard.gate(link).counts.items()}
 
     def tick(self, now_ns: int) -> list[str]:
-        """Keep the counters now and then; return what went wrong, once."""
+        """Keep the counters now and then, in the background for the disk may be slow; return what went wrong, once."""
         # A clock that was set back must not stop it.
         if self._guard is None or 0 <= self._due_ns - now_ns <= _SAVE_EVERY_NS:
             return []
-        self._due_ns = now_ns + _SAVE_EVERY_NS
-        return self.finish()
+        if self._saving is None or not self._saving.is_alive():
+            self._due_ns = now_ns + _SAVE_EVERY_NS
+            current = self._guard.ledger.highest()
+            self._saving = threading.Thread(target=self._save, args=(current,), name="save counters", daemon=True)
+            self._saving.start()
+        return self._guard.findings() + self._found()
 
     def finish(self) -> list[str]:
         """Keep the counters; return what went wrong, once."""
         if self._guard is None:
             return []
-        found = self._guard.findings()
+        if self._saving is not None:
+            self._saving.join(_JOIN_S)
+        if self._saving is None or not self._saving.is_alive():
+            self._save(self._guard.ledger.highest())
+        else:
+            self._fault = "the counters of the sensors could not be written in time"
+        return self._guard.findings() + self._found()
+
+    def _save(self, current: Mapping[str, int]) -> None:
+        if self._guard is None:
+            return
         try:
-            self._guard.ledger.save()
+            self._guard.ledger.save(current)
         except SecurityError as error:
-            if not self._failed:
-                self._failed = True
-                found.append(
-                    f"SECURITY: {error}: frames of this session could be played to the next one. {error.remedy}"
-                )
-        return found
+            self._fault = f"{error}. {error.remedy}"
+
+    def _found(self) -> list[str]:
+        if self._fault is None or self._told:
+            return []
+        self._told = True
+        return [f"SECURITY: frames of this session could be played to the next one: {self._fault}"]

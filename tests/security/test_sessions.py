@@ -127,6 +127,54 @@ def test_a_recording_keeps_what_was_refused_and_never_a_key(
     assert not counters_file(key_file).exists()
 
 
+def test_counters_are_kept_during_a_session_and_the_next_one_refuses_it(
+    signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path
+) -> None:
+    chunks, toml = signed
+    own = KeyFile(tmp_path / "keys")
+    own.add(KeyFile(key_file).keys)
+    own.save()
+    vehicle = parse_vehicle(toml, "test")
+
+    def session() -> tuple[SessionCore, int]:
+        core = SessionCore(vehicle, guard=open_guard(vehicle, own.path, remembers=True))
+        for chunk in chunks[:100]:
+            core.take(chunk)
+            core.tick(chunk.host_ns)
+        core.finish()
+        return core, core.snapshot(1.0).links[0].judged.get("verified", 0)
+
+    assert session()[1] > 500
+    assert counters_file(own.path).stat().st_mode & 0o777 == 0o600
+    assert session()[1] == 0
+    counters_file(own.path).unlink()
+    assert session()[1] > 500
+
+
+def test_counters_that_cannot_be_kept_are_told_once(
+    signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chunks, toml = signed
+    own = KeyFile(tmp_path / "keys")
+    own.add(KeyFile(key_file).keys)
+    own.save()
+    vehicle = parse_vehicle(toml, "test")
+    core = SessionCore(vehicle, guard=open_guard(vehicle, own.path, remembers=True))
+    told: list[str] = []
+    core.on_notice = told.append
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    for number, chunk in enumerate(chunks[:100]):
+        core.take(chunk)
+        core.tick(number * 10**10)
+    core.finish()
+    assert sum("No space left" in text for text in told) == 1
+    assert core.snapshot(1.0).links[0].judged["verified"] > 500
+
+
 def test_without_keys_nothing_is_estimated_and_the_reason_told(signed: tuple[list[Chunk], str], tmp_path: Path) -> None:
     chunks, toml = signed
     core, results, told = run(chunks, toml, tmp_path / "none")
