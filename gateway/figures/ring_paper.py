@@ -67,7 +67,7 @@ def _fig_11(figure: Figure) -> str:
     ratios = tire.found["ring-paper"] / tire.truth
     return (
         f"Eq. 27 follows the orders of an exact ring (5000 N, 2.1 bar, new) with {left:.0%} left over, the good fit "
-        f"that the paper reports; yet the fitted Bs, Cw, Rs, Ts are {_listed(ratios)} of the true ones, so a good fit of the "
+        f"that the paper reports; yet the fitted Bs, Cw, Rs, Ts are {_listed(ratios)} of the true ones; a good fit of "
         "orders does not make the numbers right: a loaded belt loses tension in the contact, which no linear ring has."
     )
 
@@ -91,8 +91,8 @@ def _fig_12(figure: Figure) -> str:
     inside = np.abs(theta) < tire.half_angle_rad
     return (
         f"The four numbers of Eq. 28 redraw the waveform within {np.sqrt(np.mean(error**2)):.0f} m/s² rms of "
-        f"{np.ptp(measured):.0f} m/s² peak to peak, the agreement that the paper reports; what is left sits in the contact "
-        f"and at its edges (rms {np.sqrt(np.mean(error[inside] ** 2)):.0f} m/s² inside, "
+        f"{np.ptp(measured):.0f} m/s² peak to peak, the agreement that the paper reports; what is left sits in the "
+        f"contact and at its edges (rms {np.sqrt(np.mean(error[inside] ** 2)):.0f} m/s² inside, "
         f"{np.sqrt(np.mean(error[~inside] ** 2)):.0f} outside), where the uniform pressure of Eq. 22 is not the tire's."
     )
 
