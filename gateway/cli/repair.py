@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -49,7 +50,7 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
     if out is not None and (in_place or len(recordings) > 1):
         raise click.UsageError("--out goes with one recording and without --in-place.")
     for recording in recordings:
-        target = out or _beside(recording, "compact")
+        target = _hidden_beside(recording) if in_place else out or _beside(recording, "compact")
         with _progress(recording, "compacting") as progress:
             report = compact_recording(recording, target, replace=in_place, progress=progress)
         share = 100.0 * report.bytes_after / max(report.bytes_before, 1)
@@ -65,7 +66,10 @@ def _report_lines(report: RepairReport) -> Iterator[str]:
     losses = report.losses
     yield f"{report.target}"
     yield f"  rescued: {report.frames} frames in {file_size(report.link_bytes)} of links, {report.messages} messages"
-    yield f"  lost: {report.frames_lost} frames by their counters, {report.frames_broken} begin but are not whole"
+    yield (
+        f"  missing: {report.frames_lost} frames by their counters, what the link had lost among them; "
+        f"{report.frames_broken} begin but are not whole"
+    )
     if losses.torn_places:
         yield (
             f"  {losses.torn_places} torn places: {losses.bytes_kept} bytes kept, {losses.bytes_dropped} belong to no "
@@ -86,12 +90,19 @@ def _beside(recording: Path, word: str) -> Path:
     return target
 
 
+def _hidden_beside(recording: Path) -> Path:
+    """Return a free name in the same folder, for a copy that will take the recording's place."""
+    names = (recording.with_name(f".{recording.name}.compacting-{number}") for number in itertools.count(1))
+    return next(name for name in names if not name.exists())
+
+
 @contextlib.contextmanager
 def _progress(recording: Path, word: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on a terminal; it is fed with (done, in all)."""
     length = recording.stat().st_size if recording.is_file() else 0
-    with click.progressbar(length=length, label=f"{word} {clean(recording.name)}", file=sys.stderr) as bar:
-        bar.hidden = bar.hidden or not sys.stderr.isatty()
+    bar = click.progressbar(length=length, label=f"{word} {clean(recording.name)}", file=sys.stderr)
+    bar.hidden = not sys.stderr.isatty()
+    with bar:
 
         def update(done: int, total: int) -> None:
             bar.update(int(length * done / max(total, 1)) - bar.pos)
