@@ -127,7 +127,7 @@ class WheelPipeline:
                 self._samples += repaired
                 return []
             self._begin_at(first_sample)
-            first = first_sample
+            return self.samples(first_sample, ticks_us, axes, counts, host)
         elif step > _MAX_BRIDGE_S * layout.hello.rate_hz:
             self._lost += step
             before = self._finish_segment(host)

@@ -14,7 +14,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.session.core import SessionCore
 from gateway.session.line_content import describe_content
 from tests.reliability.streams import chunks_of, decodes, raw_frames, readdressed, simulated, told
-from tests.reliability.uart import received
+from tools.reliability.uart import received
 
 START_NS = 1_700_000_000_000_000_000
 LINK = "serial:/dev/ttyUSB0"

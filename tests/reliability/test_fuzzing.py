@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -99,3 +100,20 @@ def test_an_error_without_words_is_a_fault() -> None:
         fuzz_targets._explained(TreadlinkError(""))
     with pytest.raises(UnclearError):
         fuzz_targets._explained(TreadlinkError("bad \x1b[2J name"))
+
+
+def test_sample_numbers_that_jump_back_twice() -> None:
+    # Found by fuzzing: the restarted sample clock was left without its first stamp.
+    from firmware_protocol.codec import encode_frame
+    from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock
+    from gateway.io.source import Chunk
+    from gateway.session.core import SessionCore
+
+    hello = Hello(1, 0, 1, 2, (1, 0, 0), 1, 9600.0, 4, Coupling.DC, 0.0, (0, 0, 4e3), (0, 0, 0.125), (0, 0, 0), 32767)
+    core = SessionCore(None)
+    core.take(Chunk("x", 1, encode_frame(Frame(MessageType.HELLO, 0, 0, 0, 0, hello))))
+    counts = np.zeros((36, 1), "<i2")
+    for seq, first in enumerate((0, 36, 33_554_504, 2_097_260, 144, 180, 0), 1):
+        frame = Frame(MessageType.SAMPLES, 0, 0, seq, 3750 * seq, SampleBlock(first, 4, counts))
+        core.take(Chunk("x", seq, encode_frame(frame)))
+    assert core.snapshot(0.0).wheels[0].counters.samples == 7 * 36
