@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from firmware_protocol import wire
-from tools.reliability.noise import FRAME_BYTES, NOISES, Noise, Sender, disturb, intact_frames, through_batch
+from tools.reliability.noise import (
+    FRAME_BYTES,
+    NOISES,
+    Noise,
+    Sender,
+    by_coincidence,
+    disturb,
+    intact_frames,
+    through_batch,
+)
 from tools.reliability.noise import through_stream as stream
 
 FRAMES = 3000
@@ -38,6 +47,17 @@ def test_the_measure_itself_knows_intact_from_damaged() -> None:
     shorter = np.delete(source, FRAME_BYTES * 20 + 241)
     _, numbers = intact_frames(shorter)
     assert sorted(set(range(100)) - set(numbers.tolist())) == [7, 20]
+
+
+def test_a_frame_that_is_whole_by_coincidence_counts_as_intact() -> None:
+    frames = Sender(1).frames(0, 400)
+    number = int(np.flatnonzero(frames[:-1, -1] == 0xA5)[0])
+    source = np.delete(np.arange(frames.size), FRAME_BYTES * (number + 1) - 1)
+    data = frames.reshape(-1)[source].tobytes()
+    ends, numbers = by_coincidence(data, frames, 0, *intact_frames(source))
+    # Its last byte was lost, the next frame's first stands in for it, and that frame is gone.
+    assert sorted(set(range(400)) - set(numbers.tolist())) == [number + 1]
+    assert (np.diff(ends) >= FRAME_BYTES).all()
 
 
 def test_a_decoder_that_forgets_its_tail_fails_this_test(monkeypatch: pytest.MonkeyPatch) -> None:

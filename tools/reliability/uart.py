@@ -1,0 +1,25 @@
+"""A UART line in bits: what a receiver makes of bytes that were sent at another baud rate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def received(data: bytes, sent_baud: float, received_baud: float) -> bytes:
+    """Return what a receiver (8N1) reads of `data`; bytes with a wrong stop bit come through as they are."""
+    bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little").reshape(-1, 8)
+    line = np.concatenate([np.zeros((len(bits), 1), np.uint8), bits, np.ones((len(bits), 1), np.uint8)], 1).ravel()
+    line = np.concatenate(([1, 1], line, np.ones(20, np.uint8)))
+    step = sent_baud / received_baud
+    out = bytearray()
+    at = 0.0
+    last = len(line) - 11 * step - 2
+    while at < last:
+        if line[int(at)] == 1:
+            at = np.floor(at) + 1.0  # waits for the start bit's edge
+            continue
+        at = float(int(at))
+        places = at + step * (np.arange(1, 9) + 0.5)
+        out.append(int(np.packbits(line[places.astype(int)], bitorder="little")[0]))
+        at += 9.5 * step
+    return bytes(out)
