@@ -5,17 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
-from gateway.signal.segmentation import Contact
-from gateway.signal.trains import turn
+import numpy as np
+from numpy.typing import NDArray
 
+from gateway.signal.segmentation import Contact
+from gateway.signal.trains import least_level, turn
+
+FloatArray = NDArray[np.float64]
 # missing(first, end) -> how many of these samples were lost and filled
 Missing = Callable[[int, int], int]
 
 # How much size and turn of neighbours in a run may differ.
 _RUN_SIZE_RATIO: Final = 1.5
 _RUN_TURN_RATIO: Final = 1.25
+# By how much, for a contact's depth, the signal anywhere between two contacts exceeds that in them: the wheel's speed
+# may change, and gravity takes two g between the contact and the top.
+_EVERYWHERE_SHARE: Final = 0.55
+_EVERYWHERE_GRAVITY_MPS2: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +62,32 @@ def consistent(run: list[Contact], contact: Contact) -> bool:
     before = float(turn(run[-2].depth_mps2, last.depth_mps2, last.centre - run[-2].centre))
     after = float(turn(last.depth_mps2, contact.depth_mps2, contact.centre - last.centre))
     return 1.0 / _RUN_TURN_RATIO < after / before < _RUN_TURN_RATIO
+
+
+def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, found: Contact, turns: int) -> bool:
+    """Tell whether a slow wheel kept rolling from one contact to another, neither stopping nor turning back.
+
+    Args:
+        radial_mps2: radial axis, positive inward, from within the one contact to within the other.
+        first: number of its first sample.
+        last: the earlier contact.
+        found: the later one.
+        turns: revolutions between them.
+    """
+    start, end = round(last.centre) - first, round(found.centre) - first
+    inside = round(0.2 * found.duration)
+    floor = 0.5 * (
+        float(radial_mps2[: 2 * start + 1].mean()) + float(radial_mps2[end - inside : end + inside + 1].mean())
+    )
+    shallower = min(last.depth_mps2, found.depth_mps2)
+    if float(radial_mps2[start:end].mean()) - floor < float(least_level(shallower)):
+        return False
+    least = _EVERYWHERE_SHARE * shallower - _EVERYWHERE_GRAVITY_MPS2
+    one = (end - start) / turns
+    edges = [round(start + (number + share) * one) for number in range(turns) for share in (0.2, 0.4, 0.6, 0.8)]
+    parts = [radial_mps2[lo:hi] for place, (lo, hi) in enumerate(pairwise(edges)) if place % 4 < 3]
+    # An impact is no stop: medians.
+    return all(float(np.median(part)) - floor >= least for part in parts)
 
 
 def mend(contact: Contact, expected: float, missing: Missing) -> Contact | None:

@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.pipeline.contact_checks import ContactPair, Missing, edge_jitter2, mend, size
+from gateway.pipeline.contact_checks import ContactPair, Missing, edge_jitter2, kept_rolling, mend, size
 from gateway.signal.dips import box_offsets, dip_score
 from gateway.signal.resample import MARGIN_SAMPLES
 from gateway.signal.segmentation import Contact, refine_contact
-from gateway.signal.trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, least_level, turn
+from gateway.signal.trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, turn
 
 FloatArray = NDArray[np.float64]
 # read(first, end) -> nominally inward radial acceleration of the samples first to end (exclusive), m/s^2
@@ -208,7 +208,7 @@ class ContactTrack:
                 unlike = min(unlike, max(one / self.periods[-1], self.periods[-1] / one))
             own = self._turn_of(last, found, turns) / self._turn
             if 1.0 / limit < own < limit and unlike < stretch:
-                return turns if self._rolled_through(last, found, read) else 0
+                return turns if self._rolled_through(last, found, turns, read) else 0
         return 0
 
     def _misfit(self, found: Contact, turns: int) -> float:
@@ -230,19 +230,13 @@ class ContactTrack:
         shallower, deeper = sorted((self.contact.depth_mps2, found.depth_mps2))
         return shallower > _UNSEEN_DEPTH_MPS2 and deeper < _UNSEEN_DEPTH_RATIO * shallower
 
-    def _rolled_through(self, last: Contact, found: Contact, read: Read) -> bool:
-        """Whether the wheel kept rolling between two contacts."""
-        shallower = min(last.depth_mps2, found.depth_mps2)
-        if shallower > _SLOW_MPS2:
+    def _rolled_through(self, last: Contact, found: Contact, turns: int, read: Read) -> bool:
+        """Whether the wheel kept rolling between two contacts; told by the signal where a wheel may stop or turn."""
+        if min(last.depth_mps2, found.depth_mps2) > _SLOW_MPS2:
             return True
-        first, end = round(last.centre), round(found.centre)
-        radial = read(first - round(0.35 * last.duration), end + round(0.2 * found.duration)) * self._sign
-        start = round(0.35 * last.duration)
-        floor = 0.5 * (
-            float(radial[: 2 * start + 1].mean()) + float(radial[-2 * round(0.2 * found.duration) - 1 :].mean())
-        )
-        level = float(radial[start : start + end - first].mean()) - floor
-        return level >= float(least_level(shallower))
+        first = round(last.centre - 0.35 * last.duration)
+        radial = read(first, round(found.centre + 0.2 * found.duration) + 1) * self._sign
+        return kept_rolling(radial, first, last, found, turns)
 
     def _accept(self, found: Contact, turns: int) -> list[ContactPair]:
         last, decided_at = self.contact, self.next_index
