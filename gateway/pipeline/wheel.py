@@ -128,12 +128,12 @@ class WheelPipeline:
                 return []
             self._begin_at(first_sample)
             return self.samples(first_sample, ticks_us, axes, counts, host)
-        elif step > _MAX_BRIDGE_S * layout.hello.rate_hz:
+        if step > _MAX_BRIDGE_S * layout.hello.rate_hz:
             self._lost += step
             before = self._finish_segment(host)
             self._begin_at(first)
             return before + self.samples(first_sample, ticks_us, axes, counts, host)
-        elif step > 0:
+        if step > 0:
             self._lost += step
             ring.bridge(step, counts[0], self._segmenter.oldest_needed)
         block = len(counts) // len(ticks_us)
