@@ -153,24 +153,29 @@ def ending(data: bytes, following: bytes) -> int:
     return len(data)
 
 
-def without_strangers(data: bytes, before_us: dict[int, int], after_us: dict[int, int]) -> bytes:
-    """Return `data` without frames that a hub cannot have sent there: left-overs of other files on the disk.
+class Span(NamedTuple):
+    """The times of a link's hubs around a torn place, latest before and first known behind it."""
 
-    Args:
-        data: bytes of a torn place.
-        before_us: latest time of each hub before it.
-        after_us: first known time of each hub behind it.
-    """
+    before_us: dict[int, int]
+    after_us: dict[int, int]
+
+    def admits(self, frame: FrameAt) -> bool | None:
+        """Tell whether a hub of this link can have sent a frame there; None when the hub is not known here."""
+        before, after = self.before_us.get(frame.hub), self.after_us.get(frame.hub)
+        first = before if before is not None else after
+        if first is None:
+            return None
+        # After a restart of the hub the span is nearly the whole circle, and everything passes.
+        span = (after - first) % _TICKS if after is not None else _MOST_AHEAD_US
+        return (frame.tick_us - first + _SLACK_US) % _TICKS <= span + 2 * _SLACK_US
+
+
+def without_strangers(data: bytes, span: Span) -> bytes:
+    """Return `data` without frames that a hub cannot have sent there: left-overs of other files on the disk."""
     kept = bytearray()
     begin = 0
     for frame in frames_in(data):
-        known = (before_us.get(frame.hub), after_us.get(frame.hub))
-        first = known[0] if known[0] is not None else known[1]
-        if first is None:
-            continue
-        # After a restart of the hub the span is nearly the whole circle, and everything passes.
-        span = (known[1] - first) % _TICKS if known[1] is not None else _MOST_AHEAD_US
-        if (frame.tick_us - first + _SLACK_US) % _TICKS > span + 2 * _SLACK_US:
+        if span.admits(frame) is False:
             kept += data[begin : frame.start]
             begin = frame.end
     return bytes(kept + data[begin:]) if begin else data

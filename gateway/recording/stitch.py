@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 from gateway.recording.evidence import (
     REACH,
     LinkHistory,
+    Span,
     completes,
     continuation,
     divide,
@@ -102,7 +103,11 @@ class Stitcher:
                 self.losses.compressed_chunks += 1
                 self.losses.bytes_dropped += len(piece.data)
             else:
-                yield from self._torn(piece)
+                ahead = self._look_ahead(piece.end)
+                kept = list(self._torn(piece, ahead))
+                yield from kept
+                if len(self._links()) > 1:
+                    yield from self._strays(bytes(piece.data), kept, ahead)
 
     def _whole(self, piece: Whole) -> Iterator[Rescued]:
         number, sequence, time_ns, _, view = piece.message
@@ -124,8 +129,7 @@ class Stitcher:
             # Link bytes under a channel number that was damaged.
             yield from self._place(data, self._look_ahead(piece.end))
 
-    def _torn(self, piece: Torn) -> Iterator[Rescued]:
-        ahead = self._look_ahead(piece.end)
+    def _torn(self, piece: Torn, ahead: _Ahead) -> Iterator[Rescued]:
         data = bytes(piece.data)
         info = self._salvage.channels.get(piece.head.channel) if piece.head is not None else None
         if piece.head is None or info is None:
@@ -271,11 +275,22 @@ class Stitcher:
         return [channel] if channel in links and not known else []
 
     def _kept(self, number: int, ahead: _Ahead, data: bytes) -> Rescued:
-        after_us = ticks_in(ahead.streams.get(number, b""))
-        own = without_strangers(data, self._history[number].ticks_us(), after_us)
+        own = without_strangers(data, self._span(number, ahead))
         self.losses.bytes_kept += len(own)
         self.losses.bytes_dropped += len(data) - len(own)
         return self._link_bytes(number, ahead.time_ns, own)
+
+    def _span(self, link: int, ahead: _Ahead) -> Span:
+        return Span(self._history[link].ticks_us(), ticks_in(ahead.streams.get(link, b"")))
+
+    def _strays(self, data: bytes, kept: list[Rescued], ahead: _Ahead) -> Iterator[Rescued]:
+        """Yield frames that were given to no link though they fit one: several messages may have met in one place."""
+        for frame in frames_in(data):
+            whole = data[frame.start : frame.end]
+            fitting = [link for link in self._links() if self._span(link, ahead).admits(frame)]
+            if len(fitting) == 1 and not any(whole in message.data for message in kept):
+                self.losses.bytes_dropped -= len(whole)
+                yield self._kept(fitting[0], ahead, whole)
 
     def _link_bytes(self, number: int, time_ns: int, data: bytes) -> Rescued:
         self._history[number].append(data)
