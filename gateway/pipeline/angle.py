@@ -122,7 +122,7 @@ def _edges(timed: TimedPair) -> tuple[float, float, float, float]:
 def _faults(pair: ContactPair, missing: float, saturated: bool, clipped: bool, edge_reason: str) -> tuple[str, ...]:
     faults = []
     if pair.start.predicted or pair.end.predicted:
-        faults.append("a contact was lost on the link and its place predicted")
+        faults.append("a contact was lost on the link or hit by an impact, and placed between its neighbours")
     if missing > _MAX_MISSING:
         faults.append("samples were lost on the link")
     if saturated:

@@ -22,6 +22,9 @@ FloatArray = NDArray[np.float64]
 SEARCH_RATE_HZ: Final = 4800.0
 # Dips of the nominal sign win unless the other sign's are clearly stronger.
 _SIGN_PREFERENCE: Final = 1.15
+# A crossing between two samples is placed by a straight line; few samples a contact leave this error of the centre.
+_SAMPLING_STD: Final = 0.1
+_SAMPLING_WIDTH: Final = 8.0
 # Depth over the noise that is left when a contact's edges are looked for.
 _CROSSING_FACTOR: Final = 8.0
 
@@ -134,4 +137,5 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     noise /= smooth**0.5
     tiny = np.finfo(float).tiny
     centre_std = 0.5 * noise * float(np.hypot(1.0 / max(slope_up, tiny), 1.0 / max(slope_down, tiny)))
+    centre_std = float(np.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width)))
     return Contact(first + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
