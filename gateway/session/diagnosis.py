@@ -141,7 +141,7 @@ class LinkDiagnosis:
             self._sample += data[:_SAMPLE_BYTES]
         self._barren_bytes += len(data)
         long = host_ns - self._barren_ns >= _JUDGE_NS and self._barren_bytes >= _JUDGE_BYTES
-        if not long and self._barren_bytes < _JUDGE_AT_ONCE:
+        if "barren" in self._told or (not long and self._barren_bytes < _JUDGE_AT_ONCE):
             return []
         any_more = " any more" if intact else ""
         return self._once(

@@ -68,13 +68,13 @@ def test_memory_is_bounded(name: str) -> None:
         b"",
         seed,
         seed * 20,
-        b"\0" * 200_000,
-        b"\xff" * 200_000,
-        b"\xa5\x5a" * 50_000,
+        b"\0" * 100_000,
+        b"\xff" * 100_000,
+        b"\xa5\x5a" * 15_000,
         b"[" * 20_000,
         b"a=1\n" * 5000,
     ]
-    inputs += [seed[:at] + b"\xff" * 8 + seed[at + 8 :] for at in range(0, len(seed), max(1, len(seed) // 40))]
+    inputs += [seed[:at] + b"\xff" * 8 + seed[at + 8 :] for at in range(0, len(seed), max(1, len(seed) // 20))]
     target.run(seed)
     tracemalloc.start()
     try:

@@ -79,7 +79,7 @@ def test_a_power_cut_that_tears_pages(recorded, tmp_path: Path, content: str) ->
     path, sent = recorded
     whole = path.read_bytes()
     rng = np.random.default_rng(2)
-    for number in range(12):
+    for number in range(5):
         torn = bytearray(whole)
         # The last pages were on their way; some arrived, some did not.
         first = len(whole) // PAGE - 16

@@ -64,7 +64,7 @@ class Ride:
 
 @pytest.fixture(scope="module")
 def ride(tmp_path_factory) -> Callable[..., Ride]:
-    def run(faulty: str = "", duration: float = 9.0, change: Callable[[str], str] = lambda toml: toml) -> Ride:
+    def run(faulty: str = "", duration: float = 7.0, change: Callable[[str], str] = lambda toml: toml) -> Ride:
         path = tmp_path_factory.mktemp("ride") / "s.toml"
         path.write_text(SCENARIO.format(duration=duration, faulty=faulty))
         items, toml = simulated(f"sim:{path}?speed=max")
@@ -123,7 +123,7 @@ def test_a_sensor_that_dies_gives_no_more_revolutions(ride, good: Ride, faulty: 
 )
 def test_a_saturated_sensor_gives_nothing_that_calls_itself_valid(ride, faulty: str, word: str) -> None:
     clipped = ride(faulty)
-    assert len(clipped.of("W1")) > 60
+    assert len(clipped.of("W1")) > 45
     for result in clipped.of("W1"):
         assert any(word in fault for fault in result.revolution.faults)
         assert not [estimate.name for estimate in result.estimates if estimate.status is Status.VALID]
@@ -132,7 +132,7 @@ def test_a_saturated_sensor_gives_nothing_that_calls_itself_valid(ride, faulty: 
     assert {result.revolution.faults for result in clipped.of("W2")} == {()}
 
 
-@pytest.mark.parametrize("hertz", [200, 250, 300])
+@pytest.mark.parametrize("hertz", [200, 300])
 def test_a_loose_sensor_is_flagged_and_its_numbers_say_so_by_their_errors(ride, good: Ride, hertz: int) -> None:
     loose = ride(f"defect = {{loose_hz = {hertz}}}")
     assert loose.flags() == {"loose"}
@@ -160,7 +160,7 @@ def test_swapped_axes_give_no_revolution_but_a_reason(ride) -> None:
     swapped = ride("sensor = {roll_deg = 90}")
     assert swapped.of("W1") == []
     assert "tilted by 90 deg, or the axes are swapped" in swapped.told[0]
-    assert len(swapped.of("W2")) > 60
+    assert len(swapped.of("W2")) > 45
 
 
 def test_a_radial_axis_that_points_outward_is_turned_round_and_told(ride) -> None:

@@ -7,6 +7,7 @@ import gc
 import tempfile
 import threading
 import time
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -104,7 +105,8 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
     core = SessionCore(vehicle, recorder=writer, **options)
     live = LiveSession([source], core, SystemClock(), patient=[True], summary=ResultSummary())
     last_end_s: dict[str, float] = {}
-    ends_ns: dict[str, list[int]] = {}
+    # Packed, so that the measurement itself does not grow.
+    ends_ns: dict[str, array[int]] = {}
 
     def look(results: list[RevolutionResult]) -> None:
         for result in results:
@@ -114,7 +116,7 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
             if begin is not None and abs(revolution.start_s - begin) > 0.01:
                 soak.gaps += 1
             last_end_s[result.position] = revolution.start_s + revolution.period_s
-            ends_ns.setdefault(result.position, []).append(result.host_ns - START_NS)
+            ends_ns.setdefault(result.position, array("q")).append(result.host_ns - START_NS)
 
     begin = time.perf_counter()
     live.start()
