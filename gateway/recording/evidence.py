@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from struct import Struct
 from typing import Final, NamedTuple
 
-from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.wire import LENGTH_OFFSET, MAX_FRAME_BYTES, OVERHEAD_BYTES, SYNC
+from firmware_protocol.framing import next_frame
+from firmware_protocol.wire import HEADER_FORMAT, MAX_FRAME_BYTES, SYNC
 
 REACH: Final = MAX_FRAME_BYTES - 1
 """A frame that began before a place needs at most so many bytes behind it."""
+_HEADER: Final = Struct(HEADER_FORMAT)
 _MOST_TRIMS: Final = 65_536
 _MOST_TRIMS_BEHIND: Final = 2048
 _HISTORY_BYTES: Final = 16_384
@@ -65,13 +68,8 @@ class LinkHistory:
 
 
 def frames_in(data: bytes) -> list[FrameAt]:
-    """Return the frames in `data`, which may begin and end anywhere."""
-    decoder = FrameDecoder()
-    return [
-        FrameAt(frame.hub, frame.tick_us, _start_of_frame(data, position + 1), position + 1)
-        for position in range(len(data))
-        for frame in decoder.feed(data[position : position + 1])
-    ]
+    """Return the intact frames in `data`, which may begin and end anywhere; of several links too, so repeats count."""
+    return [FrameAt(*_hub_and_tick(data, start), start, end) for start, end in _places(data)]
 
 
 def ticks_in(data: bytes) -> dict[int, int]:
@@ -81,17 +79,15 @@ def ticks_in(data: bytes) -> dict[int, int]:
 
 def intact(data: bytes) -> int:
     """Return how many frames pass their checksum in `data`."""
-    decoder = FrameDecoder()
-    decoder.feed(data)
-    decoder.finish()
-    return decoder.counters.intact
+    return sum(1 for _ in _places(data))
 
 
 def unfinished(tail: bytes) -> bytes:
     """Return the end of `tail` from where a frame may have begun that is not complete."""
-    decoder = FrameDecoder()
-    decoder.feed(tail)
-    return tail[len(tail) - decoder.pending_bytes :]
+    start, end, _ = next_frame(tail, 0)
+    while end:
+        start, end, _ = next_frame(tail, end)
+    return tail[start:]
 
 
 def completes(data: bytes, following: bytes) -> bool:
@@ -219,9 +215,16 @@ def divide(
     return found
 
 
-def _start_of_frame(data: bytes, end: int) -> int:
-    """Return where the frame begins that passes its checksum up to `end`."""
-    start = end - OVERHEAD_BYTES
-    while not (data.startswith(SYNC, start) and start + OVERHEAD_BYTES + data[start + LENGTH_OFFSET] == end) and start:
-        start -= 1
-    return start
+def _places(data: bytes) -> Iterator[tuple[int, int]]:
+    at = 0
+    while at < len(data):
+        start, end, _ = next_frame(data, at)
+        if end:
+            yield start, end
+        # A frame that has no room for its end may hide others that have.
+        at = end or start + 1
+
+
+def _hub_and_tick(data: bytes, start: int) -> tuple[int, int]:
+    _, _, _, _, hub, _, _, _, tick_us = _HEADER.unpack_from(data, start)
+    return hub, tick_us

@@ -7,6 +7,7 @@ a known channel, a chunk states its length three times, other records must fill 
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, NamedTuple
@@ -41,6 +42,7 @@ from gateway.recording.records import (
 # Within these of its channel's last message a time is believable; others are left-overs of other files on the disk.
 _MOST_BACK_NS: Final = 60 * 10**9
 _MOST_FORWARD_NS: Final = 30 * 86_400 * 10**9
+_MOST_SAMPLES: Final = 10_000
 _MAX_SMALL_BYTES: Final = 1 << 20
 # Channel numbers count up from 1, so that a number beyond the known ones by more than this is no channel.
 _UNKNOWN_CHANNELS: Final = 64
@@ -109,7 +111,9 @@ class Salvage:
         self.position = 0
         self._data = data
         self.size = len(data)
+        self._usual_ns: dict[int, int] = {}
         self._find_declarations()
+        self._find_usual_times()
 
     def pieces(self, start: int | None = None, times_ns: Mapping[int, int] | None = None) -> Iterator[Whole | Torn]:
         """Yield whole messages and torn places in file order.
@@ -233,7 +237,7 @@ class Salvage:
             return (
                 log_time_ns == publish_time_ns
                 and 0 < number <= max(self.channels, default=0) + _UNKNOWN_CHANNELS
-                and _near(log_time_ns, [base[number]] if number in base else ())
+                and self._in_time(number, log_time_ns, base)
             )
         try:
             if opcode == Opcode.CHUNK:
@@ -254,6 +258,11 @@ class Salvage:
         if isinstance(record, Channel):
             return record.message_encoding in (RAW_ENCODING, JSON_ENCODING)
         return True
+
+    def _in_time(self, number: int, time_ns: int, base: Mapping[int, int]) -> bool:
+        if number in base:
+            return _near(time_ns, [base[number]])
+        return abs(time_ns - self._usual_ns.get(number, time_ns)) <= _MOST_FORWARD_NS
 
     def _next_record(self, start: int, base: Mapping[int, int], until: int | None = None) -> int:
         """Return the next position from `start` at which a record must begin, or `until`, the end of the file."""
@@ -292,6 +301,17 @@ class Salvage:
                 self.session = self.session or record.metadata
         for number, info in unsealed.items():
             self.channels.setdefault(number, info)
+
+    def _find_usual_times(self) -> None:
+        """Take the median time of each channel, since the first message may be a damaged one that says 0."""
+        times: dict[int, list[int]] = {}
+        for match in itertools.islice(_RECORD_START.finditer(self._data), _MOST_SAMPLES):
+            body = match.start() + RECORD_HEAD.size
+            if self._data[match.start()] == Opcode.MESSAGE and body + MESSAGE_HEAD.size <= self.size:
+                number, _, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(self._data, body)
+                if log_time_ns == publish_time_ns:
+                    times.setdefault(number, []).append(log_time_ns)
+        self._usual_ns = {number: sorted(known)[len(known) // 2] for number, known in times.items()}
 
 
 def _near(time_ns: int, bases_ns: Iterable[int]) -> bool:

@@ -162,6 +162,17 @@ def test_left_overs_of_an_older_recording_stay_out(tmp_path: Path) -> None:
     assert got <= set(new_frames), "frames of the older recording were taken in"
 
 
+def test_a_first_message_without_time_does_not_make_the_others_unbelievable(tmp_path: Path) -> None:
+    rng = np.random.default_rng(17)
+    recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=False, finish=False)
+    first = next(damage.payload_positions(recorded.file))[0]
+    file, touched = damage.overwrite(recorded.file, [(first - 20, bytes(20))])
+    (tmp_path / "damaged.mcap").write_bytes(file)
+    report = repair_recording(tmp_path / "damaged.mcap", tmp_path / "repaired.mcap")
+    check(recorded, touched, tmp_path / "repaired.mcap")
+    assert report.losses.bytes_kept < 2000, "only the first message is torn"
+
+
 def test_compressed_recordings_keep_their_whole_chunks(tmp_path: Path) -> None:
     rng = np.random.default_rng(15)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=4000, links=1, largest=600, topics=False, finish=True)
