@@ -219,7 +219,7 @@ class SessionCore:
             self._recorded = (str(recorder.path), recorder.size_bytes)
             with suppress(RecordingError):  # the first failure is the one the user needs
                 recorder.close()
-        self.notify(f"RECORDING STOPPED: {error} {error.remedy}".rstrip())
+        self.notify(f"RECORDING STOPPED: {error}. {error.remedy}".rstrip())
 
     def tick(self, now_ns: int) -> None:
         """Let the recording reach the disk, and silence be noticed, though nothing arrives."""
