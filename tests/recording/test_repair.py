@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -26,40 +27,70 @@ def repaired(tmp_path: Path, file: bytes) -> Path:
     return tmp_path / "repaired.mcap"
 
 
-def check(recorded: damage.Recorded, touched: np.ndarray, path: Path) -> None:
+def faults(recorded: damage.Recorded, touched: np.ndarray, path: Path) -> tuple[int, int]:
+    """Return how many frames are gone that lost no byte, and how many are there that were never sent on their link."""
     got = damage.rescued(path)
+    gone = wrong = 0
     for link, frames in recorded.frames.items():
-        missing = {frame for frame, positions in frames if not touched[positions].any()} - got.get(link, set())
+        # With one link its name may be lost.
+        found = got.get(link, set()) if len(recorded.frames) > 1 else set().union(*got.values())
+        gone += len({frame for frame, positions in frames if not touched[positions].any()} - found)
         # A frame that lost a few bytes may pass again where equal ones stand beside it; it is right then.
-        wrong = got.get(link, set()) - {frame for frame, _ in frames}
-        assert not missing, f"{len(missing)} frames of {link} lost no byte but are gone"
-        assert not wrong, f"{len(wrong)} frames of {link} were never sent on it"
+        wrong += len(found - {frame for frame, _ in frames})
+    return gone, wrong
+
+
+def check(recorded: damage.Recorded, touched: np.ndarray, path: Path) -> None:
+    assert faults(recorded, touched, path) == (0, 0)
 
 
 def random_places(rng: np.random.Generator, size: int, count: int) -> list[tuple[int, int]]:
     return [(int(rng.integers(BEGIN, size)), int(np.exp(rng.uniform(0, np.log(5000))))) for _ in range(count)]
 
 
-@pytest.mark.parametrize("kind", ["missing", "noise", "zeros"])
-@pytest.mark.parametrize("seed", range(12))
-def test_only_frames_that_lost_bytes_are_lost(tmp_path: Path, kind: str, seed: int) -> None:
-    rng = np.random.default_rng([seed, len(kind)])
+def trial(folder: Path, seed: list[int], links: int) -> tuple[int, int]:
+    """Record, damage at one to three places, repair; return the faults. Everything is drawn from the seed."""
+    rng = np.random.default_rng(seed)
     recorded = damage.record(
-        tmp_path / "r.mcap",
+        folder / "r.mcap",
         rng,
         count=200,
-        links=1 + seed % 2,
-        largest=(20, 64, 250, 600, 5000)[seed % 5],
-        topics=seed % 3 == 0,
-        finish=seed % 4 < 2,
+        links=links,
+        largest=int(rng.choice([20, 64, 250, 600, 5000])),
+        topics=bool(rng.integers(2)),
+        finish=bool(rng.integers(2)),
     )
-    places = random_places(rng, len(recorded.file), 1 + seed % 3)
+    places = random_places(rng, len(recorded.file), int(rng.integers(1, 4)))
+    kind = rng.choice(["missing", "noise", "zeros"])
     if kind == "missing":
         file, touched = damage.cut(recorded.file, places)
     else:
         stuff = [(at, rng.bytes(size) if kind == "noise" else bytes(size)) for at, size in places]
         file, touched = damage.overwrite(recorded.file, stuff)
-    check(recorded, touched, repaired(tmp_path, file))
+    return faults(recorded, touched, repaired(folder, file))
+
+
+@pytest.mark.parametrize("links", [1, 2])
+@pytest.mark.parametrize("seed", range(15))
+def test_only_frames_that_lost_bytes_are_lost(tmp_path: Path, links: int, seed: int) -> None:
+    assert trial(tmp_path, [seed, links], links) == (0, 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("links", "most"), [(1, 0.002), (2, 0.005)])
+def test_many_random_trials(tmp_path: Path, links: int, most: float) -> None:
+    """The figures in docs/recording.md; chance may hide a frame, never put one in that was not sent."""
+    count = 2000
+    found = []
+    for seed in range(count):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        found.append(trial(folder, [seed, links, 1], links))
+        shutil.rmtree(folder)
+    unlucky = [gone for gone, _ in found if gone]
+    print(f"{links} links: {len(unlucky)} of {count} recordings lack frames that lost no byte: {unlucky}")
+    assert not any(wrong for _, wrong in found)
+    assert len(unlucky) <= most * count
 
 
 def test_cutting_record_headers_loses_nothing(tmp_path: Path) -> None:
