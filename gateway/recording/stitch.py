@@ -318,5 +318,5 @@ class Stitcher:
 def _is_json(data: bytes) -> bool:
     try:
         return isinstance(json.loads(data), dict)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
