@@ -60,9 +60,7 @@ def test_kill_loses_at_most_the_last_moments(tmp_path: Path, kill_after: int) ->
     repaired = tmp_path / "repaired.mcap"
     repair_recording(path, repaired)
     with repaired.open("rb") as file:
-        stock = [
-            message.data
-            for _, _, message in make_reader(file, validate_crcs=True).iter_messages([raw_topic("test:link")])
-        ]
+        messages = make_reader(file, validate_crcs=True).iter_messages([raw_topic("test:link")])
+        stock = [message.data for _, _, message in messages]
     assert stock == [chunk.data for chunk in chunks]
     assert RecordingReader(repaired).vehicle_toml == "x = 1"
