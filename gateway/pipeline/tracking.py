@@ -99,7 +99,7 @@ class ContactTrack:
         self._period = self._expected_period()
         self._width = max(3.0, self._duty * self._period)
         outer = box_offsets(self._width)[2]
-        beyond = max(0.4 * self._width + outer + 2, MARGIN_SAMPLES + 2)
+        beyond = max(0.25 * self._width + outer + 1, MARGIN_SAMPLES + 2)
         self.next_index = math.ceil(self.contact.centre + self._period + beyond)
         longest = LONGEST_PERIOD_S * self._rate_hz
         wait = min(INTERVAL_RATIO * self._period, longest)

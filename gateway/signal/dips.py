@@ -17,19 +17,16 @@ DEPTH_DURATION2_M: Final = (0.004, 1.5)
 # 250 km/h with a short contact, 9 km/h with a long one.
 DURATION_S: Final = (0.0006, 0.22)
 # Gravity makes dips too, half a revolution wide: a dip that grows up to durations beyond a contact's is one of those.
-_LONGEST_LOOK_S: Final = 0.33
+_LONGEST_LOOK_S: Final = 0.9
 # Boxes of the dip score in units of the contact duration: centre +-0.35, flanks 0.75 to 1.5 on either side.
 _CENTRE, _FLANK_IN, _FLANK_OUT = 0.35, 0.75, 1.5
-_SCALE_STEP: Final = 1.6
-# A dip is looked for as far back as three of the longest periods that its duration allows, and at least so long.
-_LOOK_BACK_DURATIONS: Final = 130.0
-_LOOK_BACK_S: Final = 0.35
+_SCALE_STEP: Final = 2.0**0.5
+# A dip is looked for as far back as four of the longest periods that its duration allows, and at least so long.
+_LOOK_BACK_DURATIONS: Final = 160.0
+_LOOK_BACK_S: Final = 0.5
 # Durations of more samples than this are looked at in a signal of half the rate.
 _MOST_SAMPLES: Final = 17.0
 _NOISE_FACTOR: Final = 5.0
-# Dips on either side that a dip is compared with.
-_NEIGHBOURS: Final = 6
-_NOISE_LOOK_S: Final = 0.5
 # A signal that is at its own extreme for this share of the samples is clipped: depths say less than they should.
 _CLIPPED_SHARE: Final = 0.05
 
@@ -120,7 +117,7 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
         for sign 1 and -1 the dips of the signal times that sign.
     """
     scales = _scales(signal, rate_hz)
-    noise = noise_std_mps2(signal[-round(_NOISE_LOOK_S * rate_hz) :])
+    noise = noise_std_mps2(signal[-round(2.0 * rate_hz) :])
     lowest = 0.0 if is_clipped(signal) else DEPTH_DURATION2_M[0]
     longest = DURATION_S[1] * rate_hz
     found: dict[int, Dips] = {}
@@ -194,12 +191,15 @@ def _highest_at(scale: _Scale, sign: int, at: FloatArray) -> FloatArray:
 
 
 def _without_doubles(parts: FloatArray) -> Dips:
-    """Drop dips that a deeper one near by overlaps by half, and put the rest in time order."""
-    at, depth, width, floor = parts[:, np.lexsort((parts[2], parts[0]))]
-    keep = np.ones(len(at), bool)
-    for shift in range(1, min(_NEIGHBOURS, len(at) - 1) + 1):
-        near = at[shift:] - at[:-shift] <= 0.5 * np.maximum(width[shift:], width[:-shift])
-        later_deeper = depth[shift:] > depth[:-shift]
-        keep[:-shift] &= ~(near & later_deeper)
-        keep[shift:] &= ~near | later_deeper
-    return Dips(at[keep], depth[keep], width[keep], floor[keep])
+    """Keep the deepest of dips that overlap by more than half."""
+    order = np.argsort(-parts[1], kind="stable")
+    at, _, width, _ = parts[:, order]
+    kept: list[int] = []
+    free = np.ones(len(at), bool)
+    for place in range(len(at)):
+        if free[place]:
+            kept.append(place)
+            free &= np.abs(at - at[place]) > 0.5 * np.maximum(width, width[place])
+    chosen = parts[:, order[kept]]
+    chosen = chosen[:, np.argsort(chosen[0], kind="stable")]
+    return Dips(chosen[0], chosen[1], chosen[2], chosen[3])
