@@ -1,5 +1,9 @@
 """Errors the user is meant to read: each names the thing that failed and the remedy."""
 
+from typing import Final
+
+_LONGEST_LINE: Final = 2000
+
 
 class TreadlinkError(Exception):
     """Base of every error shown to the user without a traceback.
@@ -9,9 +13,25 @@ class TreadlinkError(Exception):
     """
 
     def __init__(self, message: str, remedy: str = "") -> None:
-        """Keep the message and the remedy apart so that views can lay them out."""
-        super().__init__(message)
-        self.remedy = remedy
+        """Keep the message and the remedy apart so that views can lay them out.
+
+        Both may quote what a file or a device says, so they are made fit for a terminal here.
+        """
+        super().__init__(_presentable(message))
+        self.remedy = _presentable(remedy)
+
+
+def _presentable(text: str) -> str:
+    """Return text with control characters written out and endless lines cut."""
+    if len(text) <= _LONGEST_LINE and text.replace("\n", "").isprintable():
+        return text
+    lines = []
+    for line in text.split("\n"):
+        short = (
+            line if len(line) <= _LONGEST_LINE else f"{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 4 :]}"
+        )
+        lines.append("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in short))
+    return "\n".join(lines)
 
 
 class SourceError(TreadlinkError):

@@ -34,7 +34,7 @@ def main() -> None:
         if Path(argument).is_dir():
             for seed in target.seeds():
                 (Path(argument) / sha1(seed).hexdigest()).write_bytes(seed)
-    atheris.Setup(sys.argv, target.run)
+    atheris.Setup(sys.argv, lambda data: target.run(data) and None)
     atheris.Fuzz()
 
 

@@ -92,14 +92,16 @@ def test_the_targets_run_on_good_input() -> None:
             target.run(seed)
 
 
-def test_an_error_without_words_is_a_fault() -> None:
+def test_an_error_without_words_is_a_fault_and_none_reaches_the_terminal_raw() -> None:
     from gateway.errors import TreadlinkError
     from tools.reliability import fuzz_targets
 
     with pytest.raises(UnclearError):
         fuzz_targets._explained(TreadlinkError(""))
-    with pytest.raises(UnclearError):
-        fuzz_targets._explained(TreadlinkError("bad \x1b[2J name"))
+    error = TreadlinkError("bad \x1b[2J name\r\0\nsecond line", "x" * 100_000)
+    assert str(error) == "bad \\x1b[2J name\\r\\x00\nsecond line"
+    assert len(error.remedy) < 2000
+    fuzz_targets._explained(error)
 
 
 def test_sample_numbers_that_jump_back_twice() -> None:
