@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import sys
 import tempfile
 import threading
 import time
@@ -65,6 +66,7 @@ class _Fast:
         self._simulation = simulation
         self._marks = (START_NS + marks_s * 1e9).tolist()
         self._memory_mb = memory_mb
+        self.reached_s = 0.0
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         for chunk in self._simulation.chunks(self.link, START_NS):
@@ -73,6 +75,10 @@ class _Fast:
             if self._marks and chunk.host_ns >= self._marks[0]:
                 self._marks.pop(0)
                 self._memory_mb.append(resident_mb())
+                print(
+                    f"{self.reached_s / 60:.0f} min of data, {self._memory_mb[-1]:.0f} MB", file=sys.stderr, flush=True
+                )
+            self.reached_s = (chunk.host_ns - START_NS) * 1e-9
             yield Chunk(self.link, chunk.host_ns, chunk.data)
 
     def close(self) -> None:
@@ -120,11 +126,16 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
 
     begin = time.perf_counter()
     live.start()
-    while not live.wait(0.02):
-        look(live.results())
+    try:
+        while not live.wait(0.02):
+            look(live.results())
+    except KeyboardInterrupt:
+        # What was run is told all the same.
+        print("stopped", file=sys.stderr)
     snapshot = live.close()
     look(live.results())
     soak.took_s = time.perf_counter() - begin
+    seconds = soak.simulated_s = source.reached_s
     soak.recorded_bytes = snapshot.recorded_bytes
     soak.lost_items = sum(sum(link.queue_dropped.values()) for link in snapshot.links)
     (folder / "soak.mcap").unlink()
