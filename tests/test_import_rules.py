@@ -20,6 +20,7 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.signal": {"gateway.physics"},
     "gateway.estimators": {"gateway.errors", "gateway.physics", "gateway.signal"},
     "gateway.pipeline": {"firmware_protocol", "gateway.estimators", "gateway.signal", "gateway.physics"},
+    "gateway.closure": {"gateway.errors", "gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.config": {"gateway.errors", "gateway.pipeline"},
     "gateway.io": {"gateway.clock", "gateway.errors"},
     "gateway.security": {"firmware_protocol", "gateway.config", "gateway.errors"},
@@ -31,10 +32,10 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.importing": {
         "firmware_protocol", "gateway.config", "gateway.errors", "gateway.io", "gateway.recording",
     },
-    "gateway.views": {"gateway.errors", "gateway.estimators", "gateway.pipeline"},
+    "gateway.views": {"gateway.closure", "gateway.errors", "gateway.estimators", "gateway.pipeline"},
     "gateway.session": {
-        "firmware_protocol", "gateway.clock", "gateway.config", "gateway.errors", "gateway.estimators", "gateway.io",
-        "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.views",
+        "firmware_protocol", "gateway.clock", "gateway.closure", "gateway.config", "gateway.errors",
+        "gateway.estimators", "gateway.io", "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.views",
     },
     "gateway.figures": {"gateway.errors", "gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.cli": {"*"},

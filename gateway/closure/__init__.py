@@ -1,0 +1,1 @@
+"""Closing the loop: why does the model not fit this tire?"""

@@ -1,0 +1,76 @@
+"""What a starting model has to offer: the shape that the belt takes, from the parameters of a tire's state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import Conditions, StartModel
+from gateway.closure.ring_options import RingOptions
+from gateway.physics.rolling_ring_waveform import SensorWaveform
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A belt's shape on the angle grid of FIELD_SIZE points.
+
+    Attributes:
+        waveform: acceleration over omega^2, gravity and spin; (FIELD_SIZE,) each. A model without gravity has zeros.
+        leading_edge_rad: of the contact, negative.
+        trailing_edge_rad: positive.
+    """
+
+    waveform: SensorWaveform
+    leading_edge_rad: float
+    trailing_edge_rad: float
+
+
+class Core(Protocol):
+    """A starting model.
+
+    Attributes:
+        model: which one.
+        names: of the parameters of one state; the first four are ln of Bs, Cw, Rs, Ts over their starting values.
+        prior_mean: (K,) before the data are seen.
+        prior_std: (K,).
+        steps: (K,) small changes for derivatives.
+        gravity: whether gravity is in the model.
+        drift: whether the change of speed within a revolution is.
+        mean: whether it says anything of order 0 of the radial axis.
+    """
+
+    model: StartModel
+    names: tuple[str, ...]
+    prior_mean: FloatArray
+    prior_std: FloatArray
+    steps: FloatArray
+    gravity: bool
+    drift: bool
+    mean: bool
+
+    def shape(
+        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+    ) -> Shape:
+        """Return the shape of a state's parameters (K,).
+
+        Args:
+            parameters: of the state.
+            conditions: of the group; load and pressure set the scale, omega matters where the options depend on it.
+            options: with every ring effect in.
+            half_angle_rad: of the contact as measured; the exact ring does not need it.
+
+        Raises:
+            RingNotConvergedError: no equilibrium.
+            ValueError: a stiffness out of range.
+        """
+        ...
+
+    def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
+        """Return Bs, Cw, Rs, Ts and what else the parameters stand for, at the load and pressure of `conditions`."""
+        ...

@@ -1,0 +1,1 @@
+"""One physical effect a module; `catalogue` is the one list of them."""

@@ -1,0 +1,24 @@
+"""The one list of effects. Adding one is adding a module, with `EFFECT = ...` in it, and a line here."""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+from typing import Final
+
+from gateway.closure.effects.base import Effect, StartModel
+
+# Modules of gateway.closure.effects, in the order in which signal effects of the same stage are applied.
+MODULES: Final[tuple[str, ...]] = ()
+
+
+@cache
+def catalogue() -> dict[str, Effect]:
+    """Return every effect by name."""
+    effects: list[Effect] = [importlib.import_module(f"gateway.closure.effects.{name}").EFFECT for name in MODULES]
+    return {effect.name: effect for effect in effects}
+
+
+def candidates(model: StartModel) -> dict[str, Effect]:
+    """Return the effects that a starting model lacks."""
+    return {name: effect for name, effect in catalogue().items() if model not in effect.already_in}

@@ -1,0 +1,99 @@
+"""The data of a diagnosis: means of revolutions, with their measured scatter, by recording and conditions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import Conditions
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+ORDERS: Final = 111
+"""Orders 0 to 110 are compared: on a measured tire nothing above repeats."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Mean of revolutions of one group; one fold of it.
+
+    Attributes:
+        count: revolutions.
+        conditions: their mean; mean squares for omega.
+        orders_mps2: (3, ORDERS) coefficients c - i s of the mean waveform as measured (gravity, drift and all); NaN for
+            absent axes and for orders that the sampling does not carry.
+    """
+
+    count: int
+    conditions: Conditions
+    orders_mps2: ComplexArray
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Revolutions of one recording under one set of conditions (speed within 3 %).
+
+    Attributes:
+        label: for the user.
+        recording: index.
+        state: index of the tire's state (load and pressure); the ring's numbers are the state's own.
+        conditions: mean over all of its revolutions.
+        blocks: one a fold.
+        variance: (3, ORDERS) (m/s^2)^2 of one real coefficient of one revolution, by scatter; NaN as in `Block`.
+        half_angle_rad: of the contact as the pipeline saw it.
+        load_known: whether anybody stated the load.
+        pressure_known: whether anybody stated or measured the pressure.
+        declared_offset_m: sensor below the neutral layer, as configured.
+        declared_roll_rad: as configured (positive: the radial axis leaks into +lateral).
+        declared_pitch_rad: as configured (positive: it leaks into +circumferential).
+        deviations_mps2: for every uninterrupted run of revolutions: (3, k) what is left when the group's mean waveform
+            (scaled with omega^2 where the speed drifts) is taken off, evenly sampled in time; NaN rows for absent axes.
+        deviation_rate_hz: its rate.
+    """
+
+    label: str
+    recording: int
+    state: int
+    conditions: Conditions
+    blocks: tuple[Block, ...]
+    variance: FloatArray
+    half_angle_rad: float
+    load_known: bool = True
+    pressure_known: bool = True
+    declared_offset_m: float = 0.0
+    declared_roll_rad: float = 0.0
+    declared_pitch_rad: float = 0.0
+    deviations_mps2: tuple[FloatArray, ...] = ()
+    deviation_rate_hz: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """All that one wheel's recordings hold.
+
+    Attributes:
+        wheel: position.
+        recordings: names.
+        groups: in the order of recordings and time.
+        states: number of tire states.
+        rejected: revolutions left out, and why: reason -> count.
+        clock_error: share by which the hub's clock runs fast against the host's, and its standard error; NaN unknown.
+        assumed: what nobody stated, in words.
+    """
+
+    wheel: str
+    recordings: tuple[str, ...]
+    groups: tuple[Group, ...]
+    states: int
+    rejected: dict[str, int]
+    clock_error: tuple[float, float] = (float("nan"), float("nan"))
+    assumed: tuple[str, ...] = ()
+
+    @property
+    def folds(self) -> int:
+        """Number of folds: the most blocks that any group has."""
+        return max(len(group.blocks) for group in self.groups)
