@@ -71,6 +71,10 @@ class Core(Protocol):
         """
         ...
 
+    def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
+        """Measure the error of the grid at these parameters; `shape` takes it off from now on. Nothing where exact."""
+        ...
+
     def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts and what else the parameters stand for, at the load and pressure of `conditions`."""
         ...

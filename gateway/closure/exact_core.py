@@ -1,0 +1,191 @@
+"""The exact ring as a starting model: shapes from the geometrically exact solver, freed from its grid's error."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.cores import Shape
+from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
+from gateway.closure.ring_options import RingOptions
+from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring_waveform import SensorWaveform
+
+FloatArray = NDArray[np.float64]
+
+# Table 3's tire, whose stiffnesses over its load are where a fit begins whatever the load is.
+_NOMINAL_LOAD_N: Final = 5000.0
+_NOMINAL_PRESSURE_PA: Final = 2.1e5
+_NOMINAL_RADIUS_M: Final = 0.32
+_NOMINAL_TREAD_NPM2: Final = 7e7
+_MASS_KGPM: Final = 3.5
+# Without damping and rotary inertia the shape is the same at every speed.
+_ANY_OMEGA_RADPS: Final = 56.0
+
+NODES: Final = 480
+_FINE_NODES: Final = 960
+# The solver's error falls with the square of the step.
+_EXTRAPOLATION: Final = 4.0 / 3.0
+_KEPT: Final = 512
+
+
+class _Key(NamedTuple):
+    parameters: bytes
+    options: RingOptions
+    load_n: float
+    pressure_pa: float
+    radius_m: float
+    omega_radps: float
+    nodes: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Solved:
+    shape: Shape
+    ring: RingSolution
+
+
+class ExactCore:
+    """The geometrically exact ring: Bs, Cw, Rs, Ts and the tread's stiffness are a state's parameters."""
+
+    model = StartModel.EXACT
+    names = ("Bs", "Cw", "Rs", "Ts", "tread_stiffness_npm2")
+    gravity = True
+    drift = True
+    mean = True
+
+    def __init__(self) -> None:
+        """Start without solutions to begin from."""
+        self.prior_mean: FloatArray = np.zeros(5)
+        self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])
+        self.steps: FloatArray = np.full(5, 1e-3)
+        self._kept: OrderedDict[_Key, _Solved] = OrderedDict()
+        self._near: dict[tuple[float, float, int, bool], RingSolution] = {}
+        self._corrections: dict[tuple[float, float, float], tuple[FloatArray, float, float]] = {}
+
+    def shape(
+        self,
+        parameters: FloatArray,
+        conditions: Conditions,
+        options: RingOptions,
+        half_angle_rad: float,  # noqa: ARG002 - the interface's; the exact ring finds its contact itself
+    ) -> Shape:
+        """Return the shape, with the grid's error as `refine` last found it taken off."""
+        coarse = self._solve(parameters, conditions, options, NODES).shape
+        correction = self._corrections.get(_place(conditions))
+        if correction is None:
+            return coarse
+        fields = [field + part for field, part in zip(coarse.waveform, correction[0], strict=True)]
+        return Shape(
+            SensorWaveform(*fields),
+            coarse.leading_edge_rad + correction[1],
+            coarse.trailing_edge_rad + correction[2],
+        )
+
+    def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
+        """Measure the grid's error at these parameters; `shape` takes it off from now on, for these conditions."""
+        coarse = self._solve(parameters, conditions, options, NODES).shape
+        fine = self._solve(parameters, conditions, options, _FINE_NODES).shape
+        change = np.array(fine.waveform) - np.array(coarse.waveform)
+        self._corrections[_place(conditions)] = (
+            _EXTRAPOLATION * change,
+            _EXTRAPOLATION * (fine.leading_edge_rad - coarse.leading_edge_rad),
+            _EXTRAPOLATION * (fine.trailing_edge_rad - coarse.trailing_edge_rad),
+        )
+
+    def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
+        """Return Bs, Cw, Rs, Ts and the tread's stiffness at the load and pressure of `conditions`."""
+        ring = ring_parameters(parameters, conditions, RingOptions())
+        numbers = ring.numbers(conditions.pressure_pa)
+        return {**numbers._asdict(), "tread_stiffness_npm2": ring.tread_stiffness_npm2}
+
+    def solution(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> RingSolution:
+        """Return the solved ring behind a shape, on the coarse grid."""
+        return self._solve(parameters, conditions, options, NODES).ring
+
+    def _solve(self, parameters: FloatArray, conditions: Conditions, options: RingOptions, nodes: int) -> _Solved:
+        omega = conditions.omega_radps if options.depends_on_speed else _ANY_OMEGA_RADPS
+        key = _Key(
+            parameters.tobytes(),
+            options,
+            conditions.load_n,
+            conditions.pressure_pa,
+            conditions.radius_m,
+            omega,
+            nodes,
+        )
+        known = self._kept.get(key)
+        if known is not None:
+            self._kept.move_to_end(key)
+            return known
+        ring = ring_parameters(parameters, conditions, options)
+        near_key = (conditions.load_n, conditions.pressure_pa, nodes, math.isfinite(ring.shear_stiffness_n))
+        solution = solve_rolling_ring(
+            ring,
+            conditions.load_n,
+            conditions.pressure_pa,
+            omega,
+            nodes=nodes,
+            sensor_offset_m=options.sensor_offset_m,
+            drum_radius_m=options.drum_radius_m,
+            axle_torque_nm=options.traction * conditions.load_n * ring.radius_m if options.traction else None,
+            start=self._near.get(near_key),
+        )
+        self._near[near_key] = solution
+        solved = _Solved(_on_field(solution), solution)
+        self._kept[key] = solved
+        if len(self._kept) > _KEPT:
+            self._kept.popitem(last=False)
+        return solved
+
+
+def ring_parameters(parameters: FloatArray, conditions: Conditions, options: RingOptions) -> RingParameters:
+    """Return the ring of a state's parameters in SI units, at its load and pressure.
+
+    Stiffnesses start in proportion to the load, so that the same parameters give the same shape at any load.
+    """
+    radius, pressure = conditions.radius_m, conditions.pressure_pa
+    load_number = conditions.load_n / (pressure * radius**2)
+    nominal = _NOMINAL_LOAD_N / (_NOMINAL_PRESSURE_PA * _NOMINAL_RADIUS_M**2)
+    factor = np.exp(parameters)
+    numbers = np.array(TABLE_3_NUMBERS) * factor[:4] * (load_number / nominal)
+    tread = _NOMINAL_TREAD_NPM2 * float(factor[4]) * (conditions.load_n / radius**2)
+    tread /= _NOMINAL_LOAD_N / _NOMINAL_RADIUS_M**2
+    bending = float(numbers[0]) * radius**4 * pressure
+    shear = bending / options.shear_length_m**2 if options.shear_length_m else math.inf
+    return RingParameters.from_numbers(
+        *(float(number) for number in numbers),
+        radius_m=radius,
+        pressure_pa=pressure,
+        mass_kgpm=_MASS_KGPM,
+        extension_stiffness_n=options.extension_stiffness_n,
+        tread_stiffness_npm2=tread,
+        foundation_damping_nspm2=options.damping_time_s * float(numbers[2]) * pressure,
+        tread_damping_nspm2=options.tread_damping_time_s * tread,
+        sidewall_stiffening_pm=options.stiffening_pm,
+        shear_stiffness_n=shear,
+        rotary_inertia_kgm=options.rotary_inertia_kgm,
+    )
+
+
+def _place(conditions: Conditions) -> tuple[float, float, float]:
+    return conditions.load_n, conditions.pressure_pa, conditions.omega_radps
+
+
+def _on_field(solution: RingSolution) -> Shape:
+    """Return a solution on the model's angle grid, by trigonometric interpolation."""
+    coarse = np.array(solution.sensor)
+    nodes = coarse.shape[1]
+    spectrum = np.fft.rfft(coarse, axis=1)
+    kept = np.zeros((len(coarse), FIELD_SIZE // 2 + 1), dtype=np.complex128)
+    count = min(nodes, FIELD_SIZE) // 2
+    kept[:, :count] = spectrum[:, :count]
+    fields = np.fft.irfft(kept, n=FIELD_SIZE, axis=1) * (FIELD_SIZE / nodes)
+    return Shape(SensorWaveform(*fields), solution.leading_edge_rad, solution.trailing_edge_rad)

@@ -1,0 +1,169 @@
+"""What a starting model with a set of effects predicts for every block of a campaign, and the derivatives of that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.assembly import base_signal, field_orders, mounting_matrix, with_signal
+from gateway.closure.cores import Core, Shape
+from gateway.closure.effects.base import Here, RingEffect, SignalEffect, Stage
+from gateway.closure.layout import Layout
+from gateway.closure.observation import ORDERS, Campaign, Group
+from gateway.closure.ring_options import RingOptions
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+AngleEffect = RingEffect | SignalEffect
+
+_ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
+# Share of the signal by which the stages behind a derivative are tried.
+_NUDGE: Final = 1e-4
+
+
+class ClosureModel:
+    """A starting model and a set of effects on a campaign.
+
+    Attributes:
+        campaign: the data's conditions.
+        core: the starting model.
+        effects: in the model: ring effects, then signal effects in the order in which they are applied.
+        layout: where everything sits in the vector of parameters.
+    """
+
+    def __init__(self, campaign: Campaign, core: Core, effects: Sequence[AngleEffect] = ()) -> None:
+        """Take what the model is made of; effects keep their order within a stage."""
+        self.campaign = campaign
+        self.core = core
+        self._ring = tuple(effect for effect in effects if not isinstance(effect, SignalEffect))
+        self._signal = tuple(
+            sorted((e for e in effects if isinstance(e, SignalEffect)), key=lambda effect: effect.stage)
+        )
+        self.effects: tuple[AngleEffect, ...] = (*self._ring, *self._signal)
+        self.layout = Layout(len(core.names), campaign.states, len(campaign.groups), self.effects)
+
+    def shape(self, vector: FloatArray, index: int) -> Shape:
+        """Return the belt's shape of one group."""
+        group = self.campaign.groups[index]
+        state = vector[self.layout.state(group.state)]
+        return self.core.shape(state, group.conditions, self.options(vector, index), group.half_angle_rad)
+
+    def options(self, vector: FloatArray, index: int) -> RingOptions:
+        """Return what the ring of one group is solved for."""
+        group = self.campaign.groups[index]
+        options = RingOptions(sensor_offset_m=group.declared_offset_m)
+        for effect in self._ring:
+            options = effect.options(options, vector[self.layout.effect(effect.name)], group.conditions)
+        return options
+
+    def refine(self, vector: FloatArray) -> None:
+        """Measure the error of the core's grid at these parameters, where it has one."""
+        for index, group in enumerate(self.campaign.groups):
+            self.core.refine(vector[self.layout.state(group.state)], group.conditions, self.options(vector, index))
+
+    def predict(self, vector: FloatArray) -> list[ComplexArray]:
+        """Return the orders of every block, a (blocks, 3, ORDERS) array a group.
+
+        Raises:
+            RingNotConvergedError: no equilibrium.
+            ValueError: a stiffness is out of range.
+        """
+        return [self.predict_group(vector, index) for index in range(len(self.campaign.groups))]
+
+    def predict_group(self, vector: FloatArray, index: int) -> ComplexArray:
+        """Return the orders of every block of one group, (blocks, 3, ORDERS)."""
+        heres = self._blocks(vector, index)
+        mount = _declared(self.campaign.groups[index])
+        fields = np.stack([self._chain(vector, here, mount)[0].signal_mps2 for here in heres])
+        return field_orders(fields) * self._turn(vector, index)
+
+    def group_derivatives(self, vector: FloatArray, index: int) -> tuple[NDArray[np.intp], ComplexArray, ComplexArray]:
+        """Return prediction and derivatives of one group.
+
+        Returns:
+            the places (k,) of the vector that matter to it, its orders (blocks, 3, ORDERS), and their derivatives
+            (k, blocks, 3, ORDERS).
+        """
+        group, layout = self.campaign.groups[index], self.layout
+        base = self.predict_group(vector, index)
+        moves: list[tuple[int, float]] = []
+        state = layout.state(group.state)
+        moves += zip(range(state.start, state.stop), (float(step) for step in self.core.steps), strict=True)
+        for effect in self._ring:
+            where = layout.effect(effect.name)
+            moves += [(where.start + i, parameter.step) for i, parameter in enumerate(effect.parameters)]
+        rows = []
+        for place, step in moves:
+            moved = vector.copy()
+            moved[place] += step
+            rows.append((self.predict_group(moved, index) - base) / step)
+        places = [place for place, _ in moves]
+        places.append(layout.centre(index))
+        rows.append(-1j * _ORDER * base)
+        if self._signal:
+            mount = _declared(group)
+            of_blocks = [self._signal_rows(vector, here, mount) for here in self._blocks(vector, index)]
+            rows.extend(field_orders(np.stack(of_blocks, axis=1)) * self._turn(vector, index))
+            for signal_effect in self._signal:
+                where = layout.effect(signal_effect.name)
+                places.extend(range(where.start, where.stop))
+        return np.array(places, dtype=np.intp), base, np.stack(rows)
+
+    def _signal_rows(self, vector: FloatArray, start: Here, mount: FloatArray | None) -> FloatArray:
+        """Return the derivatives by every signal effect's parameters, through the stages behind it, (k, 3, n)."""
+        _, before = self._chain(vector, start, mount)
+        rows = []
+        for at, effect in enumerate(self._signal):
+            for row in effect.derivative(before[at], vector[self.layout.effect(effect.name)]):
+                pushed = row
+                if mount is not None and effect.stage < Stage.MOUNTING:
+                    # Between here and the mounting the belt's own directions hold; effects there hardly answer.
+                    pushed = mount @ pushed
+                for behind in range(at + 1, len(self._signal)):
+                    pushed = pushed + self._response(vector, before[behind], self._signal[behind], pushed)
+                rows.append(pushed)
+        return np.stack(rows)
+
+    def _response(self, vector: FloatArray, here: Here, effect: SignalEffect, change: FloatArray) -> FloatArray:
+        """Return how an effect's contribution answers a change of the signal before it."""
+        size = float(np.abs(change).max())
+        if not size > 0.0:
+            return np.zeros_like(change)
+        scale = _NUDGE * max(float(np.abs(here.signal_mps2).max()), 1.0) / size
+        parameters = vector[self.layout.effect(effect.name)]
+        there = with_signal(here, here.signal_mps2 + scale * change)
+        result: FloatArray = (effect.contribution(there, parameters) - effect.contribution(here, parameters)) / scale
+        return result
+
+    def _chain(self, vector: FloatArray, here: Here, mount: FloatArray | None) -> tuple[Here, list[Here]]:
+        """Return the signal with every effect in, and what each effect saw."""
+        before = []
+        for effect in self._signal:
+            if mount is not None and effect.stage >= Stage.MOUNTING:
+                here, mount = with_signal(here, mount @ here.signal_mps2), None
+            before.append(here)
+            added = effect.contribution(here, vector[self.layout.effect(effect.name)])
+            here = with_signal(here, here.signal_mps2 + added)
+        if mount is not None:
+            here = with_signal(here, mount @ here.signal_mps2)
+        return here, before
+
+    def _blocks(self, vector: FloatArray, index: int) -> list[Here]:
+        """Return every block as the core alone has it."""
+        shape = self.shape(vector, index)
+        return [base_signal(self.core, shape, block.conditions) for block in self.campaign.groups[index].blocks]
+
+    def _turn(self, vector: FloatArray, index: int) -> ComplexArray:
+        """Return the turn of each order: the waveform is that of theta - centre."""
+        turn: ComplexArray = np.exp(-1j * vector[self.layout.centre(index)] * _ORDER)
+        return turn
+
+
+def _declared(group: Group) -> FloatArray | None:
+    """Return the mounting as configured, None where the axes are the belt's."""
+    if not (group.declared_roll_rad or group.declared_pitch_rad):
+        return None
+    return mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad)
