@@ -17,7 +17,7 @@ from gateway.physics.rolling_ring_equations import segment_turn
 from gateway.physics.rolling_ring_newton import NewtonState, find_equilibrium, resting_state
 from gateway.physics.rolling_ring_newton import RingNotConvergedError as RingNotConvergedError
 from gateway.physics.rolling_ring_road import BeltLaw, Grid, ring_grid, road_push
-from gateway.physics.rolling_ring_waveform import SensorWaveform, sensor_waveform
+from gateway.physics.rolling_ring_waveform import SensorWaveform, angle_derivatives, sensor_waveform
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -197,9 +197,10 @@ def solve_rolling_ring(
         RingNotConvergedError: no equilibrium was found.
     """
     _check(ring, load_n, pressure_pa, omega_radps, nodes, drum_radius_m)
+    bending = ring.bending_stiffness_nm2 - ring.rotary_inertia_kgm * (ring.radius_m * omega_radps) ** 2
     law = BeltLaw(
         radius_m=ring.radius_m,
-        bending_nm2=ring.bending_stiffness_nm2 - ring.rotary_inertia_kgm * (ring.radius_m * omega_radps) ** 2,
+        bending_nm2=bending,
         tension_width_m=ring.tension_width_m,
         radial_npm2=ring.radial_stiffness_npm2,
         tangential_npm2=ring.tangential_stiffness_npm2,
@@ -207,7 +208,7 @@ def solve_rolling_ring(
         damping_nspm2=ring.foundation_damping_nspm2,
         mass_kgpm=ring.mass_kgpm,
         extension_n=ring.extension_stiffness_n,
-        shear_n=ring.shear_stiffness_n,
+        shear_n=_on_grid(ring, bending, nodes),
         tread_npm2=ring.tread_stiffness_npm2,
         tread_damping_nspm2=ring.tread_damping_nspm2,
         pressure_pa=pressure_pa,
@@ -243,6 +244,17 @@ def _check(
         raise ValueError(f"drum_radius_m must be positive, or below minus the tire's radius, not {drum_radius_m:g}")
 
 
+def _on_grid(ring: RingParameters, bending_nm2: float, nodes: int) -> float:
+    """Return GA with the grid's share.
+
+    A segment's section is the mean of its nodes', which makes the belt stiffer in shear than it is. With a node
+    distance a, a^2 / (4 EI) more shear compliance gives the Euler belt's grid when GA grows without bound.
+    """
+    if math.isinf(ring.shear_stiffness_n):
+        return math.inf
+    return 1.0 / (1.0 / ring.shear_stiffness_n + (math.pi * ring.radius_m / nodes) ** 2 / bending_nm2)
+
+
 def _warm(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
     """Return `start` as a Newton state of this law."""
     if len(start.theta_rad) != len(grid.theta_rad):
@@ -263,6 +275,9 @@ def _solution(ring: RingParameters, law: BeltLaw, grid: Grid, found: NewtonState
     if law.dof == 3:
         section = theta + found.state[:, 2]
         turn = found.state[:, 2]
+        # Of the section's turn from the tangent only what is the belt's own, not the grid's.
+        slope, _ = angle_derivatives(position[:, 0] + 1j * position[:, 1])
+        section = section - (1.0 - law.shear_n / ring.shear_stiffness_n) * np.angle(np.exp(1j * section) / slope)
         curvature = (1.0 + (np.roll(turn, -1) - np.roll(turn, 1)) / (2.0 * grid.step_rad)) / law.radius_m
         waveform = sensor_waveform(position, law.radius_m, offset_m, section)
     else:

@@ -83,6 +83,19 @@ def test_stiff_shear_is_the_euler_belt_and_soft_shear_is_not(plain: RingSolution
     assert np.abs(soft.sensor.circumferential_m).max() > 20 * np.abs(plain.sensor.circumferential_m).max()
 
 
+@pytest.mark.parametrize("nodes", [240, 480])
+def test_shear_begins_at_the_euler_belt_on_any_grid(nodes: int) -> None:
+    euler = solve(nodes=nodes)
+    size = float(np.ptp(euler.sensor.radial_m))
+    changes = []
+    for length_m in (1e-5, 1e-3, 2e-3):
+        shear = solve(replace(RING, shear_stiffness_n=RING.bending_stiffness_nm2 / length_m**2), nodes=nodes)
+        assert np.abs(shear.sensor.circumferential_m - euler.sensor.circumferential_m).max() < 500.0 * length_m**2
+        changes.append(float(np.abs(shear.sensor.radial_m - euler.sensor.radial_m).max()) / size)
+    assert changes[0] < 1e-5
+    assert changes[2] == pytest.approx(4.0 * changes[1], rel=0.02)
+
+
 @pytest.mark.parametrize("shear_n", [math.inf, 1e5])
 def test_speed_does_not_change_a_shear_flexible_belt_either(shear_n: float) -> None:
     ring = replace(RING, shear_stiffness_n=shear_n)
