@@ -9,7 +9,23 @@ from typing import Final
 from gateway.closure.effects.base import Effect, StartModel
 
 # Modules of gateway.closure.effects, in the order in which signal effects of the same stage are applied.
-MODULES: Final[tuple[str, ...]] = ()
+MODULES: Final[tuple[str, ...]] = (
+    "mounting_offset",
+    # BELT
+    "rolling_radius",
+    "clock_error",
+    # MOUNTING
+    "roll_tilt",
+    "pitch_tilt",
+    # ELEMENT
+    "gain",
+    "gain_temperature",
+    "zero_g_offset",
+    # ELECTRIC
+    "clipping",
+    "anti_alias_filter",
+    "ac_coupling",
+)
 
 
 @cache

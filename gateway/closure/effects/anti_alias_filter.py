@@ -1,0 +1,64 @@
+"""The filter in front of the converter delays and rounds what the sensor feels."""
+
+from __future__ import annotations
+
+import math
+
+from gateway.closure.effects.base import (
+    CIRCUMFERENTIAL,
+    LATERAL,
+    NOWHERE,
+    RADIAL,
+    Conditions,
+    FloatArray,
+    Here,
+    Parameter,
+    Stage,
+    StartModel,
+)
+from gateway.closure.effects.order_filter import ORDER, ComplexArray, filtered
+
+_ROOT_2 = math.sqrt(2.0)
+
+
+class AntiAliasFilter:
+    """A two-pole Butterworth low-pass on all three axes; its parameter is 1 / corner, 0 for no filter."""
+
+    name = "anti-alias filter"
+    summary = "A low-pass in front of the converter, not declared: all axes are late and lose their highest orders."
+    equation = "order n times 1 / (1 + i sqrt(2) x - x^2), x = n omega / (2 pi corner), corner = 1 / inverse_corner_s"
+    # Bandwidths of inner-liner elements: 400 Hz to 24 kHz; below 150 Hz no contact would be seen.
+    parameters: tuple[Parameter, ...] = (
+        Parameter("inverse_corner_s", "s", -1e-5, 1.0 / 150.0, 1e-3, 1e-6, factor=1e3, display_unit="ms"),
+    )
+    seen_by = "contact edges, all axes, best at high speed; two speeds tell Hz from orders"
+    confused_with = (
+        "bending stiffness, shear flexibility and tread damping at one speed: these go with the angle, the filter with "
+        "frequency; its delay alone looks like another contact centre"
+    )
+    already_in: frozenset[StartModel] = NOWHERE
+    stage = Stage.ELECTRIC
+    axes: tuple[int, ...] = (CIRCUMFERENTIAL, LATERAL, RADIAL)
+    linear = False
+
+    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
+        """Return corners of 2 kHz and 600 Hz: about 0 all that remains of it is a delay."""
+        return (5e-4,), (1.0 / 600.0,)
+
+    def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
+        """Return what the filter changes."""
+        x = self._order_hz(here) * float(parameters[0])
+        return filtered(here.signal_mps2, x * (x - 1j * _ROOT_2) / (1.0 - x * (x - 1j * _ROOT_2)))
+
+    def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
+        """Return its derivative by the inverse corner."""
+        per = self._order_hz(here)
+        x = per * float(parameters[0])
+        return filtered(here.signal_mps2, per * (2.0 * x - 1j * _ROOT_2) / (1.0 - x * (x - 1j * _ROOT_2)) ** 2)[None]
+
+    @staticmethod
+    def _order_hz(here: Here) -> ComplexArray:
+        return ORDER * (here.conditions.omega_radps / (2.0 * math.pi))
+
+
+EFFECT = AntiAliasFilter()

@@ -1,0 +1,68 @@
+"""The sensor is turned about the lateral axis, beyond what is declared."""
+
+from __future__ import annotations
+
+import math
+
+from gateway.closure.effects.base import (
+    CIRCUMFERENTIAL,
+    NOWHERE,
+    RADIAL,
+    Conditions,
+    FloatArray,
+    Here,
+    Parameter,
+    Stage,
+    StartModel,
+    bare,
+)
+
+
+class PitchTilt:
+    """Rotation about the lateral axis: radial leaks into +circumferential."""
+
+    name = "pitch tilt"
+    summary = (
+        "The sensor is turned about the lateral axis: the radial acceleration leaks into the circumferential axis."
+    )
+    equation = "circumferential = cos(pitch) a_circ + sin(pitch) a_rad, radial = cos(pitch) a_rad - sin(pitch) a_circ"
+    # As roll: within 5 deg when glued by hand, 20 deg at most.
+    parameters: tuple[Parameter, ...] = (
+        Parameter("pitch_rad", "rad", -0.35, 0.35, 0.05, 1e-4, factor=math.degrees(1.0), display_unit="deg"),
+    )
+    seen_by = "circumferential axis: a copy of the radial waveform, in proportion to it at every speed and load"
+    confused_with = (
+        "zero-g offset of the circumferential axis, which is order 0 alone and does not grow with speed; "
+        "mounting offset, whose leak is the radial waveform's slope, not the waveform"
+    )
+    already_in: frozenset[StartModel] = NOWHERE
+    stage = Stage.MOUNTING
+    axes: tuple[int, ...] = (CIRCUMFERENTIAL, RADIAL)
+    linear = False
+
+    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
+        """Return one: to a percent it is linear."""
+        return ((0.02,),)
+
+    def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
+        """Return what the rotation changes; signals are along the sensor's own directions, as it was glued."""
+        pitch = float(parameters[0])
+        # cos - 1 without cancellation.
+        less, sine = -2.0 * math.sin(0.5 * pitch) ** 2, math.sin(pitch)
+        along, radial = here.signal_mps2[CIRCUMFERENTIAL], here.signal_mps2[RADIAL]
+        change = bare(here)
+        change[CIRCUMFERENTIAL] = less * along + sine * radial
+        change[RADIAL] = less * radial - sine * along
+        return change
+
+    def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
+        """Return its derivative by the angle."""
+        sine, cosine = math.sin(parameters[0]), math.cos(parameters[0])
+        along, radial = here.signal_mps2[CIRCUMFERENTIAL], here.signal_mps2[RADIAL]
+        change = bare(here)
+        change[CIRCUMFERENTIAL] = cosine * radial - sine * along
+        change[RADIAL] = -cosine * along - sine * radial
+        return change[None]
+
+
+EFFECT = PitchTilt()

@@ -1,0 +1,50 @@
+"""The belt's radius is not what was stated."""
+
+from __future__ import annotations
+
+from gateway.closure.effects.base import (
+    CIRCUMFERENTIAL,
+    NOWHERE,
+    RADIAL,
+    Conditions,
+    FloatArray,
+    Here,
+    Parameter,
+    Stage,
+    StartModel,
+)
+from gateway.closure.effects.belt_inertia import belt_inertia
+
+
+class RollingRadius:
+    """Relative error of the stated belt radius: the ring's own accelerations grow with it, gravity does not."""
+
+    name = "rolling radius"
+    summary = "The belt radius (rolling circumference / 2 pi) is larger than stated."
+    equation = "a += error * (a - gravity): R is (1 + error) times the stated one"
+    # Wear 2 %, make and inflation 1 %, the next tire size 4 %.
+    parameters: tuple[Parameter, ...] = (Parameter("error", "", -0.1, 0.1, 0.03, 1e-4, factor=100.0, display_unit="%"),)
+    seen_by = "radial axis, any speed: a closed belt's mean is R omega^2; a DC-coupled sensor or a contact"
+    confused_with = (
+        "sample clock error: the same to every waveform, only a second clock or the stated speed tells; gain, which "
+        "scales gravity too (slow recordings tell) and leaves the circumferential axis as it is"
+    )
+    already_in: frozenset[StartModel] = NOWHERE
+    stage = Stage.BELT
+    axes: tuple[int, ...] = (CIRCUMFERENTIAL, RADIAL)
+    linear = True
+
+    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
+        """Return one percent."""
+        return ((0.01,),)
+
+    def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
+        """Return the share of the ring's accelerations."""
+        return float(parameters[0]) * belt_inertia(here)
+
+    def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
+        """Return the ring's accelerations."""
+        return belt_inertia(here)[None]
+
+
+EFFECT = RollingRadius()
