@@ -12,6 +12,9 @@ from gateway.closure.effects.base import Effect, StartModel
 MODULES: Final[tuple[str, ...]] = (
     "mounting_offset",
     # BELT
+    "ply_steer",
+    "conicity",
+    "carcass_compliance",
     "rolling_radius",
     "clock_error",
     # MOUNTING

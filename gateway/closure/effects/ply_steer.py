@@ -1,0 +1,40 @@
+"""Ply steer: a belt of crossed plies shears when the contact bends it flat."""
+
+from __future__ import annotations
+
+from gateway.closure.effects.base import NOWHERE, Here, Parameter, StartModel
+from gateway.closure.effects.lateral_load import STIFFNESSES, LateralLoad
+from gateway.closure.lateral_response import Load
+
+
+class PlySteer(LateralLoad):
+    """Ply steer paper, Eq. 8 and 13, with the belt's own stiffness and the sticking tread between them."""
+
+    name: str = "ply steer"
+    summary: str = (
+        "The belt's crossed plies turn bending into in-plane shear, so it moves sideways through the contact."
+    )
+    equation: str = (
+        "lateral = omega^2 d2y/dtheta2, belt sheared by gamma = -g (kappa - 1/R); -g when rolling in reverse"
+    )
+    # g = (t/2) cot(delta): 1.0 to 2.5 mm for plies at 18 to 30 degrees, 1.2 to 1.6 mm apart; less when the belt can
+    # curve and twist (docs/ply-steer.md). Its sign is the order of the plies.
+    parameters: tuple[Parameter, ...] = (
+        Parameter("coupling_length_m", "m", -4e-3, 4e-3, 1.5e-3, 1e-5, factor=1e3, display_unit="mm"),
+        *STIFFNESSES,
+    )
+    seen_by: str = "lateral axis, orders 1 to 60, around the contact; grows with speed squared; any load"
+    confused_with: str = (
+        "conicity and a side force (carcass compliance) pull alike, but bend the belt otherwise: one direction of"
+        " rotation is enough where their columns stand out of the noise; rolling in reverse turns its sign and decides"
+        " without a model of the belt. A yawed sensor below the neutral layer has its shape: -yaw e/R ds/dtheta."
+    )
+    already_in: frozenset[StartModel] = NOWHERE
+    load = Load.PLY_STEER
+    typical = 1.2e-3
+
+    def _scale(self, here: Here) -> float:
+        return -super()._scale(here) if here.conditions.reverse else super()._scale(here)
+
+
+EFFECT = PlySteer()

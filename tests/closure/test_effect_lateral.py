@@ -1,0 +1,190 @@
+"""Lateral effects against numeric derivatives, the belt's own balance and the simulator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.base import (
+    CIRCUMFERENTIAL,
+    FIELD_SIZE,
+    LATERAL,
+    RADIAL,
+    Conditions,
+    Effect,
+    Here,
+    SignalEffect,
+)
+from gateway.closure.effects.carcass_compliance import EFFECT as CARCASS_COMPLIANCE
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.conicity import EFFECT as CONICITY
+from gateway.closure.effects.ply_steer import EFFECT as PLY_STEER
+from gateway.closure.lateral_response import Load, Stiffness, unit_response
+from gateway.physics.laminate import crossed_coupling_length
+from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
+from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.simulator.plan import wheel_plans
+from gateway.simulator.scenario import parse_scenario
+from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, on_grid, solution
+
+EFFECTS = (PLY_STEER, CONICITY, CARCASS_COMPLIANCE)
+# Belt as the nominal one of the effects, and one whose stiffnesses all differ.
+NOMINAL = LateralBelt()
+OTHER = LateralBelt(
+    shear_stiffness_n=1.2e6, bending_stiffness_nm2=2.5e3, sidewall_stiffness_npm2=1.8e5, tread_stiffness_npm2=1.2e7
+)
+OMEGA = 65.0 / 3.6 / RADIUS_M
+THETA = -math.pi + 2.0 * math.pi * np.arange(FIELD_SIZE) / FIELD_SIZE
+
+
+@lru_cache(maxsize=8)
+def here(load_n: float = 5000.0, *, reverse: bool = False, omega: float = OMEGA) -> Here:
+    ring = solution(load_n)
+    conditions = Conditions(
+        omega_radps=omega,
+        omega_dot_radps2=0.0,
+        radius_m=RADIUS_M,
+        load_n=load_n,
+        pressure_pa=PRESSURE_PA,
+        temperature_degc=25.0,
+        reference_degc=25.0,
+        rate_hz=9600.0,
+        time_s=0.0,
+        reverse=reverse,
+    )
+    shape = SensorWaveform(*(on_grid(curve, FIELD_SIZE) for curve in ring.sensor))
+    signal = np.zeros((3, FIELD_SIZE))
+    signal[RADIAL] = omega**2 * shape.radial_m
+    return Here(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
+
+
+def on_belt(load: Load, belt: LateralBelt, load_n: float = 5000.0) -> tuple[np.ndarray, float]:
+    """Lateral axis over omega^2 of the belt's balance under a typical size of one load, and that size."""
+    size = {Load.PLY_STEER: 1.2e-3, Load.CONE: 0.01, Load.SLIP: math.radians(0.2)}[load]
+    solved = solve_lateral_belt(
+        solution(load_n),
+        replace(
+            belt,
+            coupling_length_m=size if load is Load.PLY_STEER else 0.0,
+            conicity_rad=size if load is Load.CONE else 0.0,
+        ),
+        slip_angle_rad=size if load is Load.SLIP else 0.0,
+    )
+    return on_grid(solved.lateral_m, FIELD_SIZE), size
+
+
+def left_over(target: np.ndarray, load: Load, at: Here) -> tuple[float, np.ndarray]:
+    """What size and three stiffnesses leave of a waveform, relative, and these four."""
+    parameters = np.zeros(4)
+    parameters[0] = 1e-3
+    effect = EFFECTS[load]
+    for _ in range(60):
+        made = effect.contribution(at, parameters)[LATERAL]
+        slope = effect.derivative(at, parameters)[:, LATERAL]
+        scale = np.array([1e-3, 1.0, 1.0, 1.0])
+        # A weak prior on the stiffnesses, as in the engine, and a step of at most half a unit of them.
+        rows = np.concatenate(
+            [(slope * scale[:, None]).T, 1e-3 * np.linalg.norm(target) * np.diag([0.0, 1.0, 1.0, 1.0])]
+        )
+        goal = np.concatenate([target - made, -1e-3 * np.linalg.norm(target) * np.append(0.0, parameters[1:])])
+        step = np.linalg.lstsq(rows, goal, rcond=None)[0] * scale
+        parameters += step / max(1.0, np.abs(step[1:]).max() / 0.5)
+    made = effect.contribution(at, parameters)[LATERAL]
+    return float(np.linalg.norm(target - made) / np.linalg.norm(target)), parameters
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+@pytest.mark.parametrize("reverse", [False, True])
+def test_derivative_is_the_slope_of_the_contribution(effect: SignalEffect, reverse: bool) -> None:
+    at = here(reverse=reverse)
+    parameters = np.array([effect.starts((at.conditions,))[0][0], 0.3, -0.4, 0.2])
+    found = effect.derivative(at, parameters)
+    for i, parameter in enumerate(effect.parameters):
+        low, high = parameters.copy(), parameters.copy()
+        low[i] -= parameter.step
+        high[i] += parameter.step
+        numeric = (effect.contribution(at, high) - effect.contribution(at, low)) / (2.0 * parameter.step)
+        assert np.abs(found[i] - numeric).max() < 1e-5 * np.abs(numeric).max(), parameter.name
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+def test_nothing_at_zero_and_only_sideways(effect: SignalEffect) -> None:
+    assert not effect.contribution(here(), np.array([0.0, 0.5, -0.5, 0.5])).any()
+    made = effect.contribution(here(), np.array(effect.starts((here().conditions,))[0]))
+    assert not made[[CIRCUMFERENTIAL, RADIAL]].any()
+    assert abs(made[LATERAL].mean()) < 1e-9 * np.abs(made[LATERAL]).max()
+    assert catalogue()[effect.name] is effect
+    assert isinstance(effect, Effect)
+
+
+@pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
+@pytest.mark.parametrize("load", Load)
+def test_nominal_response_is_that_of_the_belts_balance(load: Load, load_n: float) -> None:
+    """The rest: tension that falls in the contact, and bristles that slide at the trailing edge."""
+    target, size = on_belt(load, NOMINAL, load_n)
+    made = size * unit_response(here(load_n), load, Stiffness()).lateral_m
+    assert np.std(made - target) < 0.025 * target.std()
+
+
+def test_side_force_is_that_of_the_belts_balance() -> None:
+    solved = solve_lateral_belt(solution(), LateralBelt())
+    force = 1.2e-3 * unit_response(here(), Load.PLY_STEER, Stiffness()).side_force_n
+    assert force == pytest.approx(solved.side_force_n, rel=0.02)
+
+
+@pytest.mark.parametrize("load", Load)
+def test_a_belt_of_other_stiffness_is_fitted_by_its_own_load_and_by_no_other(load: Load) -> None:
+    """One direction of rotation tells the three apart: with three stiffnesses free none stands in for another."""
+    target, size = on_belt(load, OTHER)
+    target *= OMEGA**2
+    own, parameters = left_over(target, load, here())
+    assert own < 0.015
+    assert parameters[0] == pytest.approx(size, rel=0.35)
+    for other in Load:
+        if other is not load:
+            assert left_over(target, other, here())[0] > 0.6
+
+
+def test_columns_of_ply_steer_and_conicity_are_nearly_orthogonal() -> None:
+    """Standing, one is odd and the other even about the contact's middle; the rolling tread mixes little of them."""
+    columns = [unit_response(here(), load, Stiffness()).lateral_m for load in Load]
+    unit = np.array([column / np.linalg.norm(column) for column in columns])
+    ply_cone, ply_slip, cone_slip = (unit @ unit.T)[[0, 0, 1], [1, 2, 2]]
+    assert abs(ply_cone) < 0.06
+    assert abs(ply_slip) < 0.15
+    assert abs(cone_slip) < 0.25
+
+
+def test_direction_and_speed() -> None:
+    parameters = np.array([1e-3, 0.1, 0.0, 0.0])
+    for effect, sign in zip(EFFECTS, (-1.0, 1.0, 1.0), strict=True):
+        forward = effect.contribution(here(), parameters)
+        assert np.array_equal(effect.contribution(here(reverse=True), parameters), sign * forward)
+        assert effect.contribution(here(omega=2.0 * OMEGA), parameters) == pytest.approx(4.0 * forward)
+
+
+@pytest.mark.parametrize("direction", ["forward", "reverse"])
+@pytest.mark.parametrize(
+    ("wheel", "effect", "size"),
+    [
+        ("[wheel.tire]\ncord_angle_deg = 24.0\nply_separation_mm = 1.2\n", PLY_STEER, "ply"),
+        ("[wheel.tire]\ncord_angle_deg = 0.0\nconicity_deg = 0.5\n", CONICITY, math.radians(0.5)),
+        ("slip_angle_deg = 0.2\n[wheel.tire]\ncord_angle_deg = 0.0\n", CARCASS_COMPLIANCE, math.radians(0.2)),
+    ],
+)
+def test_the_simulators_lateral_axis(direction: str, wheel: str, effect: SignalEffect, size: float | str) -> None:
+    keys, _, tables = wheel.partition("[wheel.tire]")
+    text = (
+        f'[[wheel]]\nposition = "W"\nwheel = 0\nload_n = 5000.0\npressure_kpa = 210.0\n{keys}[wheel.tire]{tables}'
+        f'[wheel.motion]\ndirection = "{direction}"\n'
+    )
+    plan = wheel_plans(parse_scenario(text, "test"))[0]
+    ring = plan.tire.solve(5000.0, PRESSURE_PA, OMEGA)
+    simulated = OMEGA**2 * on_grid(plan.tire.solve_lateral(ring, plan.slip_angle_rad.at(0.0)).lateral_m, FIELD_SIZE)
+    amount = crossed_coupling_length(math.radians(24.0), 1.2e-3) if isinstance(size, str) else size
+    made = effect.contribution(here(reverse=direction == "reverse"), np.array([amount, 0.0, 0.0, 0.0]))[LATERAL]
+    assert np.std(made - simulated) < 0.025 * simulated.std()
