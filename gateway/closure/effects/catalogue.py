@@ -10,6 +10,18 @@ from gateway.closure.effects.base import Effect, StartModel
 
 # Modules of gateway.closure.effects, in the order in which signal effects of the same stage are applied.
 MODULES: Final[tuple[str, ...]] = (
+    # what the ring is solved for
+    "belt_kinematics",
+    "pressure_shape",
+    "tension_loss",
+    "structural_damping",
+    "tread_damping",
+    "contact_asymmetry",
+    "belt_extension",
+    "shear_flexibility",
+    "rotary_inertia",
+    "drum_curvature",
+    "sidewall_stiffening",
     "mounting_offset",
     # BELT
     "ply_steer",
@@ -39,5 +51,12 @@ def catalogue() -> dict[str, Effect]:
 
 
 def candidates(model: StartModel) -> dict[str, Effect]:
-    """Return the effects that a starting model lacks."""
-    return {name: effect for name, effect in catalogue().items() if model not in effect.already_in}
+    """Return the effects that a starting model lacks and can take.
+
+    Some ring effects act on the exact ring only: a series has no belt that they could act on.
+    """
+    return {
+        name: effect
+        for name, effect in catalogue().items()
+        if model not in effect.already_in and (model is StartModel.EXACT or not getattr(effect, "needs_exact", False))
+    }

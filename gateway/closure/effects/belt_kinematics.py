@@ -1,0 +1,33 @@
+"""Belt kinematics: a sensor that turns with the belt reads n^2 - 1, not n^2, of a standing deformation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gateway.closure.effects.base import CORRECTED, Conditions, FloatArray, Parameter
+from gateway.closure.ring_options import RingOptions
+
+
+class BeltKinematics:
+    """What Eq. 25 lacks, and Eq. 23 with it: centripetal and Coriolis terms, and a road that pushes vertically."""
+
+    name = "belt kinematics (n^2-1)"
+    summary = "The sensor turns with the belt and the road pushes vertically: order n of the deflection reads n^2 - 1."
+    equation = "c_n: n^2 w_n[radial push] -> n^2 w_n + share ((n^2 - 1) w_n[vertical push] - n^2 w_n[radial push])"
+    # It is either so or not: 1, give or take what the series' other faults feign.
+    parameters = (Parameter("share", "", low=0.8, high=1.2, prior_std=2.0, step=0.05),)
+    seen_by = "radial axis, lowest orders: all of order 1, a quarter of order 2; any speed and load"
+    confused_with = "gravity (order 1 only, does not grow with speed); sidewall numbers Rs and Ts"
+    already_in = CORRECTED
+    needs_exact = False
+
+    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
+        """Return the one start: all of it."""
+        return ((1.0,),)
+
+    def options(self, options: RingOptions, parameters: FloatArray, conditions: Conditions) -> RingOptions:
+        """Return the options with the share of the corrected kinematics."""
+        return replace(options, kinematics=options.kinematics + float(parameters[0]))
+
+
+EFFECT = BeltKinematics()

@@ -1,0 +1,33 @@
+"""Drum curvature: on a drum the belt in contact bends the other way instead of lying flat."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gateway.closure.effects.base import NOWHERE, Conditions, FloatArray, Parameter
+from gateway.closure.ring_options import RingOptions
+
+
+class DrumCurvature:
+    """Curvature of the road in the rolling direction, 0 on a flat one."""
+
+    name = "drum curvature"
+    summary = "The road is a drum: the sensor reads less than zero in the contact (more, inside a drum)."
+    equation = "in contact kappa = -1 / R_d, s = -(R Omega)^2 / R_d"
+    # Drums have radii of 0.5 to 2.5 m, inner drums of 1.9 m and more.
+    parameters = (Parameter("curvature_pm", "1/m", low=-0.6, high=2.1, prior_std=1.0, step=0.01),)
+    seen_by = "radial axis, level in the contact against the level outside, as Omega^2"
+    confused_with = "the tread's stiffness and the mounting offset, which move the level in the contact as well"
+    already_in = NOWHERE
+    needs_exact = True
+
+    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
+        """Return a drum of 1.7 m diameter and an inner drum of 3.8 m."""
+        return ((1.2,), (-0.5,))
+
+    def options(self, options: RingOptions, parameters: FloatArray, conditions: Conditions) -> RingOptions:
+        """Return the options with the drum's curvature."""
+        return replace(options, drum_curvature_pm=options.drum_curvature_pm + float(parameters[0]))
+
+
+EFFECT = DrumCurvature()

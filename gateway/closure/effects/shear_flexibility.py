@@ -1,0 +1,46 @@
+"""Shear flexibility: the belt's sections need not stay square to it, which rounds the contact edges less."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from gateway.closure.effects.base import NOWHERE, Conditions, FloatArray, Parameter
+from gateway.closure.ring_options import RingOptions
+
+
+class ShearFlexibility:
+    """Square of the shear length, EI / GA: the belt's response is regular in it."""
+
+    name = "shear flexibility"
+    summary = "The belt shears between its cords (a Timoshenko belt): sharper contact edges than bending allows."
+    equation = "section's turn from the tangent = shear force / GA; parameter EI / GA, the shear length squared"
+    # Rubber 10 mm thick and 0.2 m wide at 2 MPa has GA = 4 kN; EI of 2 to 10 N m^2 gives lengths up to 50 mm, but then
+    # shear, not bending, is what Bs reads; 15 mm is a third of the contact's edge. Shear never stiffens.
+    parameters = (
+        Parameter(
+            "length_squared_m2", "m^2", low=0.0, high=4e-4, prior_std=1e-4, step=2e-6, factor=1e6, display_unit="mm^2"
+        ),
+    )
+    seen_by = "radial axis, orders 20 and up at the contact edges; circumferential axis, which the section's turn tilts"
+    confused_with = "bending (Bs) and the tread's stiffness; the circumferential axis tells them apart"
+    already_in = NOWHERE
+    needs_exact = True
+
+    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
+        """Return shear lengths of 3 and of 10 mm."""
+        return ((1e-5,), (1e-4,))
+
+    def options(self, options: RingOptions, parameters: FloatArray, conditions: Conditions) -> RingOptions:
+        """Return the options with the shear length.
+
+        Raises:
+            ValueError: a negative square.
+        """
+        square = options.shear_length_m**2 + float(parameters[0])
+        if square < 0.0:
+            raise ValueError(f"the square of the shear length must not be negative, not {square:g} m^2")
+        return replace(options, shear_length_m=math.sqrt(square))
+
+
+EFFECT = ShearFlexibility()

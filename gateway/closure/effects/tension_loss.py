@@ -1,0 +1,33 @@
+"""Geometric tension loss: in the contact the belt turns by a finite angle, which a series about the circle lacks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gateway.closure.effects.base import EXACT_ONLY, Conditions, FloatArray, Parameter
+from gateway.closure.ring_options import RingOptions
+
+
+class TensionLoss:
+    """What the exact ring has over the linear one under the same contact pressure, as a share of it."""
+
+    name = "geometric tension loss"
+    summary = "The flattened belt turns by finite angles and loses tension in the contact (a third at 5000 N)."
+    equation = "s: + share (s[exact ring, same numbers] - s[linear ring under the exact ring's contact pressure])"
+    # It is geometry, all or nothing; the pressure's shape, which the series only approximates, blurs it.
+    parameters = (Parameter("share", "", low=0.7, high=1.3, prior_std=2.0, step=0.05),)
+    seen_by = "radial axis, any order, growing with the load; at one load as Cw, Rs and Ts that change with load"
+    confused_with = "tension number Cw and sidewall numbers at one load: the fit is good and they are up to 40 % off"
+    already_in = EXACT_ONLY
+    needs_exact = False
+
+    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
+        """Return the one start: all of it."""
+        return ((1.0,),)
+
+    def options(self, options: RingOptions, parameters: FloatArray, conditions: Conditions) -> RingOptions:
+        """Return the options with the share."""
+        return replace(options, tension_loss=options.tension_loss + float(parameters[0]))
+
+
+EFFECT = TensionLoss()
