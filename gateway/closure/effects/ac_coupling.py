@@ -55,7 +55,7 @@ class AcCoupling:
         """Return its derivative by the corner; the mean is lost at once, so it has none."""
         decay = self._decay(here)
         below = 1j * ORDER + decay * float(parameters[0])
-        below[0] = np.inf
+        below[0] = 1.0
         return filtered(here.signal_mps2, -decay * 1j * ORDER / below**2)[None]
 
     @staticmethod
