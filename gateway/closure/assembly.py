@@ -20,8 +20,9 @@ ComplexArray = NDArray[np.complex128]
 THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE)
 # Angle since mid revolution: a revolution runs from one contact's centre to the next, so its middle is at the top.
 _FROM_MIDDLE: Final[FloatArray] = np.where(THETA >= 0.0, THETA - math.pi, THETA + math.pi)
-_SCALE: Final[FloatArray] = (
-    np.where(np.arange(ORDERS) % 2, -1.0, 1.0) * np.where(np.arange(ORDERS) == 0, 0.5, 1.0) * (2.0 / FIELD_SIZE)
+_ALTERNATING: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
+_SCALE: Final[FloatArray] = np.asarray(
+    _ALTERNATING * np.where(np.arange(ORDERS) == 0, 1.0, 2.0) / FIELD_SIZE, dtype=np.float64
 )
 
 

@@ -22,7 +22,7 @@ class Layout:
     def __init__(self, core_size: int, states: int, groups: int, effects: Sequence[Described]) -> None:
         """Lay out the states' parameters, a centre a group, then the effects'."""
         self._core_size = core_size
-        self._states = states
+        self._state_count = states
         self._groups = groups
         self._effects: dict[str, slice] = {}
         at = states * core_size + groups
@@ -35,9 +35,14 @@ class Layout:
         """Return the places of a state's parameters."""
         return slice(state * self._core_size, (state + 1) * self._core_size)
 
+    @property
+    def states(self) -> slice:
+        """Places of all states' parameters."""
+        return slice(0, self._state_count * self._core_size)
+
     def centre(self, group: int) -> int:
         """Return the place of a group's contact centre, rad."""
-        return self._states * self._core_size + group
+        return self._state_count * self._core_size + group
 
     def effect(self, name: str) -> slice:
         """Return the places of an effect's parameters."""
@@ -46,12 +51,12 @@ class Layout:
     @property
     def without_effects(self) -> int:
         """Number of parameters before the first effect's."""
-        return self._states * self._core_size + self._groups
+        return self._state_count * self._core_size + self._groups
 
     def priors(self, core: Core, effects: Sequence[Described]) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of every parameter before the data are seen, (size,) each."""
         mean, std = np.zeros(self.size), np.full(self.size, _CENTRE_STD_RAD)
-        for state in range(self._states):
+        for state in range(self._state_count):
             mean[self.state(state)], std[self.state(state)] = core.prior_mean, core.prior_std
         for effect in effects:
             where = self.effect(effect.name)

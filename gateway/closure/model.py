@@ -80,43 +80,58 @@ class ClosureModel:
         fields = np.stack([self._chain(vector, here, mount)[0].signal_mps2 for here in heres])
         return field_orders(fields) * self._turn(vector, index)
 
-    def group_derivatives(self, vector: FloatArray, index: int) -> tuple[NDArray[np.intp], ComplexArray, ComplexArray]:
+    def group_derivatives(
+        self, vector: FloatArray, index: int, only: str | None = None
+    ) -> tuple[NDArray[np.intp], ComplexArray, ComplexArray]:
         """Return prediction and derivatives of one group.
 
+        Args:
+            vector: of parameters.
+            index: of the group.
+            only: an effect whose parameters alone are wanted; None for all that matter to the group.
+
         Returns:
-            the places (k,) of the vector that matter to it, its orders (blocks, 3, ORDERS), and their derivatives
+            the places (k,) of the vector, the group's orders (blocks, 3, ORDERS), and their derivatives
             (k, blocks, 3, ORDERS).
         """
         group, layout = self.campaign.groups[index], self.layout
         base = self.predict_group(vector, index)
         moves: list[tuple[int, float]] = []
-        state = layout.state(group.state)
-        moves += zip(range(state.start, state.stop), (float(step) for step in self.core.steps), strict=True)
+        if only is None:
+            state = layout.state(group.state)
+            moves += zip(range(state.start, state.stop), (float(step) for step in self.core.steps), strict=True)
         for effect in self._ring:
-            where = layout.effect(effect.name)
-            moves += [(where.start + i, parameter.step) for i, parameter in enumerate(effect.parameters)]
-        rows = []
+            if only in (None, effect.name):
+                first = layout.effect(effect.name).start
+                moves += [(first + i, parameter.step) for i, parameter in enumerate(effect.parameters)]
+        places, rows = [], []
         for place, step in moves:
             moved = vector.copy()
             moved[place] += step
+            places.append(place)
             rows.append((self.predict_group(moved, index) - base) / step)
-        places = [place for place, _ in moves]
-        places.append(layout.centre(index))
-        rows.append(-1j * _ORDER * base)
-        if self._signal:
+        if only is None:
+            places.append(layout.centre(index))
+            rows.append(-1j * _ORDER * base)
+        wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
+        if wanted:
             mount = _declared(group)
-            of_blocks = [self._signal_rows(vector, here, mount) for here in self._blocks(vector, index)]
+            of_blocks = [self._signal_rows(vector, here, mount, wanted) for here in self._blocks(vector, index)]
             rows.extend(field_orders(np.stack(of_blocks, axis=1)) * self._turn(vector, index))
-            for signal_effect in self._signal:
-                where = layout.effect(signal_effect.name)
+            for name in wanted:
+                where = layout.effect(name)
                 places.extend(range(where.start, where.stop))
         return np.array(places, dtype=np.intp), base, np.stack(rows)
 
-    def _signal_rows(self, vector: FloatArray, start: Here, mount: FloatArray | None) -> FloatArray:
-        """Return the derivatives by every signal effect's parameters, through the stages behind it, (k, 3, n)."""
+    def _signal_rows(
+        self, vector: FloatArray, start: Here, mount: FloatArray | None, wanted: Sequence[str]
+    ) -> FloatArray:
+        """Return the derivatives by the wanted effects' parameters, through the stages behind them, (k, 3, n)."""
         _, before = self._chain(vector, start, mount)
         rows = []
         for at, effect in enumerate(self._signal):
+            if effect.name not in wanted:
+                continue
             for row in effect.derivative(before[at], vector[self.layout.effect(effect.name)]):
                 pushed = row
                 if mount is not None and effect.stage < Stage.MOUNTING:

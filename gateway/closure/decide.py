@@ -1,0 +1,99 @@
+"""Which recording would tell two explanations apart: tried on conditions that nobody has recorded yet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import Conditions
+from gateway.closure.fit import Fit, FitFailedError, fit_model
+from gateway.closure.likelihood import Whitened
+from gateway.closure.model import AngleEffect, ClosureModel
+from gateway.closure.observation import Block, Campaign, Group
+from gateway.physics.rolling_ring import RingNotConvergedError
+
+FloatArray = NDArray[np.float64]
+
+# Fall of the misfit at which two explanations count as told apart.
+_TOLD_APART: Final = 25.0
+NOTHING: Final = "no recording at another speed, load, temperature or direction tried here would decide"
+
+_OTHERS: Final[tuple[tuple[str, Callable[[Conditions], Conditions]], ...]] = (
+    ("at 1.5 times the speed", lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
+    ("at 0.6 times the speed", lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
+    ("rolling the other way round", lambda c: replace(c, reverse=not c.reverse)),
+    ("with the tire 20 K warmer", lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0)),
+    ("at 1.4 times the load", lambda c: replace(c, load_n=1.4 * c.load_n)),
+    ("at 0.7 times the pressure", lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa)),
+)
+
+
+def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data: Whitened) -> str:
+    """Return the recording that would tell an effect from its rival, in words.
+
+    The final model is taken for true; its prediction under other conditions is added to the campaign, and the rival in
+    place of the effect is fitted to both.
+    """
+    others = tuple(other for other in final.model.effects if other.name != effect.name)
+    best: tuple[float, str] | None = None
+    for words, change in _OTHERS:
+        gain = _told_apart(final, (*others, rival), change, data)
+        if gain is not None and gain > _TOLD_APART and (best is None or gain > best[0]):
+            best = (gain, words)
+    if best is None:
+        return NOTHING
+    return f"one more recording {best[1]} would decide"
+
+
+def _told_apart(
+    final: Fit, effects: tuple[AngleEffect, ...], change: Callable[[Conditions], Conditions], data: Whitened
+) -> float | None:
+    campaign, size = final.model.campaign, len(final.model.campaign.groups)
+    reference = int(np.argmax([sum(block.count for block in group.blocks) for group in campaign.groups]))
+    known = campaign.groups[reference]
+    there = change(known.conditions)
+    other_state = (there.load_n, there.pressure_pa) != (known.conditions.load_n, known.conditions.pressure_pa)
+    state = campaign.states if other_state else known.state
+    blocks = tuple(Block(block.count, change(block.conditions), block.orders_mps2) for block in known.blocks)
+    group: Group = replace(known, label="imagined", conditions=there, blocks=blocks, state=state)
+    states = campaign.states + int(other_state)
+    larger = Campaign(campaign.wheel, campaign.recordings, (*campaign.groups, group), states, {})
+    truth = ClosureModel(larger, final.model.core, final.model.effects)
+    vector = _carried(final.model, truth, final.vector, known.state, other_state)
+    try:
+        predicted = truth.predict(vector)
+        rivals = ClosureModel(larger, final.model.core, effects)
+        weights = (*data.weights, data.weights[reference])
+        imagined = Whitened(tuple(predicted), weights, (*data.variance, data.variance[reference]))
+        old = _misfit(imagined, rivals, truth, vector, size)
+        new = fit_model(rivals, imagined, truth.layout.moved(vector, rivals.layout)).misfit
+    except (FitFailedError, RingNotConvergedError, ValueError):
+        return None
+    return new - old
+
+
+def _misfit(data: Whitened, rivals: ClosureModel, truth: ClosureModel, vector: FloatArray, groups: int) -> float:
+    """Return how badly the rival does on the recordings at hand alone."""
+    weights = (*data.weights[:groups], *(np.zeros_like(weight) for weight in data.weights[groups:]))
+    at_hand = Whitened(data.orders, weights, data.variance)
+    return fit_model(rivals, at_hand, truth.layout.moved(vector, rivals.layout)).misfit
+
+
+def _carried(
+    model: ClosureModel, larger: ClosureModel, vector: FloatArray, state: int, other_state: bool
+) -> FloatArray:
+    """Return the parameters in the larger campaign: a state like the reference's, the contact's centre at 0."""
+    result = np.zeros(larger.layout.size)
+    for known in range(model.campaign.states):
+        result[larger.layout.state(known)] = vector[model.layout.state(known)]
+    if other_state:
+        result[larger.layout.state(model.campaign.states)] = vector[model.layout.state(state)]
+    for index in range(len(model.campaign.groups)):
+        result[larger.layout.centre(index)] = vector[model.layout.centre(index)]
+    for effect in model.effects:
+        result[larger.layout.effect(effect.name)] = vector[model.layout.effect(effect.name)]
+    return result

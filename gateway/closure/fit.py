@@ -1,0 +1,203 @@
+"""Fit of a closure model to a campaign: Gauss-Newton with priors, and what the linearised fit says of every fold."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.likelihood import Normal, Whitened, add_rows, empty_normal
+from gateway.closure.model import ClosureModel
+from gateway.physics.rolling_ring import RingNotConvergedError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_MAX_STEPS: Final = 25
+_HALVINGS: Final = 6
+# Fall of the cost by which a fit counts as done.
+_DONE: Final = 0.05
+# Largest step of a state's logarithms.
+_REACH: Final = 0.5
+# A model that does not describe the data overstates what it knows, so priors weigh as much more as the misfit is too
+# large; found along the way, until the misfit falls by less than this.
+_RESCALINGS: Final = 4
+_SETTLED: Final = 0.5
+# Shares of the signal by which the data are loosened on the way in from afar.
+_ANNEAL: Final = (3e-2, 3e-3, 3e-4)
+
+
+class FitFailedError(Exception):
+    """No equilibrium near the starting point: the model cannot be fitted to these data."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Whitened derivatives of one group: places (k,), rows (k, blocks, 3, ORDERS), residual (blocks, 3, ORDERS)."""
+
+    places: NDArray[np.intp]
+    rows: ComplexArray
+    residual: ComplexArray
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A model at its optimum.
+
+    Attributes:
+        model: the model.
+        vector: parameters.
+        predicted: (blocks, 3, ORDERS) a group.
+        rows: linearisation, a group each.
+        normal: normal equations by fold, without priors.
+        prior_mean: (P,).
+        prior_std: (P,) tightened where the misfit is too large.
+    """
+
+    model: ClosureModel
+    vector: FloatArray
+    predicted: tuple[ComplexArray, ...]
+    rows: tuple[Rows, ...]
+    normal: Normal
+    prior_mean: FloatArray
+    prior_std: FloatArray
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square of the data."""
+        return float(self.normal.misfit.sum())
+
+    @property
+    def cost(self) -> float:
+        """Chi-square of data and priors."""
+        return self.misfit + float(np.sum(np.square((self.vector - self.prior_mean) / self.prior_std)))
+
+    def covariance(self) -> FloatArray:
+        """Return the covariance of the parameters by noise, floor and priors, (P, P)."""
+        inverse: FloatArray = np.linalg.inv(self.normal.matrix.sum(axis=0) + np.diag(self.prior_std**-2.0))
+        return inverse
+
+    def held_out(self) -> FloatArray:
+        """Return the misfit of every fold under the (linearised) fit of all others, (K,)."""
+        return held_out_misfit(self.normal, self.vector - self.prior_mean, self.prior_std)
+
+
+def held_out_misfit(normal: Normal, from_prior: FloatArray, prior_std: FloatArray) -> FloatArray:
+    """Return the misfit of every fold under the linear fit of all others, (K,).
+
+    Args:
+        normal: at the point of linearisation.
+        from_prior: (P,) that point less the priors' mean.
+        prior_std: (P,).
+    """
+    precision = prior_std**-2.0
+    matrix = normal.matrix.sum(axis=0) + np.diag(precision)
+    gradient = normal.gradient.sum(axis=0) - from_prior * precision
+    result = np.empty(len(normal.misfit))
+    for fold in range(len(result)):
+        change = np.linalg.solve(matrix - normal.matrix[fold], gradient - normal.gradient[fold])
+        result[fold] = (
+            normal.misfit[fold] - 2.0 * change @ normal.gradient[fold] + change @ normal.matrix[fold] @ change
+        )
+    return result
+
+
+def fit_model(model: ClosureModel, data: Whitened, start: FloatArray | None = None, *, from_afar: bool = False) -> Fit:
+    """Return the fit of a model.
+
+    Args:
+        model: what is fitted.
+        data: whitened; folds with weight 0 are not seen.
+        start: vector to begin from; None begins at the priors' mean.
+        from_afar: True first fits with loosened data, for a start that is far off.
+
+    Raises:
+        FitFailedError: the model has no equilibrium near the start.
+    """
+    prior_mean, prior_std = model.layout.priors(model.core, model.effects)
+    vector = prior_mean.copy() if start is None else start.copy()
+    try:
+        if from_afar:
+            for share in _ANNEAL:
+                vector = _descend(model, data.loosened(share), vector, prior_mean, prior_std).vector
+        model.refine(vector)
+        scale = _overdispersion(misfit_of(data, model.predict(vector)), data, model)
+        for _ in range(_RESCALINGS):
+            fit = _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale))
+            vector, was = fit.vector, scale
+            scale = _overdispersion(fit.misfit, data, model)
+            model.refine(vector)
+            if scale > _SETTLED * was:
+                break
+        return _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale))
+    except (RingNotConvergedError, ValueError, np.linalg.LinAlgError) as error:
+        raise FitFailedError(str(error)) from error
+
+
+def _overdispersion(misfit: float, data: Whitened, model: ClosureModel) -> float:
+    return max(1.0, misfit / max(1, data.used - model.layout.size))
+
+
+def _descend(
+    model: ClosureModel, data: Whitened, vector: FloatArray, prior_mean: FloatArray, prior_std: FloatArray
+) -> Fit:
+    precision = prior_std**-2.0
+    fit = _linearise(model, data, vector, prior_mean, prior_std)
+    for _ in range(_MAX_STEPS):
+        matrix = fit.normal.matrix.sum(axis=0) + np.diag(precision)
+        gradient = fit.normal.gradient.sum(axis=0) - (fit.vector - prior_mean) * precision
+        change = np.linalg.solve(matrix, gradient)
+        if float(change @ gradient) < _DONE:
+            break
+        states = model.layout.states
+        change = change / max(1.0, float(np.abs(change[states]).max()) / _REACH)
+        moved = _better(model, data, fit, change)
+        if moved is None:
+            break
+        gained = fit.cost
+        fit = _linearise(model, data, moved, prior_mean, prior_std)
+        if gained - fit.cost < _DONE:
+            break
+    return fit
+
+
+def _better(model: ClosureModel, data: Whitened, fit: Fit, change: FloatArray) -> FloatArray | None:
+    """Return where the step, or a part of it, makes the fit better; None where none does."""
+    for _ in range(_HALVINGS):
+        moved: FloatArray = fit.vector + change
+        try:
+            cost = misfit_of(data, model.predict(moved))
+        except (RingNotConvergedError, ValueError):
+            change = 0.25 * change
+            continue
+        cost += float(np.sum(np.square((moved - fit.prior_mean) / fit.prior_std)))
+        if cost < fit.cost:
+            return moved
+        change = 0.4 * change
+    return None
+
+
+def misfit_of(data: Whitened, predicted: list[ComplexArray]) -> float:
+    """Return the chi-square of a prediction."""
+    total = 0.0
+    for orders, weight, there in zip(data.orders, data.weights, predicted, strict=True):
+        total += float(np.sum(np.abs((orders - there) * weight) ** 2))
+    return total
+
+
+def _linearise(
+    model: ClosureModel, data: Whitened, vector: FloatArray, prior_mean: FloatArray, prior_std: FloatArray
+) -> Fit:
+    normal = empty_normal(data.folds, model.layout.size)
+    predicted, rows = [], []
+    for index in range(len(model.campaign.groups)):
+        places, base, derivatives = model.group_derivatives(vector, index)
+        weight = data.weights[index]
+        whitened = Rows(places, derivatives * weight, (data.orders[index] - base) * weight)
+        add_rows(normal, whitened.places, whitened.rows, whitened.residual)
+        predicted.append(base)
+        rows.append(whitened)
+    return Fit(model, vector, tuple(predicted), tuple(rows), normal, prior_mean, prior_std)

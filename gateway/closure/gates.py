@@ -1,0 +1,142 @@
+"""What a candidate must pass before it is called by its name."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from gateway.closure.fit import Fit
+from gateway.closure.likelihood import Whitened
+from gateway.closure.model import AngleEffect
+
+FloatArray = NDArray[np.float64]
+
+# Fall of the misfit from which something is no chance find among some hundred trials (a chi-square of one degree
+# exceeds 25 once in two million), and what every further parameter adds.
+LEAST_EVIDENCE: Final = 25.0
+PER_PARAMETER: Final = 3.0
+# How far an effect's size may differ from group to group beyond its errors: its equation is a model as well.
+_TOLERANCE: Final = 0.15
+_RARE: Final = 1e-4
+# Errors beyond a plausible range that are forgiven.
+_BEYOND: Final = 2.0
+# What is left where the effect acts, as a share of what it explains, from which it is a stand-in for something else.
+_LEFT_SHARE: Final = 0.25
+# Share of an effect's evidence that the orders hold in which it is judged.
+_WHERE: Final = 0.9
+
+
+def overdispersion(fit: Fit, data: Whitened) -> float:
+    """Return the misfit over its degrees of freedom, at least 1: by how much evidence is overstated."""
+    return max(1.0, fit.misfit / max(1, data.used - fit.model.layout.size))
+
+
+def evidence_needed(effect: AngleEffect) -> float:
+    """Return the least fall of the misfit."""
+    return LEAST_EVIDENCE + PER_PARAMETER * (len(effect.parameters) - 1)
+
+
+def implausible(fit: Fit, effect: AngleEffect, scale: float) -> str:
+    """Return which parameter lies outside its plausible range, in words; empty when none does."""
+    where = fit.model.layout.effect(effect.name)
+    std = np.sqrt(np.diagonal(fit.covariance()))[where] * math.sqrt(scale)
+    for parameter, value, error in zip(effect.parameters, fit.vector[where], std, strict=True):
+        slack = _BEYOND * float(error)
+        if not parameter.low - slack <= value <= parameter.high + slack:
+            unit = parameter.display_unit or parameter.unit
+            low, high = parameter.low * parameter.factor, parameter.high * parameter.factor
+            return (
+                f"{parameter.name} would be {value * parameter.factor:.3g} {unit}".rstrip()
+                + f", which is not plausible ({low:.3g} to {high:.3g})"
+            )
+    return ""
+
+
+def uneven(fit: Fit, effect: AngleEffect, scale: float) -> str:
+    """Return how an effect fails to be the same in every group, in words; empty when it is, or there is one group."""
+    groups = fit.model.campaign.groups
+    if len(groups) < 2:
+        return ""
+    where = fit.model.layout.effect(effect.name)
+    size, own = fit.model.layout.size, where.stop - where.start
+    total = size + own * (len(groups) - 1)
+    matrix, gradient = np.zeros((total, total)), np.zeros(total)
+    for index, rows in enumerate(fit.rows):
+        places = rows.places.copy()
+        if index:
+            inside = (places >= where.start) & (places < where.stop)
+            places[inside] += size - where.start + own * (index - 1)
+        flat = rows.rows.reshape(len(rows.rows), -1)
+        matrix[np.ix_(places, places)] += (flat @ flat.conj().T).real
+        gradient[places] += (flat.conj() @ rows.residual.reshape(-1)).real
+    prior = np.concatenate([fit.prior_std, np.tile(fit.prior_std[where], len(groups) - 1)])
+    mean = np.concatenate([fit.vector - fit.prior_mean, np.tile((fit.vector - fit.prior_mean)[where], len(groups) - 1)])
+    try:
+        covariance = np.linalg.inv(matrix + np.diag(prior**-2.0))
+    except np.linalg.LinAlgError:
+        return ""
+    change = covariance @ (gradient - mean * prior**-2.0)
+    each = np.concatenate([np.arange(where.start, where.stop), np.arange(size, total)])
+    values = change[each].reshape(len(groups), own)
+    spread = scale * covariance[np.ix_(each, each)]
+    tolerance = _TOLERANCE * _sizes(fit.vector[where], effect)
+    spread = spread + np.diag(np.tile(np.square(tolerance), len(groups)))
+    return _verdict(values, spread, groups=[group.label for group in groups])
+
+
+def _sizes(values: FloatArray, effect: AngleEffect) -> FloatArray:
+    """Return the size of each parameter: of all of its unit together, since cosine and sine turn into each other."""
+    units = [parameter.unit for parameter in effect.parameters]
+    return np.array(
+        [math.hypot(*(v for v, u in zip(values.tolist(), units, strict=True) if u == unit)) for unit in units]
+    )
+
+
+def _verdict(values: FloatArray, spread: FloatArray, groups: list[str]) -> str:
+    """Test whether all groups' parameters (G, p) are one, given their joint covariance."""
+    count, own = values.shape
+    contrast = np.kron(np.eye(count)[1:] - np.eye(count)[0], np.eye(own))
+    difference = contrast @ values.reshape(-1)
+    statistic = float(difference @ np.linalg.solve(contrast @ spread @ contrast.T, difference))
+    if chi2.sf(statistic, len(difference)) >= _RARE:
+        return ""
+    std = np.sqrt(np.diagonal(spread)).reshape(count, own)
+    worst = int(np.argmax(np.max(np.abs(values) / std, axis=1)))
+    return f"it would have to be of another size in other recordings (most so in {groups[worst]})"
+
+
+def explained_and_left(fit: Fit, without: Fit, data: Whitened) -> tuple[float, float]:
+    """Return the misfit an effect explains in the orders where it acts, and the misfit beyond noise left there."""
+    gained = np.zeros((3, data.weights[0].shape[2]))
+    left = np.zeros_like(gained)
+    expected = np.zeros_like(gained)
+    for index, weight in enumerate(data.weights):
+        orders = data.orders[index]
+        # All blocks together: what repeats adds up, what is noise does not.
+        share = np.square(weight)
+        total = np.sqrt(share.sum(axis=0))
+        mean_left = np.abs((share * (orders - fit.predicted[index])).sum(axis=0)) ** 2
+        mean_before = np.abs((share * (orders - without.predicted[index])).sum(axis=0)) ** 2
+        used = total > 0.0
+        scale = np.where(used, 1.0 / np.maximum(total, 1e-300) ** 2, 0.0)
+        left += mean_left * scale
+        gained += (mean_before - mean_left) * scale
+        expected += 2.0 * used
+    ranked = np.argsort(-gained, axis=None)
+    flat = np.maximum(gained.reshape(-1)[ranked], 0.0)
+    if not flat.sum() > 0.0:
+        return 0.0, 0.0
+    inside = ranked[: int(np.searchsorted(np.cumsum(flat), _WHERE * flat.sum())) + 1]
+    beyond = (left - expected).reshape(-1)[inside].sum()
+    return float(gained.reshape(-1)[inside].sum()), max(0.0, float(beyond))
+
+
+def stands_in(explained: float, left: float) -> str:
+    """Return why an effect is a stand-in for something else, in words; empty when it is not."""
+    if left <= _LEFT_SHARE * explained or left <= LEAST_EVIDENCE:
+        return ""
+    return f"it leaves {left / (left + explained):.0%} of what stands out where it acts: a stand-in for something else"

@@ -1,0 +1,153 @@
+"""Data against prediction: whitening by the measured scatter, misfit by fold, normal equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.observation import Campaign, Group
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+# What resampling, rounding and the grid of the solver leave, beside noise: a share of an order's own size and of the
+# signal's. docs/closure.md has the measurement behind both.
+_OWN_SHARE: Final = 3e-4
+_FLAT_SHARE: Final = 1.5e-5
+# Orders over which the spectrum is smoothed before a share of it is taken.
+_SMOOTHED: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Whitened:
+    """A campaign's data with their weights.
+
+    Attributes:
+        orders: (blocks, 3, ORDERS) a group, NaN set to 0.
+        weights: (blocks, 3, ORDERS) a group: 1 / standard deviation of a real coefficient, 0 for what is not used.
+        variance: (blocks, 3, ORDERS) a group, without floor.
+    """
+
+    orders: tuple[ComplexArray, ...]
+    weights: tuple[FloatArray, ...]
+    variance: tuple[FloatArray, ...]
+
+    def without(self, fold: int) -> Whitened:
+        """Return the same data with one fold's weights at 0."""
+        weights = []
+        for weight in self.weights:
+            kept = weight.copy()
+            if fold < len(kept):
+                kept[fold] = 0.0
+            weights.append(kept)
+        return Whitened(self.orders, tuple(weights), self.variance)
+
+    def loosened(self, share: float) -> Whitened:
+        """Return the same data as if every order were uncertain by this share of the signal, for a rough fit."""
+        weights = []
+        for orders, weight in zip(self.orders, self.weights, strict=True):
+            error = share * np.abs(orders).max(axis=(1, 2), keepdims=True)
+            loose = 1.0 / np.sqrt(1.0 / np.maximum(weight, 1e-300) ** 2 + error**2)
+            weights.append(np.where(weight > 0.0, loose, 0.0))
+        return Whitened(self.orders, tuple(weights), self.variance)
+
+    @property
+    def used(self) -> int:
+        """Real coefficients with a weight; order 0 has one, the others two."""
+        return sum(int(2 * np.sum(weight > 0.0) - np.sum(weight[..., 0] > 0.0)) for weight in self.weights)
+
+    @property
+    def folds(self) -> int:
+        """Most blocks of any group."""
+        return max(len(weight) for weight in self.weights)
+
+
+def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
+    """Return the campaign's data with weights.
+
+    The variance of a block's mean is the scatter of revolutions over their number, times what neighbouring blocks
+    differ by more than that (scatter that is not independent from revolution to revolution).
+
+    Args:
+        campaign: the data.
+        with_mean: False leaves out order 0 of the radial axis.
+    """
+    orders, weights, variances = [], [], []
+    for group in campaign.groups:
+        data = np.stack([block.orders_mps2 for block in group.blocks])
+        counts = np.array([block.count for block in group.blocks], dtype=np.float64)
+        variance = group.variance[None] / counts[:, None, None] * _dependence(group)
+        floor = _floor(group)
+        known = np.isfinite(data) & np.isfinite(variance) & (variance + floor > 0.0)
+        if not with_mean:
+            known[:, 2, 0] = False
+        weight = np.where(known, 1.0 / np.sqrt(np.where(known, variance + floor, 1.0)), 0.0)
+        orders.append(np.where(known, data, 0.0))
+        weights.append(weight)
+        variances.append(np.where(known, variance, 0.0))
+    return Whitened(tuple(orders), tuple(weights), tuple(variances))
+
+
+def _floor(group: Group) -> FloatArray:
+    """Return the variance of what computing leaves, (1, 3, ORDERS)."""
+    conditions = group.conditions
+    mean = np.nanmean(np.abs(np.stack([block.orders_mps2 for block in group.blocks])), axis=0)
+    size = np.nan_to_num(mean)
+    kernel = np.ones(_SMOOTHED) / _SMOOTHED
+    smooth = np.stack([np.sqrt(np.convolve(np.square(row), kernel, mode="same")) for row in size])
+    steady = conditions.radius_m * conditions.omega_radps**2
+    result: FloatArray = (np.square(_OWN_SHARE * smooth) + (_FLAT_SHARE * steady) ** 2)[None]
+    return result
+
+
+def _dependence(group: Group) -> FloatArray:
+    """Return by how much blocks scatter more than independent revolutions would, at least 1, (1, 3, 1)."""
+    if len(group.blocks) < 3:
+        return np.ones((1, 3, 1))
+    data = np.stack([block.orders_mps2 for block in group.blocks])
+    counts = np.array([block.count for block in group.blocks], dtype=np.float64)
+    share = counts / counts.sum()
+    mean = np.tensordot(share, data, axes=1)
+    # Orders 2 and up: below, drifts of load and speed between blocks are real.
+    between = np.abs(data - mean)[..., 2:] ** 2 * counts[:, None, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = between.sum(axis=0) / (2.0 * (len(counts) - 1) * group.variance[:, 2:])
+    result = np.ones(3)
+    for axis in range(3):
+        known = ratio[axis][np.isfinite(ratio[axis])]
+        if len(known):
+            result[axis] = max(1.0, float(np.median(known)))
+    return result[None, :, None]
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """Normal equations by fold: H = sum J'WJ, b = J'Wr, c = r'Wr.
+
+    Attributes:
+        matrix: (K, P, P).
+        gradient: (K, P).
+        misfit: (K,).
+    """
+
+    matrix: FloatArray
+    gradient: FloatArray
+    misfit: FloatArray
+
+
+def empty_normal(folds: int, size: int) -> Normal:
+    """Return zeros to add to."""
+    return Normal(np.zeros((folds, size, size)), np.zeros((folds, size)), np.zeros(folds))
+
+
+def add_rows(normal: Normal, places: NDArray[np.intp], rows: ComplexArray, residual: ComplexArray) -> None:
+    """Add one group's whitened rows (k, blocks, 3, ORDERS) and residual (blocks, 3, ORDERS), in place."""
+    for fold in range(residual.shape[0]):
+        flat = rows[:, fold].reshape(len(rows), -1)
+        left = residual[fold].reshape(-1)
+        normal.matrix[fold][np.ix_(places, places)] += (flat @ flat.conj().T).real
+        normal.gradient[fold][places] += (flat.conj() @ left).real
+        normal.misfit[fold] += float(np.vdot(left, left).real)

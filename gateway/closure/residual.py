@@ -1,0 +1,187 @@
+"""What is left of the angle-locked signal: where it sits, how it goes with speed, how large it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from gateway.closure.assembly import THETA, orders_field
+from gateway.closure.diagnosis import Unexplained
+from gateway.closure.fit import Fit
+from gateway.closure.likelihood import Whitened
+from gateway.closure.observation import ORDERS, Campaign
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+AXES: Final = ("circumferential", "lateral", "radial")
+# Chance at which noise alone in one band of one axis would be called a residual.
+_RARE: Final = 1e-6
+# Bands of orders looked at, each half again as wide as the one before.
+_BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
+# Share of the power that the angle window told to the user holds, and the widest window worth telling.
+_WINDOW_SHARE: Final = 0.7
+_WIDEST_RAD: Final = 2.2
+# Speeds must differ by this ratio for a scaling to be told.
+_SPEED_RATIO: Final = 1.15
+_SCALINGS: Final = ("constant", "omega^1", "omega^2", "omega^3", "omega^4")
+# Share of an axis's excess power below which a band is not told of beside the others.
+_NEGLIGIBLE: Final = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class GroupResidual:
+    """Mean residual of one group.
+
+    Attributes:
+        orders_mps2: (3, ORDERS) data less prediction, mean over blocks; 0 where nothing is known.
+        variance: (3, ORDERS) of one real coefficient by noise and computing; 0 where nothing is known.
+    """
+
+    orders_mps2: ComplexArray
+    variance: FloatArray
+
+    def rms_mps2(self, first: int = 0, last: int = ORDERS) -> FloatArray:
+        """Return the rms of the residual beyond noise over orders [first, last), (3,)."""
+        return np.sqrt(np.maximum(_excess(self)[:, first:last].sum(axis=1), 0.0))
+
+    def noise_rms_mps2(self) -> FloatArray:
+        """Return the rms of the noise over all orders, (3,)."""
+        result: FloatArray = np.sqrt(self.variance.sum(axis=1))
+        return result
+
+
+def group_residuals(fit: Fit, data: Whitened) -> tuple[GroupResidual, ...]:
+    """Return the mean residual of every group."""
+    residuals = []
+    for orders, weight, predicted in zip(data.orders, data.weights, fit.predicted, strict=True):
+        total = np.square(weight).sum(axis=0)
+        known = total > 0.0
+        scale = np.where(known, 1.0 / np.where(known, total, 1.0), 0.0)
+        mean = (np.square(weight) * (orders - predicted)).sum(axis=0) * scale
+        residuals.append(GroupResidual(mean, scale))
+    return tuple(residuals)
+
+
+def _excess(residual: GroupResidual) -> FloatArray:
+    """Return the mean square beyond noise of each order, (3, ORDERS)."""
+    square = np.abs(residual.orders_mps2) ** 2
+    share = np.full(ORDERS, 0.5)
+    share[0] = 1.0
+    result: FloatArray = share * square - residual.variance
+    return result
+
+
+def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
+    """Return what stands out of the noise of the angle-locked residual, largest first."""
+    campaign = fit.model.campaign
+    residuals = group_residuals(fit, data)
+    found = []
+    for axis in range(3):
+        bands = [band for band in zip(_BANDS[:-1], _BANDS[1:], strict=True) if _stands_out(residuals, axis, *band)]
+        for first, last in _joined(bands):
+            found.append(_described(campaign, residuals, axis, first, last))
+    found.sort(key=lambda entry: -entry.rms_mps2)
+    largest = found[0].rms_mps2 if found else 0.0
+    return tuple(entry for entry in found if entry.rms_mps2 > _NEGLIGIBLE * largest)
+
+
+def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> bool:
+    statistic, freedom = 0.0, 0
+    for residual in residuals:
+        variance = residual.variance[axis, first:last]
+        known = variance > 0.0
+        power = np.abs(residual.orders_mps2[axis, first:last][known]) ** 2 / variance[known]
+        statistic += float(power.sum())
+        freedom += 2 * int(known.sum()) - int(first == 0 and known.any())
+    return freedom > 0 and float(chi2.sf(statistic, freedom)) < _RARE
+
+
+def _joined(bands: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Join bands that touch."""
+    joined: list[tuple[int, int]] = []
+    for first, last in bands:
+        if joined and joined[-1][1] == first:
+            joined[-1] = (joined[-1][0], last)
+        else:
+            joined.append((first, last))
+    return joined
+
+
+def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> Unexplained:
+    power = np.array([np.maximum(_excess(r)[axis, first:last], 0.0).sum() for r in residuals])
+    error = np.array([_rms_error(r, axis, first, last) for r in residuals])
+    rms = np.sqrt(power)
+    at = int(np.argmax(rms))
+    low, high = _core_orders(residuals, axis, first, last)
+    omegas = np.array([group.conditions.omega_radps for group in campaign.groups])
+    hz = (low * float(omegas.min()) / (2.0 * math.pi), high * float(omegas.max()) / (2.0 * math.pi))
+    scaling = _scaling(omegas, rms, error)
+    window = _window(residuals[at], axis, first, last)
+    where = "spread over the revolution"
+    if window is not None:
+        where = f"between {math.degrees(window[0]):.0f} and {math.degrees(window[1]):.0f} deg of the contact's centre"
+    name = f"order {low}" if low == high else f"orders {low} to {high}"
+    text = f"{AXES[axis]} axis, {name}, {where}: {rms[at]:.2g} m/s^2 rms that repeats every revolution; {scaling}"
+    return Unexplained(AXES[axis], "angle", (low, high), hz, window, scaling, float(rms[at]), float(error[at]), text)
+
+
+def _rms_error(residual: GroupResidual, axis: int, first: int, last: int) -> float:
+    """Return the standard error of an rms."""
+    variance = residual.variance[axis, first:last]
+    square = np.abs(residual.orders_mps2[axis, first:last]) ** 2
+    total = max(float(_excess(residual)[axis, first:last].sum()), float(variance.max(initial=0.0)), 1e-300)
+    return 0.5 * math.sqrt(float((square * variance).sum())) / math.sqrt(total)
+
+
+def _core_orders(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> tuple[int, int]:
+    """Return the orders that hold nearly all of it."""
+    power = sum(np.maximum(_excess(r)[axis, first:last], 0.0) for r in residuals)
+    share = np.cumsum(power) / max(float(np.sum(power)), 1e-300)
+    low = first + int(np.searchsorted(share, 0.02))
+    high = first + int(np.searchsorted(share, 0.98))
+    return low, min(high, last - 1)
+
+
+def _window(residual: GroupResidual, axis: int, first: int, last: int) -> tuple[float, float] | None:
+    """Return the narrowest angles that hold most of it, None where they would be wide."""
+    orders = np.zeros(ORDERS, dtype=np.complex128)
+    orders[first:last] = residual.orders_mps2[axis, first:last]
+    power = np.square(orders_field(orders))
+    share = np.concatenate([[0.0], np.cumsum(np.concatenate([power, power]))]) / max(float(power.sum()), 1e-300)
+    n = len(power)
+    ends = np.searchsorted(share, share[:n] + _WINDOW_SHARE)
+    widths = ends - np.arange(n)
+    start = int(np.argmin(widths))
+    step = 2.0 * math.pi / n
+    if widths[start] * step > _WIDEST_RAD:
+        return None
+    return float(THETA[start]), float(THETA[start]) + float(widths[start]) * step
+
+
+def _scaling(omegas: FloatArray, rms: FloatArray, error: FloatArray) -> str:
+    """Return how a size goes with speed, in words."""
+    if omegas.max() < _SPEED_RATIO * omegas.min():
+        return "not known: one speed"
+    sure = rms > 3.0 * error
+    if sure.sum() < 2 or omegas[sure].max() < _SPEED_RATIO * omegas[sure].min():
+        return "not known: too weak at other speeds"
+    weight = rms[sure] / error[sure]
+    slope, slope_error = _slope(np.log(omegas[sure]), np.log(rms[sure]), weight)
+    nearest = min(range(len(_SCALINGS)), key=lambda power: abs(slope - power))
+    if abs(slope - nearest) < max(0.35, 2.0 * slope_error) and slope_error < 0.5:
+        return _SCALINGS[nearest]
+    return f"omega^{slope:.1f}"
+
+
+def _slope(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[float, float]:
+    square = np.square(np.minimum(weight, 20.0))
+    centre = float(square @ x / square.sum())
+    spread = float(square @ np.square(x - centre))
+    return float(square @ ((x - centre) * y)) / spread, 1.0 / math.sqrt(spread)

@@ -1,0 +1,123 @@
+"""What adding one effect would bring: the linear fit of all parameters with its columns beside the model's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.fit import Fit, fit_model, held_out_misfit
+from gateway.closure.likelihood import Normal, Whitened
+from gateway.closure.model import AngleEffect, ClosureModel
+from gateway.physics.rolling_ring import RingNotConvergedError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One effect tried from one start.
+
+    Attributes:
+        effect: the effect.
+        model: the model with it.
+        vector: where the linear fit puts the parameters.
+        misfit: chi-square of the data there, by the linear fit.
+        held_out: (K,) misfit of every fold under the fit of all others.
+    """
+
+    effect: AngleEffect
+    model: ClosureModel
+    vector: FloatArray
+    misfit: float
+    held_out: FloatArray
+
+
+def try_effect(fit: Fit, data: Whitened, effect: AngleEffect) -> Trial | None:
+    """Return the best trial of an effect over its starts, by held-out misfit; None where it cannot be had."""
+    conditions = tuple(group.conditions for group in fit.model.campaign.groups)
+    trials = []
+    for start in effect.starts(conditions):
+        trial = _try_from(fit, data, effect, np.array(start, dtype=np.float64))
+        if trial is not None and np.isfinite(trial.misfit):
+            trials.append(trial)
+    return min(trials, key=lambda trial: float(trial.held_out.sum()), default=None)
+
+
+def refit(trial: Trial, data: Whitened) -> Fit:
+    """Return the true fit that a trial promises.
+
+    Raises:
+        FitFailedError: there is none.
+    """
+    return fit_model(trial.model, data, trial.vector)
+
+
+def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) -> Trial | None:
+    model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
+    there = fit.model.layout.moved(fit.vector, model.layout)
+    own = model.layout.effect(effect.name)
+    there[own] = start
+    old = _places(fit, model)
+    size, folds = model.layout.size, data.folds
+    matrix, gradient, misfit = np.zeros((folds, size, size)), np.zeros((folds, size)), np.zeros(folds)
+    matrix[np.ix_(np.arange(folds), old, old)] = fit.normal.matrix
+    try:
+        for index, known in enumerate(fit.rows):
+            places, base, derivatives = model.group_derivatives(there, index, only=effect.name)
+            weight = data.weights[index]
+            columns = derivatives * weight
+            residual = known.residual - (base - fit.predicted[index]) * weight
+            before = old[known.places]
+            for fold in range(len(weight)):
+                flat = columns[:, fold].reshape(len(columns), -1)
+                rows = known.rows[:, fold].reshape(len(known.rows), -1)
+                left = residual[fold].reshape(-1)
+                cross = (rows @ flat.conj().T).real
+                matrix[fold][np.ix_(before, places)] += cross
+                matrix[fold][np.ix_(places, before)] += cross.T
+                matrix[fold][np.ix_(places, places)] += (flat @ flat.conj().T).real
+                gradient[fold][places] += (flat.conj() @ left).real
+                gradient[fold][before] += (rows.conj() @ left).real
+                misfit[fold] += float(np.vdot(left, left).real)
+    except (RingNotConvergedError, ValueError):
+        return None
+    if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
+        return None
+    return _solved(effect, model, there, Normal(matrix, gradient, misfit), _tightened(fit))
+
+
+def _places(fit: Fit, model: ClosureModel) -> NDArray[np.intp]:
+    """Return where each parameter of a fit lies in the larger model, (P,)."""
+    result = np.arange(fit.model.layout.size)
+    for effect in fit.model.effects:
+        where, there = fit.model.layout.effect(effect.name), model.layout.effect(effect.name)
+        result[where] = np.arange(there.start, there.stop)
+    return result
+
+
+def _tightened(fit: Fit) -> float:
+    """Return by how much the priors of a fit are tightened."""
+    _, std = fit.model.layout.priors(fit.model.core, fit.model.effects)
+    return float(fit.prior_std[0] / std[0])
+
+
+def _solved(
+    effect: AngleEffect, model: ClosureModel, there: FloatArray, normal: Normal, tightened: float
+) -> Trial | None:
+    mean, std = model.layout.priors(model.core, model.effects)
+    # What is wrong with the states may be the effect's doing, so its own prior stays wide.
+    own = model.layout.effect(effect.name)
+    std[: own.start] *= tightened
+    std[own.stop :] *= tightened
+    precision = std**-2.0
+    total = normal.matrix.sum(axis=0)
+    gradient = normal.gradient.sum(axis=0) - (there - mean) * precision
+    try:
+        change = np.linalg.solve(total + np.diag(precision), gradient)
+        held_out = held_out_misfit(normal, there - mean, std)
+    except np.linalg.LinAlgError:
+        return None
+    misfit = float(normal.misfit.sum() - 2.0 * change @ normal.gradient.sum(axis=0) + change @ total @ change)
+    return Trial(effect, model, there + change, misfit, held_out)
