@@ -24,11 +24,20 @@ MODULES: Final[tuple[str, ...]] = (
     "sidewall_stiffening",
     "mounting_offset",
     # BELT
+    "gravity",
+    "speed_drift",
+    "imbalance",
+    "runout",
+    "edge_waves",
+    "tread_pitch",
     "ply_steer",
     "conicity",
     "carcass_compliance",
     "rolling_radius",
     "clock_error",
+    # these two act on all that the belt does
+    "torsional_ripple",
+    "edge_scatter",
     # MOUNTING
     "roll_tilt",
     "pitch_tilt",
