@@ -83,6 +83,7 @@ class Campaign:
         rejected: revolutions left out, and why: reason -> count.
         clock_error: share by which the hub's clock runs fast against the host's, and its standard error; NaN unknown.
         assumed: what nobody stated, in words.
+        notes: what the user must know of the recordings: damage, groups left out.
     """
 
     wheel: str
@@ -92,6 +93,7 @@ class Campaign:
     rejected: dict[str, int]
     clock_error: tuple[float, float] = (float("nan"), float("nan"))
     assumed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def folds(self) -> int:

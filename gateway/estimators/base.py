@@ -104,6 +104,7 @@ class Revolution:
         ac_coupled: True when the sensor does not pass the steady value.
         faults: why this revolution must not be used for estimates; empty when it may.
         period_std_s: one standard error of `period_s` from the timing of its two contacts; NaN when not known.
+        rate_hz: sampling rate as measured against the hub's clock; NaN when not known.
     """
 
     index: int
@@ -125,6 +126,7 @@ class Revolution:
     ac_coupled: bool
     faults: tuple[str, ...] = ()
     period_std_s: float = float("nan")
+    rate_hz: float = float("nan")
 
 
 class Estimator(Protocol):

@@ -13,7 +13,7 @@ from gateway.estimators.base import Revolution
 from gateway.pipeline.contact_timing import TimedPair
 from gateway.pipeline.ring import SampleRing
 from gateway.pipeline.segmenter import ContactPair
-from gateway.signal.clipping import is_clipped
+from gateway.signal.clipping import CLIPPED_FAULT, SATURATED_FAULT, is_clipped
 from gateway.signal.contact import find_contact_edges
 from gateway.signal.normalise import normalise_radial
 from gateway.signal.orders import coefficient_std, highest_order, order_coefficients, sample_std
@@ -110,6 +110,7 @@ def revolution_in_angle(
         ac_coupled=ac_coupled,
         faults=_faults(pair, missing, saturated, clipped, reason),
         period_std_s=timed.period_std / rate_hz,
+        rate_hz=rate_hz,
     )
 
 
@@ -126,9 +127,9 @@ def _faults(pair: ContactPair, missing: float, saturated: bool, clipped: bool, e
     if missing > _MAX_MISSING:
         faults.append("samples were lost on the link")
     if saturated:
-        faults.append("the radial axis reached the end of its range")
+        faults.append(SATURATED_FAULT)
     if clipped:
-        faults.append("the radial axis is cut off at its highest value: clipped below the range that the hub states")
+        faults.append(CLIPPED_FAULT)
     if edge_reason:
         faults.append(edge_reason)
     return tuple(faults)

@@ -36,6 +36,7 @@ def estimate_items(
     estimators: Sequence[str] = DEFAULT_ESTIMATORS,
     on_bytes: Callable[[int], None] | None = None,
     guard: Guard | None = None,
+    on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
 ) -> dict[str, LinkCounters]:
     """Estimate everything that `source` yields.
 
@@ -46,6 +47,7 @@ def estimate_items(
         estimators: names from the registry.
         guard: judges every frame first; None when signatures do not matter.
         on_bytes: called with the number of link bytes taken in, for a progress bar.
+        on_batch: called with the link, a block of its frames and their arrival times before its revolutions are made.
 
     Returns:
         the decoder's counters per link.
@@ -56,6 +58,8 @@ def estimate_items(
 
     def deliver(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
         for batch, arrivals_ns in batches:
+            if on_batch is not None:
+                on_batch(link, batch, arrivals_ns)
             for result in pipeline.batch(link, batch, arrivals_ns):
                 on_result(result)
 

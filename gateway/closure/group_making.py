@@ -1,0 +1,190 @@
+"""From the revolutions of one recording to groups of equal conditions with their means and scatter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.collecting import RevolutionTable, carried_order
+from gateway.closure.deviations import deviation_rate_hz, deviations
+from gateway.closure.effects.base import Conditions
+from gateway.closure.grouping import alike, folded
+from gateway.closure.observation import Block, Group
+from gateway.closure.scatter import settle
+from gateway.signal.resample import GRID_SIZE
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+ASSUMED_LOAD_N: Final = 4000.0
+ASSUMED_PRESSURE_PA: Final = 2.2e5
+
+WILD: Final = "unlike all others of the same conditions, as after a blow"
+CUT_OFF: Final = "the radial axis is cut off, which is not the rule under the same conditions"
+
+_DEVIATIONS_S: Final = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """What is stated of a recording.
+
+    Attributes:
+        name: of the recording, for labels.
+        recording: index in the campaign.
+        radius_m: belt radius.
+        offset_m: sensor below the neutral layer.
+        roll_rad: of the sensor.
+        pitch_rad: of the sensor.
+        reverse: the tire rolls the other way round.
+        ac_coupled: the sensor passes no steady value.
+    """
+
+    name: str
+    recording: int
+    radius_m: float
+    offset_m: float = 0.0
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    reverse: bool = False
+    ac_coupled: bool = False
+
+
+def make_groups(
+    table: RevolutionTable, declared: Declared, folds: int, reject: Callable[[str, int], None]
+) -> list[Group]:
+    """Return the groups of one recording, of two revolutions and more; single revolutions are left to the caller.
+
+    The groups' states are all 0, temperatures NaN where unknown, `reference_degc` NaN and times those of the host.
+
+    Args:
+        table: revolutions in the order of time.
+        declared: what is stated.
+        folds: blocks of a group, where it has revolutions enough.
+        reject: counts what is left out: reason, revolutions.
+    """
+    load = np.where(np.isfinite(table["load_n"]), table["load_n"], ASSUMED_LOAD_N)
+    pressure = np.where(np.isfinite(table["pressure_pa"]), table["pressure_pa"], ASSUMED_PRESSURE_PA)
+    made = []
+    for places in alike(table["omega_radps"], load, pressure, table["temperature_degc"]):
+        kept = _cut_off_or_not(table, places, reject)
+        if len(kept) < 2:
+            reject(FEW, len(kept))
+            continue
+        made.append(_group(table, kept, declared, folds, reject))
+    return made
+
+
+FEW: Final = "too few of the same speed, load, pressure and temperature"
+
+
+def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[str, int], None]) -> IntArray:
+    """Return the revolutions to use: those that are cut off belong to them only where most are."""
+    cut = table["cut_off"][places] > 0.0
+    number = int(cut.sum())
+    if number == 0 or 2 * number > len(places):
+        return places
+    reject(CUT_OFF, number)
+    return places[~cut]
+
+
+def _group(
+    table: RevolutionTable, places: IntArray, declared: Declared, folds: int, reject: Callable[[str, int], None]
+) -> Group:
+    rate_hz = float(np.median(table["rate_hz"][places]))
+    highest = carried_order(rate_hz * float(table["period_s"][places].min()))
+    orders = table.orders_mps2[places]
+    orders[..., highest + 1 :] = complex(math.nan, math.nan)
+    if declared.ac_coupled:
+        orders[..., 0] = complex(math.nan, math.nan)
+    settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
+    usual = np.flatnonzero(~settled.wild)
+    if settled.wild.any():
+        reject(WILD, int(settled.wild.sum()))
+    used = places[usual]
+    blocks = []
+    for part in folded(len(used), folds):
+        mean = settled.orders_mps2[usual[part]].mean(axis=0)
+        blocks.append(Block(len(used[part]), _conditions(table, used[part], declared), mean))
+    conditions = _conditions(table, used, declared)
+    left, left_hz = _deviations(table, used, settled.shift_rad[usual], rate_hz)
+    return Group(
+        label=label(declared.name, conditions),
+        recording=declared.recording,
+        state=0,
+        conditions=conditions,
+        blocks=tuple(blocks),
+        variance=settled.variance,
+        half_angle_rad=float(np.nanmean(table["half_angle_rad"][used])),
+        load_known=bool(np.isfinite(table["load_n"][used]).all()),
+        pressure_known=bool(np.isfinite(table["pressure_pa"][used]).all()),
+        declared_offset_m=declared.offset_m,
+        declared_roll_rad=declared.roll_rad,
+        # Seen along the rolling direction, a sensor that goes backwards is pitched the other way.
+        declared_pitch_rad=-declared.pitch_rad if declared.reverse else declared.pitch_rad,
+        deviations_mps2=left,
+        deviation_rate_hz=left_hz,
+    )
+
+
+def label(name: str, conditions: Conditions) -> str:
+    """Return what a group is called: recording, speed, load and pressure."""
+    speed_kmh = 3.6 * conditions.omega_radps * conditions.radius_m
+    way = ", reverse" if conditions.reverse else ""
+    return (
+        f"{name}: {speed_kmh:.1f} km/h, {conditions.load_n:.0f} N, {conditions.pressure_pa * 1e-3:.0f} kPa, "
+        f"{conditions.temperature_degc:.0f} degC{way}"
+        if math.isfinite(conditions.temperature_degc)
+        else f"{name}: {speed_kmh:.1f} km/h, {conditions.load_n:.0f} N, {conditions.pressure_pa * 1e-3:.0f} kPa{way}"
+    )
+
+
+def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) -> Conditions:
+    def mean(name: str, otherwise: float = math.nan) -> float:
+        values = table[name][places]
+        known = values[np.isfinite(values)]
+        return float(known.mean()) if len(known) else otherwise
+
+    return Conditions(
+        omega_radps=math.sqrt(float(np.square(table["omega_radps"][places]).mean())),
+        omega_dot_radps2=mean("omega_dot_radps2"),
+        radius_m=declared.radius_m,
+        load_n=mean("load_n", ASSUMED_LOAD_N),
+        pressure_pa=mean("pressure_pa", ASSUMED_PRESSURE_PA),
+        temperature_degc=mean("temperature_degc"),
+        reference_degc=math.nan,
+        rate_hz=mean("rate_hz"),
+        time_s=mean("host_s"),
+        reverse=declared.reverse,
+        ac_coupled=declared.ac_coupled,
+    )
+
+
+def _deviations(
+    table: RevolutionTable, places: IntArray, shift_rad: FloatArray, rate_hz: float
+) -> tuple[tuple[FloatArray, ...], float]:
+    kept, duration_s = [], 0.0
+    for at, place in enumerate(places.tolist()):
+        if place in table.waveforms_mps2 and duration_s < _DEVIATIONS_S:
+            kept.append(at)
+            duration_s += float(table["period_s"][place])
+    if len(kept) < 2:
+        return (), 0.0
+    rows = places[kept]
+    period_s = table["period_s"][rows]
+    left_hz = deviation_rate_hz(rate_hz, GRID_SIZE / float(period_s.max()))
+    runs = deviations(
+        np.stack([table.waveforms_mps2[place] for place in rows.tolist()]),
+        index=table["index"][rows].astype(np.intp),
+        shift_rad=shift_rad[kept],
+        period_s=period_s,
+        omega_radps=table["omega_radps"][rows],
+        omega_dot_radps2=table["omega_dot_radps2"][rows],
+        rate_hz=left_hz,
+    )
+    return runs, left_hz if runs else 0.0

@@ -1,0 +1,113 @@
+"""How fast a hub's clock runs against the host's, from when frames arrived: a link only ever adds delay."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.batch import FrameBatch
+
+FloatArray = NDArray[np.float64]
+
+UNKNOWN: Final = (math.nan, math.nan)
+
+_WINDOW_S: Final = 1.0
+_LEAST_WINDOWS: Final = 12
+# A step of the two clocks against each other that is no delay: the hub has started again.
+_RESTART_S: Final = 5.0
+_ROUNDS: Final = 4
+
+
+class HubClockError:
+    """Watches the frames of all hubs of one recording."""
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        # (link, hub) -> unwrapped hub time and delay of the last frame, s
+        self._last: dict[tuple[str, int], tuple[int, float]] = {}
+        # (link, hub, start) -> window -> (hub time, delay) of its earliest arrival
+        self._earliest: dict[tuple[str, int, int], dict[int, tuple[float, float]]] = {}
+        self._starts: dict[tuple[str, int], int] = {}
+
+    def take(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+        """Look at a block of frames and when they arrived."""
+        hubs = np.asarray(batch.hub)
+        for number in np.unique(hubs).tolist():
+            own = np.flatnonzero(hubs == number)
+            self._take((link, number), np.asarray(batch.tick_us)[own], arrivals_ns[own])
+
+    def _take(self, key: tuple[str, int], tick_us: NDArray[np.uint32], arrivals_ns: NDArray[np.int64]) -> None:
+        steps = np.diff(tick_us).astype(np.int32).astype(np.int64)
+        ticks = int(tick_us[0]) + np.concatenate(([0], np.cumsum(steps)))
+        if key in self._last:
+            before = self._last[key][0]
+            step = int(np.array([(int(tick_us[0]) - before) & 0xFFFFFFFF], np.uint32).view(np.int32)[0])
+            ticks += before + step - int(tick_us[0])
+        hub_s = ticks * 1e-6
+        delay_s = (arrivals_ns - ticks * 1000) * 1e-9
+        previous = self._last[key][1] if key in self._last else float(delay_s[0])
+        start = self._starts.get(key, 0) + np.cumsum(np.abs(np.diff(delay_s, prepend=previous)) > _RESTART_S)
+        self._last[key] = int(ticks[-1]), float(delay_s[-1])
+        self._starts[key] = int(start[-1])
+        windows = np.floor(hub_s / _WINDOW_S).astype(np.int64)
+        order = np.lexsort((delay_s, windows, start))
+        first = np.ones(len(order), dtype=bool)
+        first[1:] = (np.diff(windows[order]) != 0) | (np.diff(start[order]) != 0)
+        for at in order[first].tolist():
+            known = self._earliest.setdefault((*key, int(start[at])), {})
+            window = int(windows[at])
+            if window not in known or delay_s[at] < known[window][1]:
+                known[window] = float(hub_s[at]), float(delay_s[at])
+
+    def error(self, hub: int) -> tuple[float, float]:
+        """Return the share by which a hub's clock runs fast, and its standard error; NaN when not known."""
+        found = [line for key, known in self._earliest.items() if key[1] == hub and (line := _line(known)) is not None]
+        return combined(found)
+
+
+def combined(errors: list[tuple[float, float]]) -> tuple[float, float]:
+    """Return the weighted mean of clock errors (value, std); the larger of both errors, NaN of none."""
+    known = [(value, std) for value, std in errors if math.isfinite(value) and std > 0.0]
+    if not known:
+        return UNKNOWN
+    value, std = np.array(known).T
+    weight = 1.0 / np.square(std)
+    mean = float((weight * value).sum() / weight.sum())
+    error = 1.0 / math.sqrt(float(weight.sum()))
+    if len(known) > 1:
+        spread = math.sqrt(float((weight * np.square(value - mean)).sum()) / (len(known) - 1))
+        error *= max(1.0, spread)
+    return mean, error
+
+
+def _line(known: dict[int, tuple[float, float]]) -> tuple[float, float] | None:
+    """Return minus the slope of a line along the earliest arrivals, and its standard error."""
+    if len(known) < _LEAST_WINDOWS:
+        return None
+    # The first and the last window may hold few frames.
+    hub_s, delay_s = np.array([known[window] for window in sorted(known)][1:-1]).T
+    delay_s = delay_s - delay_s[0]
+    early = np.ones(len(hub_s), dtype=bool)
+    slope = offset = 0.0
+    residual = delay_s
+    for _ in range(_ROUNDS):
+        slope, offset = (float(value) for value in np.polyfit(hub_s[early], delay_s[early], 1))
+        residual = delay_s - (offset + slope * hub_s)
+        limit = float(np.median(residual)) + 3.0 * float(np.median(np.abs(residual - np.median(residual))))
+        fresh = residual <= max(limit, 1e-9)
+        if fresh.sum() < _LEAST_WINDOWS // 2 or (fresh == early).all():
+            break
+        early = fresh
+    number = int(early.sum())
+    spread = math.sqrt(float(np.square(hub_s[early] - hub_s[early].mean()).sum()))
+    # What a microsecond of the hub's stamps leaves, at the least.
+    scatter = max(1e-6, math.sqrt(float(np.square(residual[early]).sum()) / max(number - 2, 1)))
+    # Delays of neighbouring seconds are not independent where a link is busy for a while.
+    centred = residual[early] - residual[early].mean()
+    power = float(np.square(centred).sum())
+    lag = float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
+    dependence = math.sqrt((1.0 + max(0.0, lag)) / (1.0 - min(0.95, max(0.0, lag))))
+    return -slope, scatter / spread * dependence

@@ -1,0 +1,190 @@
+"""One recording of a campaign: through the pipeline without estimators, and down to groups."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from gateway.closure.collecting import RevolutionStore
+from gateway.closure.group_making import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA, Declared, make_groups
+from gateway.closure.observation import Group
+from gateway.config.load import parse_vehicle
+from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.reader import RecordingReader
+from gateway.security.opening import open_guard
+from gateway.session.batch import estimate_items
+from gateway.session.campaign_clock import UNKNOWN, HubClockError
+
+# With several wheels and none chosen, so many more revolutions are looked at to name the wheels.
+_LOOK_ON: Final = 200
+# Links whose arrival times are made up from the samples' own.
+_WITHOUT_HOST_TIME: Final = ("import:", "dump:")
+
+
+@dataclass(frozen=True, slots=True)
+class ReadOrder:
+    """What is to be read.
+
+    Attributes:
+        path: the recording.
+        index: in the campaign.
+        name: for labels.
+        vehicle: instead of the recorded configuration, None for that.
+        wheel: position, None when there is to be one only.
+        folds: blocks of a group.
+        reverse: the tire rolled the other way round.
+        key_file: keys of signed frames.
+    """
+
+    path: Path
+    index: int
+    name: str
+    vehicle: VehicleConfig | None
+    wheel: str | None
+    folds: int
+    reverse: bool = False
+    key_file: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingRead:
+    """What one recording gave.
+
+    Attributes:
+        wheels: positions that were seen; all of them, unless there are several and none was chosen.
+        groups: of the chosen or only wheel; times are the host's.
+        first_s: host time of the first revolution used.
+        last_s: of the last.
+        host_times: whether these are real.
+        rejected: reason -> revolutions.
+        clock_error: of the wheel's hub.
+        assumed: what nobody stated.
+        damage: what could not be read.
+    """
+
+    wheels: tuple[str, ...]
+    groups: tuple[Group, ...] = ()
+    first_s: float = 0.0
+    last_s: float = 0.0
+    host_times: bool = False
+    rejected: dict[str, int] | None = None
+    clock_error: tuple[float, float] = UNKNOWN
+    assumed: tuple[str, ...] = ()
+    damage: str | None = None
+
+
+class _SeveralWheelsError(Exception):
+    """There is no point in reading on."""
+
+
+class _Taker:
+    """Takes results and keeps those of one wheel."""
+
+    def __init__(self, order: ReadOrder) -> None:
+        self.wheels: dict[str, int] = {}
+        self.store = RevolutionStore(order.reverse)
+        self.last: RevolutionResult | None = None
+        self._wheel = order.wheel
+        self._more = _LOOK_ON
+
+    def __call__(self, result: RevolutionResult) -> None:
+        self.wheels[result.position] = self.wheels.get(result.position, 0) + 1
+        if self._wheel is None and len(self.wheels) > 1:
+            self._more -= 1
+            if self._more < 0:
+                raise _SeveralWheelsError
+        if result.position == (self._wheel or next(iter(self.wheels))):
+            self.store.take(result.revolution, result.conditions, result.host_ns)
+            self.last = result
+
+
+def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None = None) -> RecordingRead:
+    """Read one recording.
+
+    Args:
+        order: what is to be read.
+        on_position: called with the bytes of the file read so far.
+
+    Raises:
+        TreadlinkError: the file, its configuration or the keys cannot be read.
+    """
+    reader = RecordingReader(order.path)
+    vehicle = order.vehicle
+    if vehicle is None and reader.vehicle_toml:
+        vehicle = parse_vehicle(reader.vehicle_toml, str(order.path))
+    taker, clock = _Taker(order), HubClockError()
+    links: set[str] = set()
+
+    def on_bytes(_: int) -> None:
+        if on_position is not None:
+            on_position(reader.position)
+
+    def on_batch(link: str, batch: object, arrivals_ns: object) -> None:
+        links.add(link)
+        clock.take(link, batch, arrivals_ns)  # type: ignore[arg-type]
+
+    guard = open_guard(vehicle, order.key_file, remembers=False)
+    try:
+        estimate_items(reader, vehicle, taker, estimators=(), on_bytes=on_bytes, guard=guard, on_batch=on_batch)
+    except _SeveralWheelsError:
+        return RecordingRead(tuple(taker.wheels))
+    if on_position is not None:
+        on_position(reader.info.size_bytes)
+    wheels = tuple(taker.wheels)
+    if taker.last is None or (order.wheel is None and len(wheels) > 1):
+        return RecordingRead(wheels, damage=reader.damage)
+    wheel = _configured(vehicle, taker.last.position)
+    table = taker.store.table()
+    declared = Declared(
+        name=order.name,
+        recording=order.index,
+        radius_m=taker.last.conditions.radius_m,
+        offset_m=wheel.mounting.offset_m if wheel is not None else 0.0,
+        roll_rad=wheel.mounting.roll_rad if wheel is not None else 0.0,
+        pitch_rad=wheel.mounting.pitch_rad if wheel is not None else 0.0,
+        reverse=order.reverse,
+        ac_coupled=taker.store.ac_coupled,
+    )
+    groups = make_groups(table, declared, order.folds, taker.store.reject) if len(table) else []
+    host_s = table["host_s"]
+    real = bool(links) and not any(link.startswith(_WITHOUT_HOST_TIME) for link in links)
+    hub = wheel.hub if wheel is not None else _hub_in(taker.last.position)
+    return RecordingRead(
+        wheels=wheels,
+        groups=tuple(groups),
+        first_s=float(host_s.min()) if len(table) else 0.0,
+        last_s=float(host_s.max()) if len(table) else 0.0,
+        host_times=real,
+        rejected=taker.store.rejected,
+        clock_error=clock.error(hub) if real and hub is not None else UNKNOWN,
+        assumed=_assumed(vehicle, wheel, groups),
+        damage=reader.damage,
+    )
+
+
+def _configured(vehicle: VehicleConfig | None, position: str) -> Wheel | None:
+    wheels = vehicle.wheel if vehicle is not None else ()
+    return next((wheel for wheel in wheels if wheel.position == position), None)
+
+
+def _hub_in(position: str) -> int | None:
+    """Return the hub of a wheel that is not configured: the pipeline calls it `hub0.wheel2`."""
+    digits = position.removeprefix("hub").partition(".")[0]
+    return int(digits) if position.startswith("hub") and digits.isdecimal() else None
+
+
+def _assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: list[Group]) -> tuple[str, ...]:
+    told = list(vehicle.vehicle.assumed) if vehicle is not None else []
+    if wheel is None:
+        told.append(f"belt radius {ASSUMED_RADIUS_MM:g} mm (no configuration states it)")
+    if any(not group.load_known for group in groups):
+        told.append(f"load {ASSUMED_LOAD_N:.0f} N (nobody states it)")
+    if any(not group.pressure_known for group in groups):
+        told.append(f"pressure {ASSUMED_PRESSURE_PA * 1e-3:.0f} kPa (neither stated nor measured)")
+    if groups and not any(math.isfinite(group.conditions.temperature_degc) for group in groups):
+        told.append("temperature steady (neither stated nor measured)")
+    return tuple(told)
