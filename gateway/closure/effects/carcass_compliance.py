@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from gateway.closure.effects.base import NOWHERE, Parameter, StartModel
 from gateway.closure.effects.lateral_load import STIFFNESSES, LateralLoad
 from gateway.closure.lateral_response import Load
@@ -19,13 +21,14 @@ class CarcassCompliance(LateralLoad):
     )
     # Beyond about a degree the tread slides over much of the contact, which is not in it.
     parameters: tuple[Parameter, ...] = (
-        Parameter("slip_angle_rad", "rad", -0.02, 0.02, 0.01, 1e-5, factor=57.29577951308232, display_unit="deg"),
+        Parameter("slip_angle_rad", "rad", -0.02, 0.02, 0.01, 1e-5, factor=math.degrees(1.0), display_unit="deg"),
         *STIFFNESSES,
     )
     seen_by: str = "lateral axis, orders 1 to 40, from the contact on; grows with speed squared and with load"
     confused_with: str = (
-        "conicity has three quarters of its shape, ply steer a tenth: several loads, or a recording at another slip"
-        " angle. In reverse, a cornering force stays and a toe angle turns its sign; it is taken to stay."
+        "beside ply steer, a softer or stiffer tread (below 0.1 deg nothing tells them but another slip angle);"
+        " conicity (cosine 0.2): several loads. In reverse a cornering force stays and a toe angle turns its sign, as"
+        " ply steer does; it is taken to stay."
     )
     already_in: frozenset[StartModel] = NOWHERE
     load = Load.SLIP

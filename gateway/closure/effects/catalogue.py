@@ -39,6 +39,7 @@ MODULES: Final[tuple[str, ...]] = (
     "torsional_ripple",
     "edge_scatter",
     # MOUNTING
+    "yaw_tilt",
     "roll_tilt",
     "pitch_tilt",
     # ELEMENT

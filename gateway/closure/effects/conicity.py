@@ -22,8 +22,9 @@ class Conicity(LateralLoad):
     )
     seen_by: str = "lateral axis, orders 1 to 40, around the contact; grows with speed squared; any load"
     confused_with: str = (
-        "ply steer turns its sign with the direction of rotation, this does not; a side force (carcass compliance) has"
-        " three quarters of its shape: several loads, for the force's part follows the contact's length."
+        "roll tilt without its mean (cosine 0.98): an AC-coupled sensor, or a free zero-g offset at one speed, leaves"
+        " 1 to 4 % of it to tell them; two speeds or a declared offset decide; ply steer (0.04), which turns its"
+        " sign in reverse; a side force (0.2; carcass compliance): several loads"
     )
     already_in: frozenset[StartModel] = NOWHERE
     load = Load.CONE

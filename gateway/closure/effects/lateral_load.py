@@ -11,8 +11,9 @@ from gateway.closure.lateral_response import Load, Response, Stiffness, unit_res
 
 
 def _stiffness(name: str) -> Parameter:
-    # A factor of 7 either way holds every passenger and truck belt; half of it is what tires of one class differ by.
-    return Parameter(f"{name}_ln", "", low=-2.0, high=2.0, prior_std=0.7, step=1e-3)
+    # A factor of 5 either way holds belts from 0.2 to 5 kN m^2 in their plane, sidewalls from 0.05 to 1.2 MPa; tires of
+    # one class differ by half as much. Far beyond it a cone looks like roll tilt and ply steer like a yawed sensor.
+    return Parameter(f"{name}_ln", "", low=-1.6, high=1.6, prior_std=0.6, step=1e-3)
 
 
 STIFFNESSES: Final = (_stiffness("bending"), _stiffness("sidewall"), _stiffness("tread"))

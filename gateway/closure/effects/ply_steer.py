@@ -25,9 +25,10 @@ class PlySteer(LateralLoad):
     )
     seen_by: str = "lateral axis, orders 1 to 60, around the contact; grows with speed squared; any load"
     confused_with: str = (
-        "conicity and a side force (carcass compliance) pull alike, but bend the belt otherwise: one direction of"
-        " rotation is enough where their columns stand out of the noise; rolling in reverse turns its sign and decides"
-        " without a model of the belt. A yawed sensor below the neutral layer has its shape: -yaw e/R ds/dtheta."
+        "conicity: one direction of rotation is enough (cosine of the two 0.04), rolling in reverse decides without a"
+        " model of the belt; a slip angle below 0.1 deg beside it: looks like another stiffness of tread, told by a"
+        " recording at another slip angle; a yawed sensor below the neutral layer (cosine 0.97): two speeds, for"
+        " gravity leaks too"
     )
     already_in: frozenset[StartModel] = NOWHERE
     load = Load.PLY_STEER
