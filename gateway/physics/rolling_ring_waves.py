@@ -1,4 +1,4 @@
-"""Waves that a tread pattern sends along the belt from the contact's edges, locked to the tire.
+"""What a tread pattern does to the belt, locked to the tire: waves from the contact's edges, blocks in the contact.
 
 Measured tires show them (physics notes, section 8): wave packets running out of both edges, of different order before
 and after the contact, alike in every revolution. They are prescribed here, not solved: the smooth ring has no tread
@@ -52,3 +52,27 @@ class EdgeWaves:
         spectrum = np.fft.rfft(wave)
         spectrum[:2] = 0.0
         return self.amplitude * np.fft.irfft(spectrum, n=len(theta_rad))
+
+
+@dataclass(frozen=True, slots=True)
+class TreadPitch:
+    """Blocks of the tread bend the belt where they press on the road: one wave a block, alike in every revolution.
+
+    Attributes:
+        amplitude: in the contact, as a share of R omega^2.
+        blocks: on the circumference.
+        reach_rad: standard deviation of the normal curve by which it fades beyond the contact's edges.
+        phase_rad: of the pattern at the sensor.
+    """
+
+    amplitude: float
+    blocks: float = 70.0
+    reach_rad: float = 0.15
+    phase_rad: float = 0.0
+
+    def radial(self, theta_rad: FloatArray, leading_rad: float, trailing_rad: float) -> FloatArray:
+        """Return the blocks' share of the radial axis in R omega^2, over one even revolution (N,)."""
+        beyond = np.maximum(np.maximum(leading_rad - theta_rad, theta_rad - trailing_rad), 0.0)
+        fading = np.exp(-0.5 * (beyond / self.reach_rad) ** 2)
+        wave: FloatArray = self.amplitude * fading * np.cos(self.blocks * theta_rad + self.phase_rad)
+        return wave

@@ -19,13 +19,14 @@ from gateway.simulator.scenario_tables import (
     Sensor,
     Stated,
     Tire,
+    TreadPitchTable,
     Vibration,
 )
 from gateway.simulator.series import Series, constant, in_range
 
 SectionT = TypeVar("SectionT", bound=Section)
 
-_INHERITED: Final = ("motion", "road", "vibration", "impact", "tire", "edge_waves", "sensor", "defect")
+_INHERITED: Final = ("motion", "road", "vibration", "impact", "tire", "edge_waves", "tread_pitch", "sensor", "defect")
 
 
 class Wheel(Section):
@@ -48,6 +49,7 @@ class Wheel(Section):
     impact: Impact = Impact()
     tire: Tire = Tire()
     edge_waves: EdgeWaveTable = EdgeWaveTable()
+    tread_pitch: TreadPitchTable = TreadPitchTable()
     sensor: Sensor = Sensor()
     defect: Defect = Defect()
     stated: Stated = Stated()
@@ -64,6 +66,7 @@ class Scenario(Section):
     impact: Impact = Impact()
     tire: Tire = Tire()
     edge_waves: EdgeWaveTable = EdgeWaveTable()
+    tread_pitch: TreadPitchTable = TreadPitchTable()
     sensor: Sensor = Sensor()
     defect: Defect = Defect()
     hub: tuple[Hub, ...] = Field(default=(), strict=False)

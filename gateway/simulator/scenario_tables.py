@@ -88,7 +88,7 @@ class Tire(Section):
         default=0.5, ge=0, le=1, description="share of the sidewall's stiffness that grows with pressure"
     )
     mass_kgpm: float = Field(default=3.5, gt=0, le=100)
-    extension_stiffness_mn: float = Field(default=5.0, ge=0.1, le=1000)
+    extension_stiffness_mn: float = Field(default=5.0, ge=0.1, le=1e6)
     tread_stiffness_mpa: float = Field(default=70.0, ge=1, le=10_000)
     ring_thickness_mm: float = Field(default=15.0, ge=1, le=80, description="belt and tread, new")
     wear_mm: float = Field(default=0.0, ge=0, le=60)
@@ -130,6 +130,15 @@ class EdgeWaveTable(Section):
     phase_deg: float = Field(default=0.0, ge=-360, le=360)
 
 
+class TreadPitchTable(Section):
+    """`[tread_pitch]` and `[wheel.tread_pitch]`: blocks that bend the belt in the contact, locked to the tire."""
+
+    amplitude_percent: float = Field(default=0.0, ge=0, le=100, description="of R omega^2, in the contact")
+    blocks: float = Field(default=70.0, ge=2, le=300, description="on the circumference")
+    reach_rad: float = Field(default=0.15, ge=0.02, le=3, description="beyond the contact's edges")
+    phase_deg: float = Field(default=0.0, ge=-360, le=360)
+
+
 class Sensor(Section):
     """`[sensor]` and `[wheel.sensor]`; three values are circumferential, lateral, radial."""
 
@@ -142,6 +151,7 @@ class Sensor(Section):
     bandwidth_hz: float | None = Field(default=None, ge=10, le=11_520, description="nothing for the whole band")
     coupling: Literal["dc", "ac"] = "dc"
     highpass_hz: float = Field(default=0.5, gt=0, le=100, description="corner of an AC-coupled sensor")
+    coupling_declared: bool = Field(default=True, description="whether the hello tells of the AC coupling")
     radial_sign: Literal[-1, 1] = 1
     sign_declared: bool = Field(default=True, description="whether the hello tells radial_sign")
     offset_mm: float = Field(default=0.0, ge=-20, le=80, description="sensor below the belt's neutral layer")

@@ -30,7 +30,7 @@ class SensorChain:
         axes: axis mask of the channels.
         channels: number of channels.
         coupling: as the hello tells it.
-        highpass_hz: corner of the AC coupling, 0 when DC.
+        highpass_hz: its corner, likewise, 0 when DC.
         range_mps2: full scale per axis, 0 for absent ones.
         scale_mps2: m/s^2 per count per axis as the hello tells it.
     """
@@ -41,8 +41,9 @@ class SensorChain:
         self._columns = [int(axis) for axis in present]
         self.channels = len(present)
         self.axes = sum(1 << axis for axis in present)
-        self.coupling = Coupling.AC if sensor.coupling == "ac" else Coupling.DC
-        self.highpass_hz = sensor.highpass_hz if sensor.coupling == "ac" else 0.0
+        corner_hz = sensor.highpass_hz if sensor.coupling == "ac" else 0.0
+        self.highpass_hz = corner_hz if sensor.coupling_declared else 0.0
+        self.coupling = Coupling.AC if self.highpass_hz else Coupling.DC
         full_scale = sensor.range_g * STANDARD_GRAVITY_MPS2
         signs = (1.0, 1.0, float(sensor.radial_sign))
         declared = signs if sensor.sign_declared else (1.0, 1.0, 1.0)
@@ -69,8 +70,8 @@ class SensorChain:
         self._filters: list[Biquad] = []
         if sensor.bandwidth_hz is not None:
             self._filters.append(lowpass(sensor.bandwidth_hz, sensor.rate_hz))
-        if self.highpass_hz:
-            self._filters.append(highpass(self.highpass_hz, sensor.rate_hz))
+        if corner_hz:
+            self._filters.append(highpass(corner_hz, sensor.rate_hz))
 
     def __call__(self, force_mps2: FloatArray, time_s: FloatArray, temperature_degc: float) -> NDArray[np.int16]:
         """Return (n, channels) counts of (n, 3) specific force along circumferential, lateral, radial.

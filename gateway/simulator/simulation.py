@@ -34,12 +34,14 @@ class Simulation:
         duration_s: length, None for no end.
         faults: on the link, with their counts.
         truth: what the estimators should find, by position.
+        wheels: being simulated, in the scenario's order.
     """
 
     scenario: Scenario
     duration_s: float | None
     faults: tuple[Fault, ...]
     truth: dict[str, WheelTruth]
+    wheels: tuple[WheelSimulator, ...]
     _hubs: tuple[HubSimulator, ...]
     _link_rng: np.random.Generator
 
@@ -116,6 +118,7 @@ def simulate(
         duration_s=scenario.scenario.duration_s if duration_s is None else duration_s,
         faults=all_faults,
         truth={wheel.plan.position: WheelTruth(wheel.plan, wheel.phase_rad) for wheel in wheels},
+        wheels=tuple(wheels),
         _hubs=hubs,
         _link_rng=link_rng,
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waves import EdgeWaves
+from gateway.physics.rolling_ring_waves import EdgeWaves, TreadPitch
 
 RING_NODES = 720
 
@@ -25,6 +25,7 @@ class TireModel:
         drum_radius_m: of the road; infinite when flat.
         axle_torque_nm: driving torque, balanced by the road's friction; None for a road without.
         waves: from the tread pattern, None for a smooth tread.
+        pitch: of the tread pattern's blocks, likewise.
         runout_m: height of the tire's high spot.
         runout_rad: material angle from the sensor to the high spot.
     """
@@ -37,6 +38,7 @@ class TireModel:
     drum_radius_m: float = math.inf
     axle_torque_nm: float | None = None
     waves: EdgeWaves | None = None
+    pitch: TreadPitch | None = None
     runout_m: float = 0.0
     runout_rad: float = 0.0
 
@@ -61,7 +63,7 @@ class TireModel:
     def solve(
         self, load_n: float, pressure_pa: float, omega_radps: float, start: RingSolution | None = None
     ) -> RingSolution:
-        """Return the ring under given conditions; run-out and edge waves are not in it.
+        """Return the ring under given conditions; run-out and the tread pattern are not in it.
 
         Raises:
             ValueError: a condition is out of range.

@@ -8,9 +8,9 @@ from dataclasses import replace
 from gateway.physics.laminate import crossed_coupling_length
 from gateway.physics.lateral_belt import LateralBelt
 from gateway.physics.rolling_ring import RingParameters
-from gateway.physics.rolling_ring_waves import EdgeWaves
+from gateway.physics.rolling_ring_waves import EdgeWaves, TreadPitch
 from gateway.simulator.scenario_model import Wheel
-from gateway.simulator.scenario_tables import EdgeWaveTable, Tire
+from gateway.simulator.scenario_tables import EdgeWaveTable, Tire, TreadPitchTable
 from gateway.simulator.tire_model import TireModel
 
 
@@ -26,6 +26,7 @@ def tire_model(wheel: Wheel) -> TireModel:
         drum_radius_m=math.inf if tire.drum_radius_mm is None else tire.drum_radius_mm * 1e-3,
         axle_torque_nm=tire.axle_torque_nm,
         waves=_waves(wheel.edge_waves),
+        pitch=_pitch(wheel.tread_pitch, reverse=wheel.motion.direction == "reverse"),
         runout_m=tire.runout_mm * 1e-3,
         runout_rad=math.radians(tire.runout_deg),
     )
@@ -60,6 +61,18 @@ def _waves(table: EdgeWaveTable) -> EdgeWaves | None:
         order_after=table.order_after,
         decay_rad=table.decay_rad,
         phase_rad=math.radians(table.phase_deg),
+    )
+
+
+def _pitch(table: TreadPitchTable, *, reverse: bool) -> TreadPitch | None:
+    """Return the pattern's blocks; they pass the other way round when the tire does."""
+    if not table.amplitude_percent:
+        return None
+    return TreadPitch(
+        amplitude=table.amplitude_percent * 1e-2,
+        blocks=table.blocks,
+        reach_rad=table.reach_rad,
+        phase_rad=math.radians(-table.phase_deg if reverse else table.phase_deg),
     )
 
 

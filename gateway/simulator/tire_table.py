@@ -89,10 +89,13 @@ class TireTable:
 
     def _fine(self, solution: RingSolution) -> FloatArray:
         """Return a solution's planar columns on the table's angles."""
-        sensor, waves, radius = solution.sensor, self.tire.waves, solution.ring.radius_m
+        sensor, radius = solution.sensor, solution.ring.radius_m
         radial, along = sensor.radial_m, sensor.circumferential_m
-        if waves is not None:
-            wave = radius * waves.radial(solution.theta_rad, solution.leading_edge_rad, solution.trailing_edge_rad)
+        edges_rad = solution.leading_edge_rad, solution.trailing_edge_rad
+        for pattern in (self.tire.waves, self.tire.pitch):
+            if pattern is None:
+                continue
+            wave = radius * pattern.radial(solution.theta_rad, *edges_rad)
             slope = angle_derivatives(wave.astype(np.complex128))[0].real
             radial = radial + wave
             along = along - self.tire.sensor_offset_m / radius * slope
