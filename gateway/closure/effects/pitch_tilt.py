@@ -45,8 +45,8 @@ class PitchTilt:
         return ((0.02,),)
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
-        """Return what the rotation changes; signals are along the sensor's own directions, as it was glued."""
-        pitch = float(parameters[0])
+        """Return what the rotation changes."""
+        pitch = _sense(here) * float(parameters[0])
         # cos - 1 without cancellation.
         less, sine = -2.0 * math.sin(0.5 * pitch) ** 2, math.sin(pitch)
         along, radial = here.signal_mps2[CIRCUMFERENTIAL], here.signal_mps2[RADIAL]
@@ -57,12 +57,18 @@ class PitchTilt:
 
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return its derivative by the angle."""
-        sine, cosine = math.sin(parameters[0]), math.cos(parameters[0])
+        sense = _sense(here)
+        sine, cosine = math.sin(sense * parameters[0]), math.cos(parameters[0])
         along, radial = here.signal_mps2[CIRCUMFERENTIAL], here.signal_mps2[RADIAL]
         change = bare(here)
         change[CIRCUMFERENTIAL] = cosine * radial - sine * along
         change[RADIAL] = -cosine * along - sine * radial
-        return change[None]
+        return sense * change[None]
+
+
+def _sense(here: Here) -> float:
+    """Return -1 in reverse, where the circumferential axis of the data is turned to point along the rotation."""
+    return -1.0 if here.conditions.reverse else 1.0
 
 
 EFFECT = PitchTilt()

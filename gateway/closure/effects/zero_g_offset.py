@@ -49,15 +49,20 @@ class ZeroGOffset:
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the constants; an AC-coupled sensor does not pass them."""
-        passed = 0.0 if here.conditions.ac_coupled else 1.0
-        return np.repeat(passed * parameters[:, None], here.signal_mps2.shape[1], axis=1)
+        return np.repeat((_passed(here) * parameters)[:, None], here.signal_mps2.shape[1], axis=1)
 
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return ones, each on its axis."""
         change = np.zeros((3, *here.signal_mps2.shape))
-        if not here.conditions.ac_coupled:
-            change[[0, 1, 2], [0, 1, 2]] = 1.0
+        change[[0, 1, 2], [0, 1, 2]] = _passed(here)[:, None]
         return change
+
+
+def _passed(here: Here) -> FloatArray:
+    """Return by how much each constant shows; in reverse the data's circumferential axis is turned round."""
+    if here.conditions.ac_coupled:
+        return np.zeros(3)
+    return np.array([-1.0 if here.conditions.reverse else 1.0, 1.0, 1.0])
 
 
 EFFECT = ZeroGOffset()
