@@ -15,11 +15,11 @@ class ShearFlexibility:
     name = "shear flexibility"
     summary = "The belt shears between its cords (a Timoshenko belt): sharper contact edges than bending allows."
     equation = "section's turn from the tangent = shear force / GA; parameter EI / GA, the shear length squared"
-    # Rubber 10 mm thick and 0.2 m wide at 2 MPa has GA = 4 kN; EI of 2 to 10 N m^2 gives lengths up to 50 mm, but then
-    # shear, not bending, is what Bs reads; 15 mm is a third of the contact's edge. Shear never stiffens.
+    # A belt of 20 to 30 cm^2 of rubber of 3 to 5 MPa has GA of 6 to 15 kN, and with EI of 2 to 10 N m^2 lengths of 10
+    # to 40 mm, which is all of the layer sqrt(EI / T) at a contact edge; cords make it less. Shear never stiffens.
     parameters = (
         Parameter(
-            "length_squared_m2", "m^2", low=0.0, high=4e-4, prior_std=1e-4, step=2e-6, factor=1e6, display_unit="mm^2"
+            "length_squared_m2", "m^2", low=0.0, high=1.6e-3, prior_std=4e-4, step=5e-6, factor=1e6, display_unit="mm^2"
         ),
     )
     seen_by = "radial axis, orders 20 and up at the contact edges; circumferential axis, which the section's turn tilts"

@@ -17,7 +17,7 @@ class TreadDamping:
     # 7e-4 s is a rolling resistance of 0.66 % at 65 km/h; 3e-3 s is about 3 %, more than any tire has.
     parameters = (
         Parameter(
-            "damping_time_s", "s", low=0.0, high=3e-3, prior_std=1.5e-3, step=2e-5, factor=1e3, display_unit="ms"
+            "damping_time_s", "s", low=0.0, high=3e-3, prior_std=1.5e-3, step=5e-6, factor=1e3, display_unit="ms"
         ),
     )
     seen_by = "radial axis, sine part of orders above 8, at both contact edges; grows faster than Omega^2"

@@ -1,0 +1,195 @@
+"""Effects on the ring: what they mean in SI units, against the solver itself; smoothness; who may take them."""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import Conditions, RingEffect, SignalEffect, SpectrumEffect, StartModel
+from gateway.closure.effects.catalogue import candidates, catalogue
+from gateway.closure.exact_core import NODES, ExactCore
+from gateway.closure.ring_options import RingOptions
+from gateway.closure.series_core import SeriesCore
+from gateway.physics.bound import waveform_orders
+from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+
+FloatArray = NDArray[np.float64]
+
+HERE = Conditions(56.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+SERIES_ONLY = ("belt kinematics (n^2-1)", "pressure shape", "geometric tension loss")
+EXACT = (
+    "structural damping",
+    "tread damping (shifted pressure)",
+    "contact asymmetry",
+    "belt extension",
+    "shear flexibility",
+    "rotary inertia",
+    "drum curvature",
+    "sidewall stiffening",
+)
+
+
+def ring_effect(name: str) -> RingEffect:
+    return cast(RingEffect, catalogue()[name])
+
+
+def exact(name: str, value: float, core: ExactCore, at: Conditions = HERE) -> FloatArray:
+    """Orders of both axes of the exact core with an effect in, (2, 111) complex."""
+    options = ring_effect(name).options(RingOptions(), np.array([value]), at)
+    wave = core.shape(np.zeros(5), at, options, 0.24).waveform
+    return waveform_orders(np.stack([wave.radial_m, wave.circumferential_m]), 110)
+
+
+def solved(at: Conditions = HERE, *, drum_radius_m: float = math.inf, torque_nm: float | None = None, **si: float):
+    """Orders of Table 3's ring with true SI fields, solved without the closure."""
+    fields = {"extension_stiffness_n": 2e10, **si}
+    ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=at.pressure_pa, **fields)
+    solution: RingSolution = solve_rolling_ring(
+        ring, at.load_n, at.pressure_pa, at.omega_radps, nodes=NODES,
+        drum_radius_m=drum_radius_m, axle_torque_nm=torque_nm,
+    )  # fmt: skip
+    return waveform_orders(np.stack([solution.sensor.radial_m, solution.sensor.circumferential_m]), 110)
+
+
+KW = TABLE_3_NUMBERS[2] * 2.1e5
+EI = TABLE_3_NUMBERS[0] * 0.32**4 * 2.1e5
+
+
+@pytest.mark.parametrize("name", [*SERIES_ONLY, *EXACT])
+def test_it_describes_itself_and_is_nothing_at_zero(name: str) -> None:
+    effect = ring_effect(name)
+    assert isinstance(effect, RingEffect)
+    assert not isinstance(effect, SignalEffect | SpectrumEffect)
+    assert effect.name == name
+    assert effect.summary
+    assert effect.equation
+    assert effect.seen_by
+    assert effect.confused_with
+    zero = np.zeros(len(effect.parameters))
+    given = RingOptions(damping_time_s=1e-4, drum_curvature_pm=0.3, sensor_offset_m=0.004, pressure_p2=-0.1)
+    assert effect.options(given, zero, HERE) == given
+    for start in effect.starts((HERE,)):
+        assert len(start) == len(effect.parameters)
+        assert any(start)
+        for value, parameter in zip(start, effect.parameters, strict=True):
+            assert parameter.low <= value <= parameter.high
+        assert effect.options(given, np.array(start), HERE) != given
+    for parameter in effect.parameters:
+        assert parameter.low < parameter.high
+        assert 0.0 < parameter.step < 0.1 * (parameter.high - parameter.low)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "si"),
+    [
+        ("structural damping", 200.0 / KW, {"foundation_damping_nspm2": 200.0}),
+        ("tread damping (shifted pressure)", 5e4 / 7e7, {"tread_damping_nspm2": 5e4}),
+        ("contact asymmetry", 0.05, {"torque_nm": 0.05 * 5000.0 * 0.32}),
+        ("contact asymmetry", -0.2, {"torque_nm": -0.2 * 5000.0 * 0.32}),
+        ("belt extension", 1.0 / 5e6 - 1.0 / 2e10, {"extension_stiffness_n": 5e6}),
+        ("shear flexibility", EI / 6e4, {"shear_stiffness_n": 6e4}),
+        ("rotary inertia", 1.5e-4, {"rotary_inertia_kgm": 1.5e-4}),
+        ("drum curvature", 1.0 / 0.85, {"drum_radius_m": 0.85}),
+        ("drum curvature", -1.0 / 1.9, {"drum_radius_m": -1.9}),
+        ("sidewall stiffening", 5.0, {"sidewall_stiffening_pm": 5.0}),
+    ],
+)
+def test_its_parameter_is_what_it_says_in_si_units(name: str, value: float, si: dict[str, float]) -> None:
+    found, true = exact(name, value, ExactCore()), solved(**si)
+    plain = solved()
+    change = float(np.abs(true - plain).max())
+    assert change > 1e-4 * float(np.abs(plain[0, 2:]).max())
+    assert np.abs(found - true).max() < 1e-4 * change
+
+
+@pytest.mark.parametrize("name", ["structural damping", "tread damping (shifted pressure)", "rotary inertia"])
+def test_losses_and_inertia_grow_with_speed(name: str) -> None:
+    slow = Conditions(30.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+    core, size = ExactCore(), ring_effect(name).parameters[0].step
+    plain = exact(name, 0.0, core)
+    ratio = np.linalg.norm(exact(name, size, core) - plain) / np.linalg.norm(exact(name, size, core, slow) - plain)
+    assert ratio == pytest.approx((56.0 / 30.0) ** (2 if name == "rotary inertia" else 1), rel=0.02)
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_the_waveform_is_smooth_from_zero_on(name: str) -> None:
+    """A difference over the step is the derivative: half and twice the step give it too."""
+    core, step = ExactCore(), ring_effect(name).parameters[0].step
+    plain = exact(name, 0.0, core)
+    slopes = [(exact(name, factor * step, core) - plain) / (factor * step) for factor in (0.5, 1.0, 2.0)]
+    for axis in (0, 1):
+        size = float(np.linalg.norm(slopes[1][axis]))
+        if size > 1e-3 * float(np.linalg.norm(slopes[1])):
+            assert np.linalg.norm(slopes[0][axis] - slopes[1][axis]) < 0.08 * size
+            assert np.linalg.norm(slopes[2][axis] - slopes[1][axis]) < 0.08 * size
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("structural damping", 3e-4), ("tread damping (shifted pressure)", 5e-4), ("contact asymmetry", 0.05)],
+)
+def test_losses_lean_the_contact_forward_and_drive_gives_it_a_sine_part(name: str, value: float) -> None:
+    core = ExactCore()
+    options = ring_effect(name).options(RingOptions(), np.array([value]), HERE)
+    shape = core.shape(np.zeros(5), HERE, options, 0.24)
+    centre = 0.5 * (shape.leading_edge_rad + shape.trailing_edge_rad)
+    orders = waveform_orders(shape.waveform.radial_m, 110)
+    assert np.abs(orders.imag).max() > 1e-3 * np.abs(orders[2:].real).max()
+    if name == "contact asymmetry":
+        braked = ring_effect(name).options(RingOptions(), np.array([-value]), HERE)
+        mirrored = waveform_orders(core.shape(np.zeros(5), HERE, braked, 0.24).waveform.radial_m, 110)
+        assert np.abs(orders - mirrored.conj()).max() < 1e-6
+    else:
+        assert centre < -1e-3
+
+
+def test_a_drum_reads_less_than_zero_in_the_contact() -> None:
+    options = ring_effect("drum curvature").options(RingOptions(), np.array([1.0 / 0.85]), HERE)
+    shape = ExactCore().shape(np.zeros(5), HERE, options, 0.24)
+    # V^2 kappa over omega^2 is -R^2 / Rd, and the tread lets the middle bend a little more.
+    assert float(shape.waveform.radial_m[256]) == pytest.approx(-(0.32**2) / 0.85, rel=0.3)
+
+
+def test_pressure_shape_changes_with_load_as_told() -> None:
+    effect = ring_effect("pressure shape")
+    parameters = np.array([-0.36, -0.59, 0.6, -0.3])
+    nominal = effect.options(RingOptions(), parameters, HERE)
+    assert (nominal.pressure_p2, nominal.pressure_p4) == pytest.approx((-0.36, -0.59))
+    heavy = effect.options(
+        RingOptions(), parameters, Conditions(56.0, 0.0, 0.32, 8000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+    )
+    assert heavy.pressure_p2 == pytest.approx(-0.36 + 0.6 * math.log(1.6))
+    assert heavy.pressure_p4 == pytest.approx(-0.59 - 0.3 * math.log(1.6))
+
+
+@pytest.mark.parametrize("name", SERIES_ONLY)
+def test_series_effects_move_the_series_and_not_the_exact_ring(name: str) -> None:
+    effect = ring_effect(name)
+    options = effect.options(RingOptions(), np.array(effect.starts((HERE,))[0]), HERE)
+    series = SeriesCore(StartModel.PAPER)
+    moved = series.shape(np.zeros(4), HERE, options, 0.24).waveform.radial_m
+    plain = series.shape(np.zeros(4), HERE, RingOptions(), 0.24).waveform.radial_m
+    assert np.linalg.norm(moved - plain) > 0.01 * np.linalg.norm(plain)
+    core = ExactCore()
+    same = core.shape(np.zeros(5), HERE, options, 0.24).waveform.radial_m
+    assert same == pytest.approx(core.shape(np.zeros(5), HERE, RingOptions(), 0.24).waveform.radial_m, abs=1e-9)
+
+
+def test_candidates_are_what_a_model_lacks_and_can_take() -> None:
+    found = {model: set(candidates(model)) for model in StartModel}
+    assert found[StartModel.PAPER] >= set(SERIES_ONLY)
+    assert found[StartModel.SERIES] & set(SERIES_ONLY) == {"pressure shape", "geometric tension loss"}
+    assert not found[StartModel.EXACT] & set(SERIES_ONLY)
+    assert found[StartModel.EXACT] >= set(EXACT)
+    assert not (found[StartModel.PAPER] | found[StartModel.SERIES]) & set(EXACT)
+
+
+@pytest.mark.parametrize(("name", "value"), [("belt extension", -1e-6), ("shear flexibility", -1e-6)])
+def test_what_cannot_be_is_refused(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match="must"):
+        ring_effect(name).options(RingOptions(), np.array([value]), HERE)
