@@ -18,7 +18,7 @@ class RingOptions:
         tread_damping_time_s: ct / kt of the tread.
         stiffening_pm: relative growth of the sidewall's stiffnesses per metre.
         drum_curvature_pm: 1 / drum radius; 0 is flat, negative an inner drum.
-        traction: axle torque over load and belt radius; friction along the belt carries it.
+        traction: axle torque beyond that of the losses over load and belt radius; friction along the belt carries it.
         sensor_offset_m: of the sensor below the neutral layer.
         kinematics: series only: 0 reads n^2 as Eq. 25 prints it, 1 reads n^2 - 1, in proportion in between.
         pressure_p2: series only: Legendre coefficient a_2 of the contact pressure, 0 is uniform.

@@ -13,13 +13,18 @@ class ContactAsymmetry:
 
     name = "contact asymmetry"
     summary = "A driving or braking torque winds the belt up against the rim; leading and trailing edge differ."
-    equation = "axle torque = traction * Q R, carried by friction in proportion to q along the contact"
+    equation = (
+        "axle torque = that of the losses + traction * Q R, carried by friction in proportion to q along the contact"
+    )
     # Drive torque at steady speed is 1 to 5 % of the load; hard braking up to 50 %, beyond which tires slip.
     parameters = (
         Parameter("traction", "", low=-0.5, high=0.5, prior_std=0.2, step=2e-3, factor=100.0, display_unit="%"),
     )
     seen_by = "radial axis, sine part of all orders, as Omega^2 at every speed alike"
-    confused_with = "contact centre; structural and tread damping, which grow with speed: record at another speed"
+    confused_with = (
+        "structural damping: its derivative is 0.98 alike at one speed, but grows with speed; braking against driving "
+        "decides; contact centre"
+    )
     already_in = NOWHERE
     needs_exact = True
 

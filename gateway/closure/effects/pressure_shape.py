@@ -30,7 +30,10 @@ class PressureShape:
         Parameter("G4", "", low=-1.5, high=1.5, prior_std=0.7, step=0.02),
     )
     seen_by = "radial axis, orders above pi / theta_r, about 12; several loads for its change with load"
-    confused_with = "bending (Bs); an anti-alias filter (goes with frequency, not order: another speed)"
+    confused_with = (
+        "bending (Bs); tension loss and kinematics until all are in; an anti-alias filter (goes with frequency, not order: "
+        "another speed)"
+    )
     already_in = EXACT_ONLY
     needs_exact = False
 

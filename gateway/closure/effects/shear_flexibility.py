@@ -23,7 +23,10 @@ class ShearFlexibility:
         ),
     )
     seen_by = "radial axis, orders 20 and up at the contact edges; circumferential axis, which the section's turn tilts"
-    confused_with = "bending (Bs) and the tread's stiffness; the circumferential axis tells them apart"
+    confused_with = (
+        "bending (Bs) and the tread's stiffness, which take up half of it; sidewall stiffening, 0.6 alike; the "
+        "circumferential axis tells them apart"
+    )
     already_in = NOWHERE
     needs_exact = True
 

@@ -17,7 +17,10 @@ class SidewallStiffening:
     # 10 % either way over a deflection of 20 mm is 5 per metre; twice that bounds what is a sidewall.
     parameters = (Parameter("growth_pm", "1/m", low=-10.0, high=15.0, prior_std=6.0, step=0.1),)
     seen_by = "radial axis, orders 2 to 12, as Omega^2; several loads with their own deflections"
-    confused_with = "the four numbers at one load, which take up most of it"
+    confused_with = (
+        "the four numbers and the tread's stiffness, which take up 97 % of it; drum curvature, -0.7 alike; shear "
+        "flexibility, 0.6 alike"
+    )
     already_in = NOWHERE
     needs_exact = True
 

@@ -18,7 +18,10 @@ class TensionLoss:
     # comes out on the exact ring as 1.01 to 1.04 from the corrected series and 1.07 to 1.25 from the printed one.
     parameters = (Parameter("share", "", low=0.6, high=1.5, prior_std=2.0, step=0.05),)
     seen_by = "radial axis, any order, growing with the load; at one load as Cw, Rs and Ts that change with load"
-    confused_with = "tension number Cw and sidewall numbers at one load: the fit is good and they are up to 40 % off"
+    confused_with = (
+        "tension number Cw and sidewall numbers at one load, which take up 91 % of it and end up to 40 % off; pressure "
+        "shape and kinematics, 0.5 to 0.9 alike until all are in"
+    )
     already_in = EXACT_ONLY
     needs_exact = False
 

@@ -21,7 +21,7 @@ class TreadDamping:
         ),
     )
     seen_by = "radial axis, sine part of orders above 8, at both contact edges; grows faster than Omega^2"
-    confused_with = "contact centre; structural damping (low orders); drive torque (does not grow with speed)"
+    confused_with = "structural damping and contact asymmetry, -0.3 alike, in lower orders; contact centre"
     already_in = NOWHERE
     needs_exact = True
 
