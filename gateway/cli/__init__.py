@@ -17,6 +17,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "replay": ("gateway.cli.replay:replay", "Play a recording through the console again."),
     "inspect": ("gateway.cli.inspect:inspect", "Show what is in a recording: links, losses, rates, a time line."),
     "estimate": ("gateway.cli.estimate:estimate", "Estimate recordings in one pass: one row a revolution and wheel."),
+    "diagnose": ("gateway.cli.diagnose:diagnose", "Find what the model lacks in recordings, and name it."),
     "calibrate": ("gateway.cli.calibrate:calibrate", "Fit load and reference numbers of a tire to known loads."),
     "import": ("gateway.cli.importing:import_", "Turn a CSV, MAT or Parquet measurement into a recording."),
     "repair": ("gateway.cli.repair:repair", "Rescue a recording that was cut off or damaged."),

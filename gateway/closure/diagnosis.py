@@ -9,6 +9,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.signal.correction import CorrectionTable
+
 FloatArray = NDArray[np.float64]
 
 
@@ -199,6 +201,8 @@ class Diagnosis:
         empirical_rms_mps2: held-out rms with the fitted empirical correction, None when not asked for.
         notes: what the user must know: groups left out, few revolutions, one speed only.
         folds_of: what the folds were: "recordings", "blocks of revolutions" or "revolutions".
+        correction: what the named effects add, for `live` and `estimate` to take off; None when nothing was named, or
+            where the starting model is not the exact ring.
     """
 
     model: str
@@ -220,6 +224,7 @@ class Diagnosis:
     empirical_rms_mps2: float | None = None
     notes: tuple[str, ...] = ()
     folds_of: str = "blocks of revolutions"
+    correction: CorrectionTable | None = None
 
     @property
     def named(self) -> tuple[Finding, ...]:

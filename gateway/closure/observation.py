@@ -84,6 +84,7 @@ class Campaign:
         clock_error: share by which the hub's clock runs fast against the host's, and its standard error; NaN unknown.
         assumed: what nobody stated, in words.
         notes: what the user must know of the recordings: damage, groups left out.
+        sensor_id: serial number of the sensor, None when not known or the recordings are of different ones.
     """
 
     wheel: str
@@ -94,6 +95,7 @@ class Campaign:
     clock_error: tuple[float, float] = (float("nan"), float("nan"))
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    sensor_id: int | None = None
 
     @property
     def folds(self) -> int:

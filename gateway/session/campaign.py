@@ -185,6 +185,10 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         groups = big
     if FEW in rejected:
         notes.append(f"{rejected[FEW]} revolutions left out: {FEW}")
+    sensors = {read.sensor_id for read in reads if read.groups}
+    if len(sensors) > 1:
+        names = ", ".join(sorted("several" if sensor is None else f"{sensor:08x}" for sensor in sensors))
+        notes.append(f"the recordings are of different sensors: {names}")
     begin_s, told = _begins(orders, reads)
     notes += told
     known = [(c.temperature_degc, _count(g)) for g in groups if math.isfinite((c := g.conditions).temperature_degc)]
@@ -207,6 +211,7 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         clock_error=combined([read.clock_error for read in reads]),
         assumed=_merged(orders, reads),
         notes=tuple(notes),
+        sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
     )
 
 

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.batch import FrameBatch
+from firmware_protocol.messages import Hello, MessageType
 from gateway.closure.collecting import RevolutionStore
 from gateway.closure.group_making import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA, Declared, make_groups
 from gateway.closure.observation import Group
@@ -64,6 +70,7 @@ class RecordingRead:
         clock_error: of the wheel's hub.
         assumed: what nobody stated.
         damage: what could not be read.
+        sensor_id: serial number of the wheel's sensor, None when several took turns.
     """
 
     wheels: tuple[str, ...]
@@ -75,6 +82,7 @@ class RecordingRead:
     clock_error: tuple[float, float] = UNKNOWN
     assumed: tuple[str, ...] = ()
     damage: str | None = None
+    sensor_id: int | None = None
 
 
 class _SeveralWheelsError(Exception):
@@ -118,14 +126,19 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         vehicle = parse_vehicle(reader.vehicle_toml, str(order.path))
     taker, clock = _Taker(order), HubClockError()
     links: set[str] = set()
+    sensors: dict[tuple[int, int], set[int]] = {}
 
     def on_bytes(_: int) -> None:
         if on_position is not None:
             on_position(reader.position)
 
-    def on_batch(link: str, batch: object, arrivals_ns: object) -> None:
+    def on_batch(link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         links.add(link)
-        clock.take(link, batch, arrivals_ns)  # type: ignore[arg-type]
+        clock.take(link, batch, arrivals_ns)
+        for at in np.flatnonzero(batch.type == MessageType.HELLO).tolist():
+            hello = batch.message(at)
+            assert isinstance(hello, Hello)
+            sensors.setdefault((int(batch.hub[at]), int(batch.wheel[at])), set()).add(hello.sensor_id)
 
     guard = open_guard(vehicle, order.key_file, remembers=False)
     try:
@@ -152,7 +165,8 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     groups = make_groups(table, declared, order.folds, taker.store.reject) if len(table) else []
     host_s = table["host_s"]
     real = bool(links) and not any(link.startswith(_WITHOUT_HOST_TIME) for link in links)
-    hub = wheel.hub if wheel is not None else _hub_in(taker.last.position)
+    address = (wheel.hub, wheel.wheel) if wheel is not None else _address_in(taker.last.position)
+    seen = sensors.get(address, set()) if address is not None else set()
     return RecordingRead(
         wheels=wheels,
         groups=tuple(groups),
@@ -160,9 +174,10 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         last_s=float(host_s.max()) if len(table) else 0.0,
         host_times=real,
         rejected=taker.store.rejected,
-        clock_error=clock.error(hub) if real and hub is not None else UNKNOWN,
+        clock_error=clock.error(address[0]) if real and address is not None else UNKNOWN,
         assumed=_assumed(vehicle, wheel, groups),
         damage=reader.damage,
+        sensor_id=next(iter(seen)) if len(seen) == 1 else None,
     )
 
 
@@ -171,10 +186,10 @@ def _configured(vehicle: VehicleConfig | None, position: str) -> Wheel | None:
     return next((wheel for wheel in wheels if wheel.position == position), None)
 
 
-def _hub_in(position: str) -> int | None:
-    """Return the hub of a wheel that is not configured: the pipeline calls it `hub0.wheel2`."""
-    digits = position.removeprefix("hub").partition(".")[0]
-    return int(digits) if position.startswith("hub") and digits.isdecimal() else None
+def _address_in(position: str) -> tuple[int, int] | None:
+    """Return hub and number of a wheel that is not configured: the pipeline calls it `hub0.wheel2`."""
+    found = re.match(r"hub(\d+)\.wheel(\d+)", position)
+    return (int(found[1]), int(found[2])) if found else None
 
 
 def _assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: list[Group]) -> tuple[str, ...]:

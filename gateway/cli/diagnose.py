@@ -1,0 +1,167 @@
+"""`treadlink diagnose`: what the model lacks, found in recordings."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+import click
+
+from gateway.cli.opening import config_option, keys_option
+from gateway.config.load import load_vehicle
+from gateway.errors import TreadlinkError
+from gateway.views.report_file import check_target
+from gateway.views.text import clean
+
+MODELS: Final = ("exact", "series", "paper")
+
+_STEPS: Final = 1000
+_LABEL: Final = 32
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
+@config_option
+@click.option("--wheel", metavar="POSITION", help="Which wheel, where the recordings hold several.")
+@click.option(
+    "--model",
+    type=click.Choice(MODELS),
+    default="exact",
+    show_default=True,
+    help="Where to start: the geometrically exact ring, the corrected series, or the ring paper's as printed.",
+)
+@click.option(
+    "--reverse",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="RECORDING",
+    help="This one of them was made rolling backwards, or with the tire turned on its rim; may be given several times.",
+)
+@click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="OUT", help="Write every figure as JSON.")
+@click.option(
+    "--html",
+    "html_path",
+    type=click.Path(path_type=Path),
+    metavar="OUT",
+    help="Write a report with figures, one HTML file (needs treadlink[plot]).",
+)
+@click.option("--empirical", is_flag=True, help="Also fit what no effect explains, and tell what that would gain.")
+@click.option(
+    "--save-effects",
+    "effects_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the named effects for live, estimate and replay --effects.",
+)
+@click.option(
+    "--folds",
+    type=click.IntRange(2, 20),
+    default=5,
+    show_default=True,
+    help="Blocks of revolutions, each in turn held out.",
+)
+@click.option("--jobs", type=click.IntRange(1, 64), help="Processes at most.  [default: 2, or 1 on one processor]")
+@click.option("--force", is_flag=True, help="Overwrite existing output files.")
+@keys_option
+def diagnose(
+    recordings: tuple[Path, ...],
+    config_path: Path | None,
+    wheel: str | None,
+    model: str,
+    reverse: tuple[Path, ...],
+    json_path: Path | None,
+    html_path: Path | None,
+    empirical: bool,
+    effects_path: Path | None,
+    folds: int,
+    jobs: int | None,
+    force: bool,
+    key_file: Path | None,
+) -> None:
+    """Find what the model lacks in RECORDING... of one wheel, name it, and tell the error before and after.
+
+    The starting model is fitted first. What it leaves, beyond the scatter from revolution to revolution, is traced to
+    effects of a catalogue: how the sensor sits, what it does to the signal, what tire, wheel and road add. An effect is
+    named only when it lessens the error on revolutions that no fit has seen, with plausible parameters, at every speed
+    and load alike, and when no other effect explains the same. What stays is told as unexplained: where it sits, how
+    large it is, how it grows with speed.
+
+    One recording of half a minute at a steady speed is enough; several speeds, loads and pressures tell more, for
+    effects that look alike at one speed differ at another. Each recording's load, pressure and mounting are those of
+    the configuration recorded with it, unless --config gives one for all.
+
+    \b
+      treadlink diagnose 40kmh.mcap 80kmh.mcap 120kmh.mcap --html report.html
+      treadlink diagnose drive.mcap --wheel FL --save-effects fl.effects.json
+      treadlink estimate drive.mcap --effects fl.effects.json
+      treadlink diagnose ahead.mcap back.mcap --reverse back.mcap
+    """
+    if effects_path is not None and model != "exact":
+        raise TreadlinkError(
+            "--save-effects goes with --model exact",
+            "What the other models lack beside it, live and estimate take into account already.",
+        )
+    for path in filter(None, (json_path, html_path, effects_path)):
+        check_target(path, force=force)
+    if html_path is not None:
+        from gateway.views.closure_svg import require_report_packages
+
+        require_report_packages()
+    vehicle = load_vehicle(config_path) if config_path is not None else None
+    from gateway.closure.effects.base import StartModel
+    from gateway.session.diagnose import diagnose_recordings
+    from gateway.views.closure_summary import closure_summary_lines
+
+    with _progress() as on_progress:
+        diagnosis = diagnose_recordings(
+            _distinct(recordings),
+            vehicle=vehicle,
+            wheel=wheel,
+            model=StartModel(model),
+            empirical=empirical,
+            folds=folds,
+            jobs=jobs or min(2, os.cpu_count() or 1),
+            reverse=reverse,
+            key_file=key_file,
+            on_progress=on_progress,
+        )
+    for line in closure_summary_lines(diagnosis):
+        click.echo(clean(line))
+    if json_path is not None:
+        from gateway.views.closure_json import write_json
+
+        write_json(diagnosis, json_path, force=force)
+    if html_path is not None:
+        from gateway.views.closure_html import write_html
+
+        write_html(diagnosis, html_path, force=force)
+    for path in filter(None, (json_path, html_path)):
+        click.echo(f"written: {clean(str(path))}")
+
+
+def _distinct(recordings: tuple[Path, ...]) -> list[Path]:
+    """Return the recordings as given; the same one twice would count its revolutions twice."""
+    found: dict[Path, Path] = {}
+    for path in recordings:
+        before = found.setdefault(path.resolve(), path)
+        if before is not path:
+            raise TreadlinkError(f"'{path}' is given twice", "Name each recording once.")
+    return list(found.values())
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[float, str], None]]:
+    """Yield a function that draws a bar and what is being done on a terminal, and does nothing otherwise."""
+    shown = sys.stderr.isatty()
+    with click.progressbar(length=_STEPS, label=" " * _LABEL, file=sys.stderr, hidden=not shown) as bar:
+
+        def on_progress(share: float, text: str) -> None:
+            bar.label = f"{clean(text)[:_LABEL]:<{_LABEL}}"
+            bar.update(max(0, min(_STEPS, round(share * _STEPS)) - bar.pos))
+            bar.render_progress()
+
+        yield on_progress
