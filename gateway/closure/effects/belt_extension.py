@@ -21,7 +21,10 @@ class BeltExtension:
         ),
     )
     seen_by = "radial axis, orders 0 to 3, a share of a percent of them; circumferential axis likewise"
-    confused_with = "tangential sidewall number Ts; gain (order 0); mounting offset, 0.6 to 0.7 alike without the circumferential axis"
+    confused_with = (
+        "tangential sidewall number Ts; gain (order 0); mounting offset, 0.6 to 0.7 alike without the circumferential "
+        "axis"
+    )
     already_in = NOWHERE
     needs_exact = True
 

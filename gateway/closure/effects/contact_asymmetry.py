@@ -9,7 +9,7 @@ from gateway.closure.ring_options import RingOptions
 
 
 class ContactAsymmetry:
-    """Driving (positive) or braking torque at the axle over load and belt radius."""
+    """Driving (positive) or braking torque at the axle, beyond that of the losses, over load and belt radius."""
 
     name = "contact asymmetry"
     summary = "A driving or braking torque winds the belt up against the rim; leading and trailing edge differ."

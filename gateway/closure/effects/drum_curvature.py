@@ -18,8 +18,8 @@ class DrumCurvature:
     parameters = (Parameter("curvature_pm", "1/m", low=-0.6, high=2.1, prior_std=1.0, step=0.01),)
     seen_by = "radial axis, level in the contact against the level outside, as Omega^2"
     confused_with = (
-        "sidewall stiffening, -0.7 alike; mounting offset, -0.9 alike where neither the mean nor the circumferential axis "
-        "is seen; the tread's stiffness"
+        "sidewall stiffening, -0.7 alike; mounting offset, -0.9 alike where neither the mean nor the circumferential "
+        "axis is seen; the tread's stiffness"
     )
     already_in = NOWHERE
     needs_exact = True

@@ -31,8 +31,8 @@ class PressureShape:
     )
     seen_by = "radial axis, orders above pi / theta_r, about 12; several loads for its change with load"
     confused_with = (
-        "bending (Bs); tension loss and kinematics until all are in; an anti-alias filter (goes with frequency, not order: "
-        "another speed)"
+        "bending (Bs); tension loss and kinematics until all are in; an anti-alias filter (goes with frequency, not "
+        "order: another speed)"
     )
     already_in = EXACT_ONLY
     needs_exact = False

@@ -21,7 +21,10 @@ class RotaryInertia:
         ),
     )
     seen_by = "radial axis, as bending that falls with speed: two speeds, the faster the better"
-    confused_with = "bending (Bs) and the tread: at one speed they take up all of it; anti-alias filter and tread damping between speeds"
+    confused_with = (
+        "bending (Bs) and the tread: at one speed they take up all of it; anti-alias filter and tread damping between "
+        "speeds"
+    )
     already_in = NOWHERE
     needs_exact = True
 
