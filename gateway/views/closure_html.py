@@ -1,0 +1,157 @@
+"""A diagnosis as one HTML file that needs nothing else: tables first, then figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from gateway import __version__
+from gateway.closure.diagnosis import Diagnosis
+from gateway.views.closure_chapters import Chapter, chapters
+from gateway.views.closure_rows import model_words, place_text, ratio, significant
+from gateway.views.closure_svg import require_report_packages
+from gateway.views.closure_tables import (
+    EffectRow,
+    ErrorRow,
+    EstimateRow,
+    Step,
+    UnexplainedRow,
+    effect_rows,
+    error_rows,
+    estimate_rows,
+    refused_rows,
+    steps,
+    unexplained_rows,
+)
+from gateway.views.numbers import fixed
+from gateway.views.report_file import write_whole
+from gateway.views.text import clean
+
+if TYPE_CHECKING:
+    import jinja2
+
+_PACKAGE: Final = "gateway.views"
+_TEMPLATE: Final = "closure_report.html.j2"
+_STYLE: Final = "closure_report.css"
+
+
+def write_html(diagnosis: Diagnosis, path: Path, *, force: bool = False) -> None:
+    """Write a diagnosis as one self-contained HTML file, whole or not at all.
+
+    Raises:
+        OutputError: matplotlib or jinja2 is missing, the file exists and `force` is not set, or it cannot be written.
+    """
+    write_whole(path, diagnosis_html(diagnosis), force=force)
+
+
+def diagnosis_html(diagnosis: Diagnosis) -> str:
+    """Return a diagnosis as an HTML page without script and without address; the same one gives the same bytes.
+
+    Raises:
+        OutputError: matplotlib or jinja2 is missing.
+    """
+    require_report_packages()
+    return _template().render(page=_page(diagnosis))
+
+
+@cache
+def _template() -> jinja2.Template:
+    import jinja2
+
+    source = resources.files(_PACKAGE).joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    return jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
+
+
+@dataclass(frozen=True, slots=True)
+class _Page:
+    """What the template shows; all text but `style` and drawings is escaped there."""
+
+    version: str
+    style: Any
+    wheel: str
+    model: str
+    facts: str
+    answer: str
+    folds: str
+    errors: list[ErrorRow]
+    effects: list[EffectRow]
+    refused: list[EffectRow]
+    unexplained: list[UnexplainedRow]
+    estimates: list[EstimateRow]
+    legend: bool
+    step_names: list[str]
+    steps: list[Step]
+    assumed: list[str]
+    notes: list[str]
+    recordings: list[str]
+    chapters: list[Chapter]
+
+
+def _page(diagnosis: Diagnosis) -> _Page:
+    from markupsafe import Markup
+
+    estimates = estimate_rows(diagnosis)
+    step_names, step_rows = steps(diagnosis)
+    held_out = diagnosis.held_out
+    return _Page(
+        version=__version__,
+        style=Markup(resources.files(_PACKAGE).joinpath(_STYLE).read_text(encoding="utf-8")),  # our own file
+        wheel=clean(diagnosis.wheel),
+        model=model_words(diagnosis.model),
+        facts=_facts(diagnosis),
+        answer=" ".join(_answer(diagnosis)),
+        folds=f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; "
+        f"{held_out.revolutions} revolutions in all.",
+        errors=error_rows(diagnosis),
+        effects=effect_rows(diagnosis),
+        refused=refused_rows(diagnosis),
+        unexplained=unexplained_rows(diagnosis),
+        estimates=estimates,
+        legend=any(row.drawn for row in estimates),
+        step_names=step_names,
+        steps=step_rows,
+        assumed=[clean(text) for text in diagnosis.assumed],
+        notes=[clean(text) for text in diagnosis.notes],
+        recordings=[clean(path) for path in diagnosis.recordings],
+        chapters=chapters(diagnosis),
+    )
+
+
+def _facts(diagnosis: Diagnosis) -> str:
+    count = len(diagnosis.recordings)
+    parts = [
+        f"Starting model: {model_words(diagnosis.model)}",
+        f"{diagnosis.revolutions} revolutions of {count} recording{'' if count == 1 else 's'}",
+    ]
+    if diagnosis.rejected:
+        parts.append(f"{diagnosis.rejected} left out")
+    return " · ".join(parts)
+
+
+def _answer(diagnosis: Diagnosis) -> Iterator[str]:
+    """Yield the diagnosis in sentences."""
+    held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
+    named = [clean(finding.name) for finding in diagnosis.named]
+    before, after = significant(held_out.rms_before_mps2), significant(held_out.rms_after_mps2)
+    if named:
+        listed = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
+        yield f"The model lacks {listed}."
+        yield f"With {'it' if len(named) == 1 else 'them'} the held-out error goes from {before} to {after} m/s² rms,"
+    else:
+        yield "No effect of the catalogue has evidence enough to be named."
+        yield f"The held-out error is {before} m/s² rms,"
+    share = ratio(held_out.rms_after_mps2, floor)
+    beside = f", {fixed(share, 2)} times it" if math.isfinite(share) else ""
+    yield f"beside a noise floor of {significant(floor)} m/s²{beside and f' ({beside[2:]})'}."
+    if diagnosis.unexplained:
+        first = diagnosis.unexplained[0]
+        rest = len(diagnosis.unexplained) - 1
+        more = f", and {rest} more" if rest else ""
+        yield f"Unexplained: {clean(first.axis)}, {place_text(first)}, {significant(first.rms_mps2)} m/s² rms{more}."
+    else:
+        yield "Nothing else stands out of the noise."
