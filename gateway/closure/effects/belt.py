@@ -92,11 +92,16 @@ def from_mid_revolution(theta_rad: FloatArray) -> FloatArray:
 def relative_offset(here: Here) -> float:
     """Return e / R of a sensor below the neutral layer, by what the model's circumferential axis shows of it.
 
-    That axis is -(e / R) d(radial) / dtheta; 0 for a model without.
+    That axis is -(e / R) d(V^2 kappa) / dtheta, the radial one V^2 kappa (1 - e kappa); 0 for a model without.
     """
     along = here.shape.circumferential_m
     if not along.any():
         return 0.0
-    slope = slopes(here.shape.radial_m)[0]
-    power = float(slope @ slope)
-    return -float(along @ slope) / power if power > 0.0 else 0.0
+    radial, offset = here.shape.radial_m, 0.0
+    for _ in range(2):
+        slope = slopes(radial + (offset / here.conditions.radius_m) * np.square(radial))[0]
+        power = float(slope @ slope)
+        if not power > 0.0:
+            return 0.0
+        offset = -float(along @ slope) / power
+    return offset

@@ -19,7 +19,8 @@ FloatArray = NDArray[np.float64]
 # a coarse grid of starts finds any; each side has its own order.
 _START_ORDERS: Final = (22.0, 29.0, 36.0, 43.0, 50.0, 57.0)
 _START_DECAY_RAD: Final = 0.4
-_START_SHARE: Final = 5e-3
+# A linear fit from here sees slopes by order and decay through these amplitudes: with small ones it would leap.
+_START_SHARE: Final = 0.1
 # A tenth is what measured tires show at most; a wave as large as the centripetal acceleration would lift the belt off.
 _LARGEST: Final = 0.3
 
@@ -29,7 +30,7 @@ def _side(side: str) -> tuple[Parameter, ...]:
         Parameter(f"{side}_cosine", "", -_LARGEST, _LARGEST, 0.1, 1e-6, factor=100.0, display_unit="% of R omega^2"),
         Parameter(f"{side}_sine", "", -_LARGEST, _LARGEST, 0.1, 1e-6, factor=100.0, display_unit="% of R omega^2"),
         # From the ring's own smooth shape up to the orders that still repeat.
-        Parameter(f"{side}_order", "", 10.0, 105.0, 12.0, 1e-4, prior_mean=40.0),
+        Parameter(f"{side}_order", "per revolution", 10.0, 105.0, 12.0, 1e-4, prior_mean=40.0),
         # From two waves to once around and more.
         Parameter(f"{side}_decay_rad", "rad", 0.1, 6.0, 0.7, 1e-5, prior_mean=1.0),
     )
@@ -60,7 +61,7 @@ class EdgeWaves:
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
         """Return every pair of orders of a grid, with packets short enough to find what lies between."""
         return tuple(
-            (_START_SHARE, 0.0, before, _START_DECAY_RAD, _START_SHARE, 0.0, after, _START_DECAY_RAD)
+            (_START_SHARE, _START_SHARE, before, _START_DECAY_RAD, _START_SHARE, _START_SHARE, after, _START_DECAY_RAD)
             for before, after in itertools.product(_START_ORDERS, repeat=2)
         )
 

@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 # Cardan joints (2), tripods (3), tire non-uniformity and brake judder (1 to 3), wheel bolts (5), motor cogging and
 # gears (6, 12, 24, ..).
 _STARTS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 18, 24, 36, 48)
-_START_SHARE: Final = 1e-3
+_START_SHARE: Final = 2e-3
 # Ripple of a rolling wheel is some 0.1 %, brake judder reaches 1 %; more would be felt as shaking, not measured.
 _LARGEST: Final = 0.03
 
@@ -61,7 +61,7 @@ class TorsionalRipple:
         Parameter("cosine", "", -_LARGEST, _LARGEST, 0.02, 1e-6, factor=100.0, display_unit="%"),
         Parameter("sine", "", -_LARGEST, _LARGEST, 0.02, 1e-6, factor=100.0, display_unit="%"),
         # Only whole orders repeat in every revolution; between two, each has its share.
-        Parameter("order", "", 0.8, 60.0, 40.0, 1e-4, prior_mean=4.0),
+        Parameter("order", "per revolution", 0.9, 60.0, 40.0, 1e-4, prior_mean=4.0),
     )
     seen_by = "All three axes, all around: 2 u s, edges of the contact warped by w, circumferential reaction; omega^2."
     confused_with = (

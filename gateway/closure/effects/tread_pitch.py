@@ -15,7 +15,8 @@ FloatArray = NDArray[np.float64]
 # Passenger car tires have 50 to 80 pitches, truck and winter patterns from 40, fine ones up to 110.
 _START_ORDERS: Final = tuple(float(order) for order in range(44, 110, 3))
 _START_WIDTH_RAD: Final = 0.25
-_START_SHARE: Final = 5e-3
+# A linear fit from here sees slopes by order and width through these amplitudes: with small ones it would leap.
+_START_SHARE: Final = 0.1
 # 10 m/s^2 at 65 km/h is 1 % of R omega^2; a pattern that breaks the belt's curvature by a fifth has no ribs.
 _LARGEST: Final = 0.2
 _NARROWEST_RAD: Final = 0.02
@@ -30,7 +31,7 @@ class TreadPitch:
     parameters = (
         Parameter("cosine", "", -_LARGEST, _LARGEST, 0.05, 1e-6, factor=100.0, display_unit="% of R omega^2"),
         Parameter("sine", "", -_LARGEST, _LARGEST, 0.05, 1e-6, factor=100.0, display_unit="% of R omega^2"),
-        Parameter("order", "", 40.0, 115.0, 25.0, 1e-4, prior_mean=70.0),
+        Parameter("order", "per revolution", 40.0, 115.0, 25.0, 1e-4, prior_mean=70.0),
         # From a block's length to half the free belt.
         Parameter("width_rad", "rad", 0.05, 1.5, 0.3, 1e-5, prior_mean=0.3),
     )
