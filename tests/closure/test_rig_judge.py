@@ -1,0 +1,96 @@
+"""The rig's judge, on diagnoses written by hand."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+
+from closure_rig.draw import Kind, Order, draw
+from closure_rig.judge import ALWAYS, CANNOT_TELL, Outcome, judge
+
+from gateway.closure.effects.catalogue import catalogue
+
+
+def finding(name: str, verdict: str = "named", *rivals: str) -> dict[str, Any]:
+    return {"name": name, "verdict": verdict, "rivals": list(rivals)}
+
+
+def diagnosis(*effects: dict[str, Any], unexplained: int = 0, model: str = "exact") -> dict[str, Any]:
+    return {
+        "model": model,
+        "effects": list(effects),
+        "unexplained": [{"axis": "radial"}] * unexplained,
+        "noise_floor_mps2": 2.0,
+        "held_out": {"rms_after_mps2": 2.1},
+    }
+
+
+EFFECT = draw(Order(Kind.EFFECT, 1, ("roll tilt",), 1)).label
+PAIR = draw(Order(Kind.PAIR, 1, ("roll tilt", "torsional ripple"))).label
+RADIUS = draw(Order(Kind.EFFECT, 1, ("rolling radius",), 1)).label
+OUTSIDE = draw(Order(Kind.OUTSIDE, 1, ("stiff splice",), 1)).label
+NOTHING = draw(Order(Kind.NOTHING, 1)).label
+
+
+@pytest.mark.parametrize(
+    ("label", "found", "outcome"),
+    [
+        (EFFECT, diagnosis(finding("roll tilt")), Outcome.EXACT),
+        (EFFECT, diagnosis(finding("roll tilt"), finding("gain", "refused")), Outcome.EXACT),
+        (EFFECT, diagnosis(), Outcome.MISSED),
+        (EFFECT, diagnosis(finding("roll tilt", "refused")), Outcome.MISSED),
+        (EFFECT, diagnosis(finding("gain")), Outcome.WRONG),
+        (EFFECT, diagnosis(finding("roll tilt"), finding("gain")), Outcome.WRONG),
+        (EFFECT, diagnosis(finding("roll tilt", "indistinguishable", "gain")), Outcome.UNSURE),
+        (EFFECT, diagnosis(finding("gain", "indistinguishable", "clipping")), Outcome.WRONG),
+        (RADIUS, diagnosis(finding("sample clock error", "indistinguishable", "rolling radius")), Outcome.CANNOT_TELL),
+        (
+            RADIUS,
+            diagnosis(
+                finding("sample clock error", "indistinguishable", "rolling radius"),
+                finding("rolling radius", "indistinguishable", "sample clock error"),
+            ),
+            Outcome.CANNOT_TELL,
+        ),
+        (PAIR, diagnosis(finding("roll tilt"), finding("torsional ripple")), Outcome.EXACT),
+        (PAIR, diagnosis(finding("torsional ripple")), Outcome.MISSED),
+        (NOTHING, diagnosis(), Outcome.NOTHING),
+        (NOTHING, diagnosis(unexplained=1), Outcome.NOTHING),
+        (NOTHING, diagnosis(finding("gain")), Outcome.FALSE_ALARM),
+        (NOTHING, diagnosis(finding("gain", "indistinguishable", "run-out")), Outcome.FALSE_ALARM),
+        (OUTSIDE, diagnosis(unexplained=2), Outcome.LEFT),
+        (OUTSIDE, diagnosis(), Outcome.MISSED),
+        (OUTSIDE, diagnosis(finding("tread pitch"), unexplained=1), Outcome.WRONG),
+    ],
+)
+def test_outcomes(label: dict[str, Any], found: dict[str, Any], outcome: Outcome) -> None:
+    judged = judge(found, label)
+    assert judged.outcome is outcome
+    assert judged.ratio == pytest.approx(1.05)
+
+
+def test_the_paper_model_lacks_the_corrections_whatever_is_wrong() -> None:
+    always = [finding(name) for name in ALWAYS["paper"] - {"speed drift"}]
+    assert judge(diagnosis(*always, model="paper"), NOTHING).outcome is Outcome.NOTHING
+    assert judge(diagnosis(*always[1:], model="paper"), NOTHING).outcome is Outcome.MISSED
+    assert judge(diagnosis(*always, finding("roll tilt"), model="paper"), EFFECT).outcome is Outcome.EXACT
+    assert judge(diagnosis(*always, finding("gain"), model="paper"), NOTHING).outcome is Outcome.FALSE_ALARM
+
+
+def test_a_companion_is_allowed_but_not_wanted() -> None:
+    label = draw(Order(Kind.EFFECT, 1, ("gain-temperature drift",), 2)).label
+    alone = diagnosis(finding("gain-temperature drift"))
+    both = diagnosis(finding("gain-temperature drift"), finding("gain"))
+    assert judge(alone, label).outcome is judge(both, label).outcome is Outcome.EXACT
+    assert judge(diagnosis(finding("gain")), label).outcome is Outcome.MISSED
+
+
+def test_names_are_those_of_the_catalogue() -> None:
+    known = set(catalogue())
+    for names in (*CANNOT_TELL, *ALWAYS.values()):
+        assert names <= known, names - known

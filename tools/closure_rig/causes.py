@@ -1,0 +1,217 @@
+"""What may be wrong: every effect of the catalogue that the simulator can make, at three sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from closure_rig.bench import Bench
+from gateway.physics.constants import STANDARD_GRAVITY_MPS2
+
+Tables = Mapping[str, Mapping[str, Any]]
+"""Changes to a scenario: table -> key -> value; "wheel" is the wheel's own table, "stated" is what is declared."""
+
+SIZES: Final = ("small", "middle", "large")
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """What a cause is made from.
+
+    Attributes:
+        size: in the cause's unit.
+        rng: random numbers of the case.
+        bench: tire, sensor and runs.
+    """
+
+    size: float
+    rng: np.random.Generator
+    bench: Bench
+
+    def sign(self) -> float:
+        """Return -1 or 1."""
+        return float(self.rng.choice([-1.0, 1.0]))
+
+    def between(self, low: float, high: float) -> float:
+        """Return a number in a range."""
+        return float(self.rng.uniform(low, high))
+
+    def phase_deg(self) -> float:
+        """Return any angle."""
+        return self.between(-180.0, 180.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Something physical that a scenario can have.
+
+    Attributes:
+        name: as the catalogue calls it.
+        unit: of the sizes.
+        sizes: about the detection limit, three times that, and what tires and sensors really have.
+        tables: what to change for a size.
+        mirrored: (table, key) of phases that change sign when the tire rolls the other way round.
+        companions: effects that are right beside it: what the tool cannot know makes them.
+    """
+
+    name: str
+    unit: str
+    sizes: tuple[float, float, float]
+    tables: Callable[[Drawing], Tables]
+    mirrored: tuple[tuple[str, str], ...] = ()
+    companions: tuple[str, ...] = ()
+
+
+def _offset(drawn: Drawing) -> Tables:
+    sign = drawn.sign() if drawn.bench.offset_mm > drawn.size else 1.0
+    return {
+        "sensor": {"offset_mm": drawn.bench.offset_mm + sign * drawn.size},
+        "stated": {"offset_mm": drawn.bench.offset_mm},
+    }
+
+
+def _tilt(key: str) -> Callable[[Drawing], Tables]:
+    def tables(drawn: Drawing) -> Tables:
+        return {"sensor": {key: drawn.sign() * drawn.size}, "stated": {key: 0.0}}
+
+    return tables
+
+
+def _gain(drawn: Drawing) -> Tables:
+    return {"sensor": {"gain_error_percent": drawn.sign() * drawn.size}}
+
+
+def _gain_temperature(drawn: Drawing) -> Tables:
+    return {"sensor": {"gain_drift_percent_per_k": drawn.sign() * drawn.size}}
+
+
+def _zero_g(drawn: Drawing) -> Tables:
+    first, second = drawn.rng.uniform(-drawn.size, drawn.size, 2).tolist()
+    return {"sensor": {"zero_g_offset_g": [first, second, drawn.sign() * drawn.size]}}
+
+
+def _ac(drawn: Drawing) -> Tables:
+    return {"sensor": {"coupling": "ac", "highpass_hz": drawn.size, "coupling_declared": False}}
+
+
+def _low_pass(drawn: Drawing) -> Tables:
+    return {"sensor": {"bandwidth_hz": drawn.size}}
+
+
+def _clock(drawn: Drawing) -> Tables:
+    return {"hub": {"clock_ppm": drawn.sign() * drawn.size}}
+
+
+def _clip(drawn: Drawing) -> Tables:
+    return {
+        "defect": {"clip_g": drawn.size * drawn.bench.highest_baseline_mps2 / STANDARD_GRAVITY_MPS2, "axes": ["radial"]}
+    }
+
+
+def _tire(key: str, *, signed: bool = False) -> Callable[[Drawing], Tables]:
+    def tables(drawn: Drawing) -> Tables:
+        return {"tire": {key: drawn.sign() * drawn.size if signed else drawn.size}}
+
+    return tables
+
+
+def _drum(drawn: Drawing) -> Tables:
+    return {"tire": {"drum_radius_mm": 1e3 * drawn.size}}
+
+
+def _edge_waves(drawn: Drawing) -> Tables:
+    orders = {"order_before": drawn.between(25.0, 40.0), "order_after": drawn.between(38.0, 60.0)}
+    shape = {"decay_rad": drawn.between(0.6, 1.2), "phase_deg": drawn.phase_deg()}
+    return {"edge_waves": {"amplitude_percent": drawn.size, **orders, **shape}}
+
+
+def _pitch(drawn: Drawing) -> Tables:
+    shape = {"reach_rad": drawn.between(0.15, 0.5), "phase_deg": drawn.phase_deg()}
+    return {"tread_pitch": {"amplitude_percent": drawn.size, "blocks": float(drawn.rng.integers(55, 86)), **shape}}
+
+
+def _ripple(drawn: Drawing) -> Tables:
+    order = float(drawn.rng.choice([2, 3, 4, 6, 8, 12]))
+    return {"vibration": {"ripple_percent": drawn.size, "ripple_order": order, "ripple_deg": drawn.phase_deg()}}
+
+
+def _imbalance(drawn: Drawing) -> Tables:
+    return {"vibration": {"imbalance_mps2": drawn.size, "imbalance_deg": drawn.phase_deg()}}
+
+
+def _runout(drawn: Drawing) -> Tables:
+    return {"tire": {"runout_mm": drawn.size, "runout_deg": drawn.phase_deg()}}
+
+
+def _road(drawn: Drawing) -> Tables:
+    return {"road": {"rms_mps2": drawn.size, "bandwidth_hz": drawn.between(250.0, 800.0)}}
+
+
+def _hub(drawn: Drawing) -> Tables:
+    return {"vibration": {"hub_rms_mps2": drawn.size, "hub_hz": drawn.between(9.5, 14.0)}}
+
+
+def _cavity(drawn: Drawing) -> Tables:
+    width = drawn.between(4.0, 10.0)
+    at = drawn.between(195.0, 245.0)
+    return {"vibration": {"cavity_rms_mps2": drawn.size, "cavity_hz": at, "cavity_bandwidth_hz": width}}
+
+
+def _ply_steer(drawn: Drawing) -> Tables:
+    return {"tire": {"cord_angle_deg": drawn.sign() * drawn.between(20.0, 30.0), "ply_separation_mm": drawn.size}}
+
+
+def _slip(drawn: Drawing) -> Tables:
+    return {"wheel": {"slip_angle_deg": drawn.sign() * drawn.size}}
+
+
+def _scatter(drawn: Drawing) -> Tables:
+    return {"road": {"leading_jitter_mm": drawn.size, "trailing_jitter_mm": drawn.size * drawn.between(0.1, 0.6)}}
+
+
+def _radius(drawn: Drawing) -> Tables:
+    return {"stated": {"radius_mm": drawn.bench.radius_mm / (1.0 + 0.01 * drawn.sign() * drawn.size)}}
+
+
+CAUSES: Final[tuple[Cause, ...]] = (
+    Cause("mounting offset", "mm", (0.1, 0.3, 3.0), _offset),
+    Cause("roll tilt", "deg", (0.02, 0.06, 1.0), _tilt("roll_deg")),
+    Cause("pitch tilt", "deg", (0.02, 0.06, 1.0), _tilt("pitch_deg")),
+    Cause("gain", "%", (0.1, 0.3, 2.0), _gain),
+    # Which temperature the gain was stated for the tool cannot know.
+    Cause("gain-temperature drift", "%/K", (0.002, 0.006, 0.03), _gain_temperature, companions=("gain",)),
+    Cause("zero-g offset", "g", (0.03, 0.1, 1.0), _zero_g),
+    Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac),
+    Cause("anti-alias filter", "Hz", (3500.0, 2000.0, 700.0), _low_pass),
+    Cause("sample clock error", "ppm", (100.0, 300.0, 1000.0), _clock),
+    Cause("clipping", "R Omega^2 of the fastest run", (1.42, 1.3, 1.1), _clip),
+    Cause("structural damping", "N s/m^2", (3.0, 10.0, 100.0), _tire("foundation_damping_nspm2")),
+    Cause("tread damping (shifted pressure)", "N s/m^2", (500.0, 1500.0, 20_000.0), _tire("tread_damping_nspm2")),
+    Cause("contact asymmetry", "N m", (15.0, 45.0, 250.0), _tire("axle_torque_nm", signed=True)),
+    Cause("belt extension", "MN (EA)", (30.0, 10.0, 3.0), _tire("extension_stiffness_mn")),
+    Cause("shear flexibility", "kN (GA)", (2000.0, 700.0, 150.0), _tire("shear_stiffness_kn")),
+    Cause("rotary inertia", "kg m", (1e-4, 3e-4, 9e-4), _tire("rotary_inertia_kgm")),
+    Cause("sidewall stiffening", "1/m", (0.5, 1.5, 5.0), _tire("sidewall_stiffening_pm")),
+    Cause("drum curvature", "m", (100.0, 30.0, 1.7), _drum),
+    Cause("tire-locked edge waves", "% of R Omega^2", (0.1, 0.3, 5.0), _edge_waves),
+    Cause("tread pitch", "% of R Omega^2", (0.1, 0.3, 3.0), _pitch),
+    Cause("torsional ripple", "%", (0.02, 0.06, 0.5), _ripple),
+    Cause("imbalance and hub motion", "m/s^2", (0.15, 0.5, 3.0), _imbalance, (("vibration", "imbalance_deg"),)),
+    Cause("run-out", "mm", (0.2, 0.5, 1.5), _runout, (("tire", "runout_deg"),)),
+    Cause("road vibration", "m/s^2", (0.5, 1.5, 5.0), _road),
+    Cause("hub vibration", "m/s^2", (0.1, 0.3, 2.0), _hub),
+    Cause("cavity resonance", "m/s^2", (0.2, 0.6, 5.0), _cavity),
+    Cause("ply steer", "mm (ply separation)", (0.02, 0.06, 1.2), _ply_steer),
+    Cause("conicity", "deg", (0.02, 0.06, 0.6), _tire("conicity_deg", signed=True)),
+    Cause("carcass compliance", "deg (slip angle)", (0.005, 0.015, 0.3), _slip),
+    Cause("contact edge scatter", "mm", (0.05, 0.15, 1.5), _scatter),
+    Cause("rolling radius", "%", (0.05, 0.15, 2.0), _radius),
+)
+
+
+def cause(name: str) -> Cause:
+    """Return a cause by its name."""
+    return next(entry for entry in CAUSES if entry.name == name)

@@ -1,0 +1,145 @@
+"""From a seed to a case: a tire, a sensor, what is wrong and by how much, and the label that says so."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from itertools import combinations
+from typing import Any, Final
+
+import numpy as np
+
+from closure_rig.bench import Bench, draw_bench
+from closure_rig.causes import CAUSES, SIZES, Drawing, Tables, cause
+from closure_rig.outside import STRANGERS, Disturbance, stranger
+
+# Pairs that cannot be in one tire and sensor, or of which one hides the other.
+UNPAIRED: Final = frozenset(
+    frozenset(pair)
+    for pair in (
+        *combinations(("gain", "rolling radius", "sample clock error", "run-out"), 2),
+        *combinations(("AC coupling", "gain", "zero-g offset", "rolling radius", "sample clock error"), 2),
+        ("clipping", "AC coupling"),
+        ("gain", "gain-temperature drift"),
+    )
+)
+
+
+class Kind(StrEnum):
+    """What a case is about."""
+
+    EFFECT = "effect"
+    PAIR = "pair"
+    OUTSIDE = "outside"
+    NOTHING = "nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What to draw.
+
+    Attributes:
+        kind: of the case.
+        seed: of everything else.
+        names: effects, or what is outside the catalogue; empty for nothing.
+        size: index in SIZES.
+    """
+
+    kind: Kind
+    seed: int
+    names: tuple[str, ...] = ()
+    size: int = 0
+
+    @property
+    def number(self) -> int:
+        """Seed of the case's random numbers; cases of the same seed share none."""
+        return zlib.crc32(repr((str(self.kind), self.seed, self.names, self.size)).encode())
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A case to be recorded.
+
+    Attributes:
+        order: what was asked for.
+        bench: tire, sensor and runs without what is wrong.
+        tables: what is wrong, as changes to the scenario.
+        mirrored: keys of `tables` that change sign in reverse.
+        disturbance: what is wrong, added to the samples.
+        label: what the recordings do not tell; to be sealed.
+    """
+
+    order: Order
+    bench: Bench
+    tables: Tables
+    mirrored: tuple[tuple[str, str], ...]
+    disturbance: Disturbance | None
+    label: Mapping[str, Any]
+
+
+def draw(order: Order) -> Case:
+    """Return the case of an order; the same one each time.
+
+    Raises:
+        ValueError: effects that cannot be had together.
+    """
+    bench_rng, rng = np.random.default_rng(order.number).spawn(2)
+    bench = draw_bench(bench_rng)
+    tables: dict[str, dict[str, Any]] = {}
+    mirrored: list[tuple[str, str]] = []
+    companions: list[str] = []
+    sizes: dict[str, dict[str, Any]] = {}
+    disturbance: Disturbance | None = None
+    for name in order.names:
+        # Both of a pair must be worth finding.
+        index = int(rng.integers(1, 3)) if order.kind is Kind.PAIR else order.size
+        entry = stranger(name) if order.kind is Kind.OUTSIDE else cause(name)
+        size = entry.sizes[index]
+        for table, values in entry.tables(Drawing(size, rng, bench)).items():
+            taken = tables.setdefault(table, {})
+            if clash := set(taken) & set(values):
+                raise ValueError(f"{' and '.join(order.names)} both set {table}.{', '.join(sorted(clash))}")
+            taken.update(values)
+        if order.kind is Kind.OUTSIDE:
+            make = stranger(name).disturbance
+            disturbance = None if make is None else make(size, rng)
+        else:
+            mirrored += cause(name).mirrored
+            companions += cause(name).companions
+        sizes[name] = {"size": SIZES[index], "value": size, "unit": entry.unit}
+    inside = order.kind is not Kind.OUTSIDE
+    label = {
+        "kind": str(order.kind),
+        "seed": order.seed,
+        "truth": sorted(order.names) if inside else [],
+        "outside": None if inside else order.names[0],
+        "companions": sorted(set(companions)),
+        "sizes": sizes,
+        "tables": tables,
+        "bench": asdict(bench),
+    }
+    return Case(order, bench, tables, tuple(mirrored), disturbance, label)
+
+
+def blind(seed: int) -> Order:
+    """Return what a seed draws when nobody asks for anything: an effect, a pair, a stranger or nothing."""
+    rng = np.random.default_rng(seed)
+    kind = Kind(str(rng.choice([Kind.EFFECT, Kind.PAIR, Kind.OUTSIDE, Kind.NOTHING], p=[0.5, 0.2, 0.15, 0.15])))
+    size = int(rng.integers(0, len(SIZES)))
+    if kind is Kind.NOTHING:
+        return Order(kind, seed)
+    if kind is Kind.OUTSIDE:
+        return Order(kind, seed, (STRANGERS[int(rng.integers(len(STRANGERS)))].name,), size)
+    if kind is Kind.EFFECT:
+        return Order(kind, seed, (CAUSES[int(rng.integers(len(CAUSES)))].name,), size)
+    return Order(kind, seed, pair(rng))
+
+
+def pair(rng: np.random.Generator) -> tuple[str, str]:
+    """Return two effects that can be had together."""
+    while True:
+        first, second = (CAUSES[int(i)].name for i in rng.choice(len(CAUSES), 2, replace=False))
+        if frozenset((first, second)) not in UNPAIRED:
+            return first, second

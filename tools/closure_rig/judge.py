@@ -1,0 +1,140 @@
+"""What a diagnosis is worth once the label is open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Final
+
+
+class Outcome(StrEnum):
+    """What became of a case; the first four are right."""
+
+    EXACT = "exactly right"
+    CANNOT_TELL = "indistinguishable, rightly"
+    NOTHING = "nothing, rightly"
+    LEFT = "unexplained, rightly"
+    MISSED = "missed"
+    UNSURE = "indistinguishable, needlessly"
+    WRONG = "wrong name"
+    FALSE_ALARM = "false alarm"
+    FAILED = "failed"
+
+    @property
+    def right(self) -> bool:
+        """Whether the user was told the truth as far as the data tell it."""
+        return self in (Outcome.EXACT, Outcome.CANNOT_TELL, Outcome.NOTHING, Outcome.LEFT)
+
+
+CANNOT_TELL: Final[Mapping[frozenset[str], str]] = {
+    frozenset(("rolling radius", "sample clock error")): "the same factor on every waveform when no clock is compared",
+    frozenset(("rolling radius", "gain")): "alike but for gravity and the circumferential axis, which are small",
+    frozenset(("sample clock error", "gain")): "likewise",
+    frozenset(("run-out", "gain")): "a sensor always rides on the same spot: its radius is the tire's, to it",
+    frozenset(("run-out", "rolling radius")): "likewise",
+    frozenset(("run-out", "sample clock error")): "likewise",
+    frozenset(("gain", "belt extension")): "an extensible belt's mean is short of R omega^2, by little else",
+    frozenset(("rolling radius", "belt extension")): "likewise",
+    frozenset(("sample clock error", "belt extension")): "likewise",
+    frozenset(("structural damping", "tread damping (shifted pressure)")): "both turn the contact; small ones alike",
+    frozenset(("structural damping", "contact asymmetry")): "likewise",
+    frozenset(("tread damping (shifted pressure)", "contact asymmetry")): "likewise",
+    frozenset(("conicity", "carcass compliance")): "a side force either way; loads tell, when it is large",
+    frozenset(("roll tilt", "conicity")): "likewise when small",
+}
+"""Pairs that the rig's campaign cannot tell at every size, and why; only these count as right when left open."""
+
+# The paper's model lacks these whatever the case is; they are always to be found.
+ALWAYS: Final[Mapping[str, frozenset[str]]] = {
+    "paper": frozenset(
+        ("gravity", "belt kinematics (n^2-1)", "pressure shape", "geometric tension loss", "speed drift")
+    ),
+    "series": frozenset(("pressure shape", "geometric tension loss")),
+    "exact": frozenset(),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A case judged.
+
+    Attributes:
+        outcome: what became of it.
+        truth: what the label says; the name of what is outside the catalogue in round brackets.
+        named: effects that the diagnosis named.
+        open: names that it left open between, one set each.
+        unexplained: whether it reported something unexplained.
+        ratio: held-out error after, over the noise floor; NaN when not told.
+        kind: of the case.
+        size: of its first effect, "" for nothing.
+        seed: of the case.
+    """
+
+    outcome: Outcome
+    truth: tuple[str, ...]
+    named: tuple[str, ...]
+    open: tuple[frozenset[str], ...]
+    unexplained: bool
+    ratio: float
+    kind: str
+    size: str
+    seed: int
+
+
+def judge(diagnosis: Mapping[str, Any], label: Mapping[str, Any]) -> Judgement:
+    """Return what a diagnosis (its JSON) is worth, given the label."""
+    effects = diagnosis["effects"]
+    named = tuple(entry["name"] for entry in effects if entry["verdict"] == "named")
+    left_open = tuple(
+        frozenset((entry["name"], *entry["rivals"])) for entry in effects if entry["verdict"] == "indistinguishable"
+    )
+    unexplained = bool(diagnosis["unexplained"])
+    always = ALWAYS[diagnosis["model"]]
+    floor, after = diagnosis["noise_floor_mps2"], diagnosis["held_out"]["rms_after_mps2"]
+    sizes = list(label["sizes"].values())
+    return Judgement(
+        outcome=_outcome(label, set(named), left_open, unexplained, always),
+        truth=(f"({label['outside']})",) if label["outside"] else tuple(label["truth"]),
+        named=named,
+        open=left_open,
+        unexplained=unexplained,
+        ratio=after / floor if floor and after is not None else float("nan"),
+        kind=label["kind"],
+        size=sizes[0]["size"] if sizes else "",
+        seed=label["seed"],
+    )
+
+
+def _outcome(
+    label: Mapping[str, Any],
+    named: set[str],
+    left_open: tuple[frozenset[str], ...],
+    unexplained: bool,
+    always: frozenset[str],
+) -> Outcome:
+    drawn = set(label["truth"])
+    truth = drawn | always
+    # Speed drift is in every run, but not always large enough to be seen.
+    wanted = truth - {"speed drift"}
+    if named - truth - set(label["companions"]):
+        return Outcome.WRONG if drawn or label["outside"] else Outcome.FALSE_ALARM
+    pending, excused = wanted - named, True
+    for group in left_open:
+        hit = group & pending
+        if not hit:
+            if not group & (truth | set(label["companions"])):
+                return Outcome.WRONG if drawn or label["outside"] else Outcome.FALSE_ALARM
+            continue
+        first = min(hit)
+        pending = pending - {first}
+        excused = excused and all(frozenset((first, other)) in CANNOT_TELL for other in group - {first})
+    if pending:
+        return Outcome.MISSED
+    if not excused:
+        return Outcome.UNSURE
+    if label["outside"]:
+        return Outcome.LEFT if unexplained else Outcome.MISSED
+    if any(group & wanted for group in left_open):
+        return Outcome.CANNOT_TELL
+    return Outcome.EXACT if drawn else Outcome.NOTHING
