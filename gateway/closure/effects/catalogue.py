@@ -50,6 +50,10 @@ MODULES: Final[tuple[str, ...]] = (
     "clipping",
     "anti_alias_filter",
     "ac_coupling",
+    # not locked to the wheel
+    "road_vibration",
+    "hub_vibration",
+    "cavity_resonance",
 )
 
 
