@@ -84,7 +84,7 @@ def combined(errors: list[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _line(known: dict[int, tuple[float, float]]) -> tuple[float, float] | None:
-    """Return minus the slope of a line along the earliest arrivals, and its standard error."""
+    """Return the clock error that a line along the earliest arrivals tells, and its standard error."""
     if len(known) < _LEAST_WINDOWS:
         return None
     # The first and the last window may hold few frames.
@@ -110,4 +110,4 @@ def _line(known: dict[int, tuple[float, float]]) -> tuple[float, float] | None:
     power = float(np.square(centred).sum())
     lag = float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
     dependence = math.sqrt((1.0 + max(0.0, lag)) / (1.0 - min(0.95, max(0.0, lag))))
-    return -slope, scatter / spread * dependence
+    return -slope / (1.0 + slope), scatter / spread * dependence

@@ -1,0 +1,37 @@
+"""Recordings of simulated wheels for campaigns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gateway.config.faults import parse_document
+from gateway.recording.writer import RecordingWriter
+from gateway.simulator.scenario import vehicle_toml
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulation import simulate
+
+START_NS = 1_700_000_000 * 10**9
+
+
+def write_recording(
+    path: Path,
+    tables: str = "",
+    *,
+    wheels: tuple[str, ...] = ("",),
+    duration_s: float = 8.0,
+    seed: int = 1,
+    start_ns: int = START_NS,
+    configured: bool = True,
+    link: str = "sim",
+) -> Path:
+    """Write a recording of wheels W0, W1, ... with further keys each, and return its path."""
+    text = f"[scenario]\nseed = {seed}\n{tables}\n"
+    for number, keys in enumerate(wheels):
+        text += f"[[wheel]]\nposition = 'W{number}'\nwheel = {number}\nsensor_id = '0000b00{number}'\n{keys}\n"
+    scenario = parse_document(Scenario, text, "test")
+    toml = vehicle_toml(scenario) if configured else None
+    writer = RecordingWriter(path, start_ns=start_ns, vehicle_toml=toml, sources=(link,))
+    for chunk in simulate(scenario, duration_s=duration_s).chunks(link, start_ns):
+        writer.write(chunk)
+    writer.close()
+    return path

@@ -1,0 +1,73 @@
+"""The hub's clock against the host's, by arrivals that are late by chance."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gateway.session.campaign_clock import HubClockError, combined
+
+
+def batch(ticks_us, hub=0):
+    ticks = (np.asarray(ticks_us, np.int64) & 0xFFFFFFFF).astype(np.uint32)
+    return SimpleNamespace(hub=np.full(len(ticks), hub, np.uint8), tick_us=ticks)
+
+
+def watched(error, *, seconds=60.0, late_ms=1.0, seed=1, start_us=0, split=300):
+    rng = np.random.default_rng(seed)
+    host_s = np.arange(0.0, seconds, 0.01)
+    ticks = start_us + np.round(host_s * (1 + error) * 1e6).astype(np.int64)
+    arrivals = ((host_s + 1e-3 * late_ms * rng.exponential(size=len(host_s))) * 1e9).astype(np.int64) + 10**18
+    arrivals = np.maximum.accumulate(arrivals)
+    clock = HubClockError()
+    for at in range(0, len(ticks), split):
+        clock.take("link", batch(ticks[at : at + split]), arrivals[at : at + split])
+    return clock.error(0)
+
+
+@pytest.mark.parametrize("error", [0.0, 50e-6, -3e-3])
+@pytest.mark.parametrize("start_us", [0, 2**32 - 5_000_000])
+def test_the_error_is_found(error, start_us):
+    found, std = watched(error, start_us=start_us)
+    assert found == pytest.approx(error, abs=5 * std)
+    assert std < 3e-6
+
+
+@pytest.mark.parametrize("late_ms", [0.3, 5.0])
+def test_its_standard_error_is_honest(late_ms):
+    z = [(found - 2e-5) / std for found, std in (watched(2e-5, late_ms=late_ms, seed=seed) for seed in range(60))]
+    assert 0.6 < math.sqrt(np.mean(np.square(z))) < 1.5
+
+
+def test_blocks_do_not_matter():
+    assert watched(1e-4, split=300) == pytest.approx(watched(1e-4, split=77), rel=1e-9)
+
+
+def test_a_restart_begins_anew():
+    clock = HubClockError()
+    rng = np.random.default_rng(1)
+    for begin_s in (0.0, 100.0):
+        host_s = np.arange(0.0, 40.0, 0.01)
+        ticks = np.round(host_s * (1 + 80e-6) * 1e6).astype(np.int64)
+        arrivals = ((begin_s + host_s + 1e-4 * rng.exponential(size=len(host_s))) * 1e9).astype(np.int64)
+        clock.take("link", batch(ticks), arrivals)
+    found, std = clock.error(0)
+    assert found == pytest.approx(80e-6, abs=5 * std)
+
+
+def test_short_recordings_and_other_hubs_tell_nothing():
+    assert all(map(math.isnan, watched(0.0, seconds=5.0)))
+    clock = HubClockError()
+    clock.take("link", batch(np.arange(0, 60_000_000, 10_000)), np.arange(0, 60_000_000, 10_000) * 1000)
+    assert all(map(math.isnan, clock.error(1)))
+
+
+def test_recordings_are_weighed_and_their_spread_told():
+    assert combined([(1e-5, 1e-6), (math.nan, math.nan)]) == (1e-5, 1e-6)
+    value, std = combined([(1e-5, 1e-6), (3e-5, 1e-6)])
+    assert value == pytest.approx(2e-5)
+    assert std == pytest.approx(1e-5, rel=0.01)
+    assert all(map(math.isnan, combined([])))

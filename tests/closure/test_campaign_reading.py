@@ -1,0 +1,294 @@
+"""Recordings of simulated wheels to campaigns."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.closure.group_making import CUT_OFF, FEW
+from gateway.config.load import parse_vehicle
+from gateway.errors import RecordingError
+from gateway.importing.import_map import load_map
+from gateway.importing.importer import import_file
+from gateway.recording.reader import RecordingReader
+from gateway.session.batch import estimate_items
+from gateway.session.campaign import read_campaign
+from gateway.signal.clipping import SATURATED_FAULT
+from tests.closure.campaign_recordings import START_NS, write_recording
+
+MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+MAP = Path(__file__).parents[2] / "examples" / "innerliner_drum_80kmh.map.toml"
+AT_60 = "[motion]\nspeed_kmh = 60.0"
+AT_90 = "[motion]\nspeed_kmh = 90.0"
+LIGHT = "load_n = 3500.0\npressure_kpa = 240.0\ntemperature_degc = 40.0"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("campaign")
+
+
+@pytest.fixture(scope="module")
+def slow(folder):
+    return write_recording(folder / "slow.mcap", AT_60, duration_s=16.0)
+
+
+@pytest.fixture(scope="module")
+def fast(folder):
+    return write_recording(folder / "fast.mcap", AT_90, wheels=(LIGHT,), seed=2, start_ns=START_NS + 100 * 10**9)
+
+
+@pytest.fixture(scope="module")
+def pair(folder):
+    return write_recording(folder / "pair.mcap", AT_60, wheels=("", "load_n = 4000.0"))
+
+
+@pytest.fixture(scope="module")
+def campaign(slow):
+    return read_campaign([slow])
+
+
+@pytest.fixture(scope="module")
+def both(slow, fast):
+    return read_campaign([slow, fast], jobs=1)
+
+
+def revolutions(path):
+    """What the pipeline makes of a recording."""
+    results = []
+    reader = RecordingReader(path)
+    vehicle = parse_vehicle(reader.vehicle_toml, "test") if reader.vehicle_toml else None
+    estimate_items(reader, vehicle, results.append, estimators=())
+    return [result.revolution for result in results]
+
+
+class TestOneRecording:
+    def test_there_is_one_group_of_five_blocks_with_all_revolutions(self, campaign, slow):
+        assert campaign.wheel == "W0"
+        assert campaign.states == 1
+        assert campaign.sensor_id == 0xB000
+        assert campaign.assumed == ()
+        (group,) = campaign.groups
+        good = [one for one in revolutions(slow) if not one.faults]
+        assert sum(block.count for block in group.blocks) + sum(campaign.rejected.values()) == len(good)
+        assert len(group.blocks) == campaign.folds == 5
+        assert group.load_known
+        assert group.pressure_known
+        assert group.label.startswith("slow.mcap: 60.0 km/h, 5000 N, 210 kPa")
+
+    def test_conditions_are_those_of_the_revolutions(self, campaign, slow):
+        (group,) = campaign.groups
+        here = group.conditions
+        assert here.omega_radps == pytest.approx(60 / 3.6 / 0.32, rel=1e-3)
+        assert (here.radius_m, here.load_n) == (0.32, 5000.0)
+        assert here.pressure_pa == pytest.approx(210e3, rel=0.01)
+        assert here.temperature_degc == pytest.approx(25, abs=1) == here.reference_degc
+        assert here.rate_hz == pytest.approx(9600, rel=1e-4)
+        assert [block.conditions.time_s for block in group.blocks] == sorted(b.conditions.time_s for b in group.blocks)
+        assert 0 < group.blocks[0].conditions.time_s < 3
+        assert 13 < group.blocks[-1].conditions.time_s < 16
+
+    def test_the_mean_is_that_of_the_waveforms_as_measured(self, campaign, slow):
+        """Direct projection of the mean waveform; alignment moves next to nothing here."""
+        (group,) = campaign.groups
+        waves = np.mean([one.axes_mps2 for one in revolutions(slow) if not one.faults], axis=0)
+        theta = -math.pi + 2 * math.pi * np.arange(1024) / 1024
+        weights = np.array([block.count for block in group.blocks]) / sum(b.count for b in group.blocks)
+        mean = sum(weight * block.orders_mps2 for weight, block in zip(weights, group.blocks, strict=True))
+        noise = np.sqrt(group.variance / sum(b.count for b in group.blocks))
+        for axis in range(3):
+            for n in (1, 2, 20, 60, 110):
+                direct = 2 / 1024 * (waves[axis] @ np.cos(n * theta) - 1j * (waves[axis] @ np.sin(n * theta)))
+                assert abs(mean[axis, n] - direct) < 3 * noise[axis, n]
+        assert mean[2, 0].real == pytest.approx(waves[2].mean(), abs=0.1)
+        assert abs(mean[0, 1]) == pytest.approx(9.8, abs=0.4)  # gravity is in it
+
+    def test_scatter_is_the_sensors_noise(self, campaign):
+        """5 mg per root Hz: the variance of a coefficient is the density over the period."""
+        (group,) = campaign.groups
+        density = (5e-3 * 9.80665) ** 2
+        expected = density * group.conditions.omega_radps / (2 * math.pi)
+        np.testing.assert_allclose(group.variance[:, 5:100].mean(axis=1), expected, rtol=0.1)
+
+    def test_what_is_not_locked_is_that_noise_too(self, campaign):
+        (group,) = campaign.groups
+        assert group.deviation_rate_hz == pytest.approx(4000.0)
+        spread = np.std(np.concatenate(group.deviations_mps2, axis=1)[2])
+        assert spread == pytest.approx(5e-3 * 9.80665 * math.sqrt(0.45 * 4000), rel=0.05)
+
+    def test_the_hubs_clock_is_known(self, campaign):
+        error, std = campaign.clock_error
+        assert abs(error) < 6 * std < 1e-4
+
+    def test_progress_tells_every_byte_once(self, slow):
+        told = []
+        read_campaign([slow], on_bytes=told.append)
+        assert sum(told) == slow.stat().st_size
+        assert min(told) >= 0
+
+
+class TestSeveral:
+    def test_each_has_its_own_conditions_and_state(self, both):
+        one, other = both.groups
+        assert (one.recording, other.recording) == (0, 1)
+        assert both.states == 2
+        assert (one.state, other.state) == (0, 1)
+        assert (one.conditions.load_n, other.conditions.load_n) == (5000, 3500)
+        assert other.conditions.temperature_degc == pytest.approx(40, abs=1)
+        assert one.conditions.reference_degc == other.conditions.reference_degc
+        assert 25 < one.conditions.reference_degc < 40
+        assert other.conditions.time_s == pytest.approx(104, abs=2)
+        assert both.notes == ()
+
+    def test_processes_give_the_same(self, both, slow, fast):
+        told = []
+        again = read_campaign([slow, fast], jobs=2, on_bytes=told.append)
+        assert sum(told) == slow.stat().st_size + fast.stat().st_size
+        for one, other in zip(both.groups, again.groups, strict=True):
+            assert one.label == other.label
+            assert one.conditions == other.conditions
+            np.testing.assert_array_equal(one.variance, other.variance)
+            for a, b in zip(one.blocks, other.blocks, strict=True):
+                np.testing.assert_array_equal(a.orders_mps2, b.orders_mps2)
+        assert again.clock_error == both.clock_error
+
+    def test_recordings_that_seem_simultaneous_are_put_one_after_another(self, slow, folder):
+        again = write_recording(folder / "again.mcap", AT_60, seed=5)
+        campaign = read_campaign([slow, again], jobs=1)
+        assert "one after another" in campaign.notes[0]
+        assert campaign.states == 1
+        assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
+
+    def test_a_fault_in_a_process_is_told_whole(self, slow, folder):
+        with pytest.raises(RecordingError, match="no recording") as caught:
+            read_campaign([slow, folder / "absent.mcap"], jobs=2)
+        assert caught.value.remedy
+
+
+class TestWheels:
+    def test_several_need_a_choice(self, pair):
+        with pytest.raises(RecordingError, match="W0, W1") as caught:
+            read_campaign([pair])
+        assert "--wheel" in caught.value.remedy
+        assert read_campaign([pair], wheel="W1").groups[0].conditions.load_n == 4000
+
+    def test_one_that_is_not_there_is_told(self, pair, fast):
+        with pytest.raises(RecordingError, match=r"fast.mcap' holds no revolution of wheel W1") as caught:
+            read_campaign([pair, fast], wheel="W1", jobs=1)
+        assert "W0" in caught.value.remedy
+
+    def test_one_that_nobody_configured_is_taken_with_what_is_assumed(self, folder):
+        path = write_recording(folder / "bare.mcap", AT_60, configured=False, duration_s=16.0)
+        campaign = read_campaign([path])
+        assert campaign.wheel == "hub0.wheel0"
+        assert any("320 mm" in text for text in campaign.assumed)
+        assert any("load 4000 N" in text for text in campaign.assumed)
+        assert not campaign.groups[0].load_known
+        assert campaign.groups[0].pressure_known  # the sensor tells it
+        assert math.isfinite(campaign.clock_error[0])
+
+    def test_a_given_configuration_wins(self, slow):
+        text = RecordingReader(slow).vehicle_toml.replace("5000", "4600")
+        vehicle = parse_vehicle(text, "test")
+        assert read_campaign([slow], vehicle=vehicle).groups[0].conditions.load_n == 4600
+
+
+class TestConditions:
+    def test_a_ramp_makes_groups_and_leaves_out_what_is_too_few(self, folder):
+        tables = "[motion]\nspeed_kmh = [[0.0, 50.0], [6.0, 50.0], [18.0, 70.0]]"
+        campaign = read_campaign([write_recording(folder / "ramp.mcap", tables, duration_s=18.0)])
+        counts = [sum(block.count for block in group.blocks) for group in campaign.groups]
+        assert max(counts) > 40
+        assert min(counts) >= 4
+        assert len(counts) > 5
+        assert campaign.rejected.get(FEW, 0) > 0
+        assert any(FEW in note for note in campaign.notes)
+        for group in campaign.groups:
+            speeds = [block.conditions.omega_radps for block in group.blocks]
+            assert max(speeds) / min(speeds) < 1.031
+        ramp = [group for group in campaign.groups if group.conditions.omega_dot_radps2 > 0.7]
+        assert ramp
+        assert ramp[0].conditions.omega_dot_radps2 == pytest.approx(20 / 12 / 3.6 / 0.32, rel=0.2)
+
+    def test_short_recordings_have_a_revolution_a_block(self, folder):
+        campaign = read_campaign([write_recording(folder / "short.mcap", AT_60, duration_s=1.2)])
+        assert {block.count for block in campaign.groups[0].blocks} == {1}
+        assert len(campaign.groups[0].blocks) >= 3
+
+    def test_no_revolution_at_all_is_told(self, folder):
+        path = write_recording(folder / "still.mcap", "[motion]\nspeed_kmh = 0.0", duration_s=2.0)
+        with pytest.raises(RecordingError, match="no revolution") as caught:
+            read_campaign([path])
+        assert caught.value.remedy
+
+    def test_rolling_backwards_turns_the_circumferential_axis_and_the_declared_pitch(self, folder):
+        path = write_recording(
+            folder / "back.mcap", AT_60 + "\ndirection = 'reverse'", wheels=("[wheel.stated]\npitch_deg = 2.0",)
+        )
+        (plain,), (turned,) = (read_campaign([path], reverse=which).groups for which in ((), (path,)))
+        assert not plain.conditions.reverse
+        assert turned.conditions.reverse
+        assert "reverse" in turned.label
+        one, other = plain.blocks[0].orders_mps2, turned.blocks[0].orders_mps2
+        np.testing.assert_allclose(one[0], -other[0], rtol=1e-3, atol=1e-3)
+        np.testing.assert_allclose(one[1:], other[1:], rtol=1e-3, atol=1e-3)
+        assert turned.declared_pitch_rad == -plain.declared_pitch_rad == pytest.approx(math.radians(-2))
+
+    def test_a_stranger_cannot_be_reverse(self, slow, fast):
+        with pytest.raises(RecordingError, match="not among"):
+            read_campaign([slow], reverse=[fast])
+
+
+class TestSensors:
+    def test_ac_coupling_leaves_order_zero_unknown(self, folder):
+        path = write_recording(folder / "ac.mcap", AT_60, wheels=("[wheel.sensor]\ncoupling = 'ac'",))
+        (group,) = read_campaign([path]).groups
+        assert group.conditions.ac_coupled
+        assert np.isnan(group.blocks[0].orders_mps2[:, 0]).all()
+        assert np.isfinite(group.blocks[0].orders_mps2[:, 1:]).all()
+
+    def test_absent_axes_and_a_low_rate_stay_unknown(self, folder):
+        path = write_recording(
+            folder / "one.mcap", AT_60, wheels=("[wheel.sensor]\naxes = ['radial']\nrate_hz = 2400.0",)
+        )
+        (group,) = read_campaign([path]).groups
+        orders = group.blocks[0].orders_mps2
+        assert np.isnan(orders[:2]).all()
+        last = int(np.flatnonzero(np.isfinite(orders[2]))[-1])
+        assert last == pytest.approx(0.28 * 2400 * 2 * math.pi / group.conditions.omega_radps, abs=2)
+        assert 0 < group.deviation_rate_hz < 1600
+
+    def test_clipped_revolutions_are_used_where_all_are(self, folder):
+        """Up to 140 g at 60 km/h are cut at 95 g."""
+        path = write_recording(folder / "cut.mcap", AT_60, wheels=("[wheel.defect]\nclip_g = 95.0",))
+        campaign = read_campaign([path])
+        assert sum(block.count for block in campaign.groups[0].blocks) > 40
+        assert CUT_OFF not in campaign.rejected
+
+    def test_a_range_that_is_left_now_and_then_only_leaves_those_out(self, folder):
+        tables = "[motion]\nspeed_kmh = 60.0\n[road]\nrms_mps2 = 8.0"
+        loud = read_campaign([write_recording(folder / "wide.mcap", tables)])
+        peaks = [one.axes_mps2[2].max() / 9.80665 for one in revolutions(folder / "wide.mcap")]
+        edge = float(np.quantile(peaks, 0.85))
+        path = write_recording(folder / "narrow.mcap", tables, wheels=(f"[wheel.sensor]\nrange_g = {edge}",))
+        campaign = read_campaign([path])
+        assert 0 < campaign.rejected[CUT_OFF] < 0.3 * len(peaks)
+        assert CUT_OFF not in loud.rejected
+        assert all(SATURATED_FAULT not in reason for reason in campaign.rejected)
+
+
+@pytest.mark.skipif(not MEASURED.exists(), reason="the measured recording is not here")
+def test_the_measured_recording_gives_five_revolutions_and_tells_what_is_assumed(tmp_path):
+    path = tmp_path / "drum.mcap"
+    import_file(MEASURED, load_map(MAP), path, lambda _: None)
+    campaign = read_campaign([path])
+    (group,) = campaign.groups
+    assert [block.count for block in group.blocks] == [1] * 5
+    assert all(map(math.isnan, campaign.clock_error))
+    assert not group.load_known
+    assert group.conditions.ac_coupled
+    assert any("radius" in text for text in campaign.assumed)
+    assert len(campaign.assumed) >= 6
