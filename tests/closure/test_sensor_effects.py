@@ -191,9 +191,10 @@ def test_gain_drifts_from_the_reference_temperature() -> None:
     plain, _ = tail(samples(plan_of("temperature_degc = 45.0")))
     here = here_of()
     here = replace(here, conditions=replace(here.conditions, temperature_degc=45.0))
-    expected = at_angles(applied(here, gain_temperature_drift=(1e-3,)).signal_mps2 - here.signal_mps2, angle)
+    expected = at_angles(applied(here, gain_temperature_drift=(1e-3, 25.0)).signal_mps2 - here.signal_mps2, angle)
     assert warm - plain == pytest.approx(expected, abs=0.15)
     assert rms(expected[:, RADIAL]) == pytest.approx(0.02 * rms(plain[:, RADIAL]), rel=0.01)
+    assert not effect_of("gain-temperature drift").starts((CONDITIONS, CONDITIONS))
 
 
 @pytest.mark.parametrize("speed_kmh", [50.0, 65.0, 80.0])
@@ -293,8 +294,8 @@ def values_of(effect: SignalEffect, draw: float) -> np.ndarray:
     """Return parameters within their ranges, away from where they are 0."""
     if effect.name == "clipping":
         return np.array([1.0 / (800.0 + 900.0 * draw), 0.002 + 0.05 * draw])
-    low = [max(p.low, -1.5 * p.prior_std) for p in effect.parameters]
-    high = [min(p.high, 1.5 * p.prior_std) for p in effect.parameters]
+    low = [max(p.low, p.prior_mean - 1.5 * p.prior_std) for p in effect.parameters]
+    high = [min(p.high, p.prior_mean + 1.5 * p.prior_std) for p in effect.parameters]
     return np.array([a + (b - a) * (0.02 + 0.96 * draw) for a, b in zip(low, high, strict=True)])
 
 
@@ -324,7 +325,7 @@ def test_derivatives_are_those_of_differences(name: str, draw: float, omega_dot:
 def test_they_act_where_they_say_and_start_within_range(name: str) -> None:
     effect, here = effect_of(name), here_of(65.0, 5.0)
     here = replace(here, conditions=replace(here.conditions, temperature_degc=50.0))
-    starts = effect.starts((here.conditions,))
+    starts = effect.starts((CONDITIONS, here.conditions))
     assert starts
     for start in starts:
         assert any(start)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
@@ -11,19 +13,23 @@ from gateway.closure.effects.base import (
     Parameter,
     Stage,
     StartModel,
-    bare,
 )
+
+# Temperatures nearer to each other than this say nothing of a drift.
+_LEAST_RANGE_K = 2.0
 
 
 class GainTemperature:
-    """Relative change of the radial gain per kelvin, about the campaign's mean temperature."""
+    """Relative change of the radial gain per kelvin, from the temperature at which the sensor was calibrated."""
 
     name = "gain-temperature drift"
     summary = "The gain of the radial axis changes with temperature."
-    equation = "radial += drift_per_k * (T - T_reference) * a_rad"
-    # Capacitive elements 0.01 to 0.05 %/K, piezoelectric and piezoresistive ones without compensation 0.1 to 0.3 %/K.
+    equation = "radial += drift_per_k * (T - calibrated_degc) * a_rad"
     parameters: tuple[Parameter, ...] = (
+        # Capacitive elements 0.01 to 0.05 %/K, piezoelectric and piezoresistive ones uncompensated 0.1 to 0.3 %/K.
         Parameter("drift_per_k", "1/K", -5e-3, 5e-3, 1e-3, 1e-6, factor=100.0, display_unit="%/K"),
+        # Data sheets state the gain at 20 to 25 degC; calibration in a laboratory is not far from it.
+        Parameter("calibrated_degc", "degC", 10.0, 40.0, 5.0, 1e-3, prior_mean=25.0),
     )
     seen_by = "radial axis at two temperatures or more, ten kelvin apart or more"
     confused_with = (
@@ -33,25 +39,24 @@ class GainTemperature:
     already_in: frozenset[StartModel] = NOWHERE
     stage = Stage.ELEMENT
     axes: tuple[int, ...] = (RADIAL,)
-    linear = True
+    linear = False
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
-        """Return 0.03 %/K."""
-        return ((3e-4,),)
+        """Return 0.03 %/K, and nothing where all was recorded at one temperature."""
+        degc = [c.temperature_degc for c in conditions]
+        return ((3e-4, 25.0),) if degc and max(degc) - min(degc) >= _LEAST_RANGE_K else ()
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the share of the radial axis at the block's temperature."""
-        return float(parameters[0]) * self._per_drift(here)
+        change: FloatArray = float(parameters[0]) * self.derivative(here, parameters)[0]
+        return change
 
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
-        """Return the radial axis times the kelvins above the reference."""
-        return self._per_drift(here)[None]
-
-    @staticmethod
-    def _per_drift(here: Here) -> FloatArray:
-        change = bare(here)
-        warmer = here.conditions.temperature_degc - here.conditions.reference_degc
-        change[RADIAL] = warmer * here.signal_mps2[RADIAL]
+        """Return its derivatives by the drift and by the temperature of calibration."""
+        drift, calibrated = float(parameters[0]), float(parameters[1])
+        change = np.zeros((2, *here.signal_mps2.shape))
+        change[0, RADIAL] = (here.conditions.temperature_degc - calibrated) * here.signal_mps2[RADIAL]
+        change[1, RADIAL] = -drift * here.signal_mps2[RADIAL]
         return change
 
 
