@@ -136,7 +136,7 @@ def _orders(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Draw
     return _drawing(
         orders_figure(curves, axis, diagnosis.unexplained),
         f"o{axis}",
-        f"Cosine and sine coefficients of the {AXES[axis]} residual by order, before and after, {label}.",
+        f"Cosine and sine coefficients in m/s² of the {AXES[axis]} residual by order, before and after, {label}.",
         f"{AXES[axis].capitalize()} residual by order.",
         "Bars at the foot mark orders of what is left unexplained." if _marked(diagnosis, axis) else "",
     )

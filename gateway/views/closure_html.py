@@ -29,7 +29,7 @@ from gateway.views.closure_tables import (
     unexplained_rows,
 )
 from gateway.views.numbers import fixed
-from gateway.views.report_file import write_whole
+from gateway.views.report_file import check_target, write_whole
 from gateway.views.text import clean
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def write_html(diagnosis: Diagnosis, path: Path, *, force: bool = False) -> None
     Raises:
         OutputError: matplotlib or jinja2 is missing, the file exists and `force` is not set, or it cannot be written.
     """
+    check_target(path, force=force)
     write_whole(path, diagnosis_html(diagnosis), force=force)
 
 

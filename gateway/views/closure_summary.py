@@ -57,8 +57,10 @@ def _named(named: tuple[Finding, ...]) -> Iterator[str]:
         if more > 0 and index == _MOST_NAMED - 1:
             size += f" (and {more} more)"
         numbers = [show_fitted(name, fitted) for name, fitted in finding.parameters.items()]
-        text = clean(finding.name) + ": " + ", ".join(f"{one.label} {one.joined()}" for one in numbers)
-        yield _row("named" if index == 0 else "", text.rstrip(": "), size)
+        # One parameter needs no label.
+        cells = [one.joined() if len(numbers) == 1 else f"{one.label} {one.joined()}" for one in numbers]
+        text = ": ".join(filter(None, (clean(finding.name), ", ".join(cells).replace(" ± ", "±"))))
+        yield _row("named" if index == 0 else "", text, size)
 
 
 def _undecided(undecided: list[Finding]) -> Iterator[str]:

@@ -15,6 +15,13 @@ def check_target(path: Path, *, force: bool = False) -> None:
     Raises:
         OutputError: the file exists and `force` is not set, or its folder is not there or cannot be written.
     """
+    try:
+        _check(path, force=force)
+    except OSError as error:
+        raise OutputError(f"'{path}' cannot be written: {error.strerror}", "Choose another name.") from error
+
+
+def _check(path: Path, *, force: bool) -> None:
     if path.is_dir():
         raise OutputError(f"'{path}' is a folder", "Name a file in it.")
     if path.exists() and not path.is_file():

@@ -207,7 +207,7 @@ def ordinary(groups: int = 4) -> Diagnosis:
 
 def nasty() -> Diagnosis:
     """Every string an attack, numbers that are not known, an axis that is not there."""
-    plain = ordinary(3)
+    plain = ordinary(2)
     bad = Fitted(NAN, math.inf, NASTY)
     finding = replace(
         plain.findings[0],
@@ -241,7 +241,7 @@ def nasty() -> Diagnosis:
         estimates_before={NASTY: bad},
         estimates_after={NASTY: bad, "Bs": bad},
         determined={NASTY: False},
-        curves=tuple(replace(curves(NASTY, 50.0, lateral=False, seed=i)) for i in range(3)),
+        curves=tuple(replace(curves(NASTY, 50.0, lateral=False, seed=i)) for i in range(2)),
         spectra=tuple(replace(one, label=NASTY) for one in plain.spectra),
         trends=tuple(replace(one, axis=NASTY, against=NASTY) for one in plain.trends[:1]),
         empirical_rms_mps2=NAN,

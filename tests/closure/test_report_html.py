@@ -1,0 +1,254 @@
+from __future__ import annotations
+
+import builtins
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.errors import OutputError
+from gateway.signal.orders import ORDER_COUNT
+from gateway.signal.orders import order_coefficients as reference_coefficients
+from tests.closure.diagnosis_data import NASTY, curves, empty, nasty, ordinary, trends
+
+pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
+pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")
+
+from gateway.views import closure_chapters
+from gateway.views.closure_chapters import chapters
+from gateway.views.closure_figures import order_coefficients, orders_figure, trend_figure, waveform_figure
+from gateway.views.closure_html import diagnosis_html
+from gateway.views.closure_rows import reference_group
+from gateway.views.closure_svg import inline_svg, report_style
+
+ROOT = Path(__file__).parents[2]
+VOID = {"meta", "br", "img", "link", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Elements, attributes and text of a page; fails when an element is not closed where it should be."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str, str]] = []
+        self.text = ""
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.handle_startendtag(tag, attrs)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def page_text() -> str:
+    return diagnosis_html(ordinary(2))
+
+
+@pytest.fixture(scope="module")
+def nasty_text() -> str:
+    return diagnosis_html(nasty())
+
+
+def test_tables_come_first_and_say_it_all(page_text):
+    page = Page(page_text)
+    assert page.tags.index("table") < page.tags.index("figure")
+    for words in (
+        "12.3", "2.10", "2.05", "1.02",  # errors
+        "mounting offset", "5.02 ± 0.11 mm", "40100 ± 1200", "41230",
+        "structural damping", "cavity resonance",
+        "cannot be told apart", "a recording at another temperature",
+        "clipping", "the limit lies above the largest sample",
+        "606.0 to 614.5", "1.210 ± 0.060", "81.4 to 90.5",
+        "(2.610 ± 0.011)e-3", "(2.8340 ± 0.0070)e-3", "13.762 ± 0.023",
+        "drum-40kmh.mcap", "load 4000 N", "12 revolutions were left out",
+    ):  # fmt: skip
+        assert words in page.text, words
+
+
+def test_every_figure_is_described(page_text):
+    page = Page(page_text)
+    figures = page.tags.count("figure")
+    labels = re.findall(r'<div class="drawing" role="img" aria-label="([^"]*)"', page_text)
+    # Waveform and orders of three axes, the other group, two spectra, two trends.
+    assert figures == 3 + 3 + 1 + 2 + 2
+    assert page.tags.count("figcaption") == figures
+    assert [name for tag, name, _ in page.attributes if tag == "html"] == ["lang"]
+    assert len(labels) == figures
+    assert all("m/s²" in label for label in labels)
+
+
+@pytest.mark.parametrize("which", ["page_text", "nasty_text"])
+def test_the_page_needs_nothing_and_runs_nothing(which, request):
+    text = request.getfixturevalue(which)
+    page = Page(text)
+    assert not {"script", "img", "link", "iframe", "object", "embed", "image", "base"} & set(page.tags)
+    for tag, name, value in page.attributes:
+        assert not name.startswith("on"), (tag, name)
+        assert name not in {"src", "srcset", "action", "background", "data"}, (tag, name)
+        if name in {"href", "xlink:href"}:
+            assert value.startswith("#"), (tag, value)
+    assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", text))
+    assert "://" not in text
+    assert "@import" not in text
+    assert "\x1b" not in text
+    ids = [value for _, name, value in page.attributes if name == "id"]
+    assert len(ids) == len(set(ids))
+    targets = {value[1:] for _, name, value in page.attributes if name in {"href", "xlink:href"}}
+    assert targets | set(re.findall(r"url\(#([^)]*)\)", text)) <= set(ids)
+
+
+def test_what_nobody_should_trust_is_shown_as_text(nasty_text):
+    page = Page(nasty_text)
+    assert "<script>document.title='taken'</script>" in page.text
+    assert "{{7*7}}" in page.text
+    assert NASTY.split("\x1b")[0] in page.text
+    assert "nan" not in re.sub(r"[^\w]", " ", page.text.lower()).split()
+
+
+def test_nothing_found_makes_a_page_too():
+    page = Page(diagnosis_html(empty()))
+    assert "figure" not in page.tags
+    assert "Nothing stands out of the noise." in page.text
+
+
+def test_the_same_diagnosis_gives_the_same_bytes():
+    small = replace(ordinary(1), spectra=())
+    assert diagnosis_html(small) == diagnosis_html(small)
+
+
+def test_groups_drawn_are_limited_and_the_reference_shows_most(monkeypatch):
+    diagnosis = ordinary(4)
+    assert reference_group(diagnosis.curves) == 3
+    monkeypatch.setattr(closure_chapters, "MOST_GROUPS", 2)
+    found = chapters(replace(diagnosis, spectra=(), trends=()))
+    drawn = {chapter.id: chapter for chapter in found}
+    assert [one.title for one in drawn["groups"].drawings] == [diagnosis.curves[at].label for at in (0, 2)]
+    assert "2 of 3 groups" in drawn["groups"].text
+    assert {"spectra", "trends"}.isdisjoint(drawn)
+    assert diagnosis.curves[3].label in drawn["waveforms"].text
+
+
+def test_an_absent_axis_is_not_drawn():
+    diagnosis = nasty()
+    drawn = {chapter.id: chapter for chapter in chapters(diagnosis)}
+    assert [one.title for one in drawn["waveforms"].drawings] == [
+        "Circumferential acceleration.",
+        "Radial acceleration.",
+    ]
+
+
+def test_order_coefficients_agree_with_the_pipelines():
+    rng = np.random.default_rng(3)
+    theta = -np.pi + 2 * np.pi * np.arange(256) / 256
+    values = rng.normal(size=256)
+    cosine, sine = order_coefficients(theta, values, ORDER_COUNT)
+    complex_ones = reference_coefficients(values)
+    np.testing.assert_allclose(cosine, complex_ones.real, atol=1e-12)
+    np.testing.assert_allclose(sine, -complex_ones.imag, atol=1e-12)
+
+
+def test_the_waveform_figure_draws_the_residuals():
+    one = curves("any", 80.0)
+    with report_style():
+        figure = waveform_figure(one, 2)
+    middle, bottom = figure.axes[2], figure.axes[4]
+    drawn = [np.asarray(line.get_ydata()) for line in middle.lines]
+    assert any(len(y) == 512 and np.array_equal(y, one.measured_mps2[2] - one.before_mps2[2]) for y in drawn)
+    low, high = bottom.get_ylim()
+    left = one.measured_mps2[2] - one.after_mps2[2]
+    assert low < left.min()
+    assert high > left.max()
+    assert high < 3.0 * left.max(), "what is left after has a scale of its own"
+
+
+@pytest.mark.parametrize(("factor", "scale"), [(1.0, "linear"), (1000.0, "symlog")])
+def test_the_order_figure_shows_noise_and_the_largest(factor, scale):
+    one = curves("any", 40.0)
+    before = one.measured_mps2 + factor * 0.1 * np.cos(3 * one.theta_rad)
+    one = type(one)(one.label, one.theta_rad, one.measured_mps2, before, before, one.noise_mps2, one.order_noise_mps2)
+    with report_style():
+        figure = orders_figure(one, 2)
+    panel = figure.axes[0]
+    assert panel.get_yscale() == scale
+    low, high = panel.get_ylim()
+    assert low < -0.1 * factor
+    assert low == pytest.approx(-high, rel=0.3)
+
+
+def test_noise_that_is_not_known_is_not_drawn():
+    one = curves("any", 40.0)
+    unknown = np.full_like(one.order_noise_mps2, np.nan)
+    one = type(one)(
+        one.label, one.theta_rad, one.measured_mps2, one.before_mps2, one.after_mps2, np.full(3, np.nan), unknown
+    )
+    with report_style():
+        for figure in (waveform_figure(one, 0), orders_figure(one, 0)):
+            assert "nan" not in inline_svg(figure, "x")
+
+
+def test_trends_are_in_field_units():
+    with report_style():
+        figure = trend_figure([trends()[1]])
+    assert figure.axes[0].get_xlabel() == "load, N"
+    assert figure.axes[0].get_title(loc="left") == "circumferential"
+
+
+@pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
+def test_a_missing_package_is_named_with_the_extra(package, monkeypatch):
+    real = builtins.__import__
+
+    def missing(name, *args, **kwargs):
+        if name.split(".")[0] == package:
+            raise ImportError(name)
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(OutputError, match=package) as caught:
+        diagnosis_html(empty())
+    assert "treadlink[plot]" in caught.value.remedy
+
+
+def test_the_views_import_nothing_heavy():
+    code = (
+        "import sys, gateway.views.closure_html, gateway.views.closure_json, gateway.views.closure_summary\n"
+        "sys.exit(str({'matplotlib', 'jinja2'} & set(sys.modules) or 0))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.stderr.strip() in ("", "0")
+
+
+def test_the_wheel_holds_the_template(tmp_path):
+    pytest.importorskip("hatchling", reason="hatchling (extra 'dev') is not installed")
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tmp_path)
+    shutil.copytree(ROOT / "gateway", tmp_path / "gateway", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "firmware_protocol", tmp_path / "firmware_protocol")
+    done = subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", "out"],
+        capture_output=True, text=True, cwd=tmp_path, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    with zipfile.ZipFile(next((tmp_path / "out").glob("*.whl"))) as wheel:
+        assert {"gateway/views/closure_report.html.j2", "gateway/views/closure_report.css"} <= set(wheel.namelist())
