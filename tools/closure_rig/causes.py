@@ -80,6 +80,10 @@ def _tilt(key: str) -> Callable[[Drawing], Tables]:
     return tables
 
 
+def _yaw(drawn: Drawing) -> Tables:
+    return {"sensor": {"yaw_deg": drawn.sign() * drawn.size}}
+
+
 def _gain(drawn: Drawing) -> Tables:
     return {"sensor": {"gain_error_percent": drawn.sign() * drawn.size}}
 
@@ -180,6 +184,8 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("mounting offset", "mm", (0.1, 0.3, 3.0), _offset),
     Cause("roll tilt", "deg", (0.02, 0.06, 1.0), _tilt("roll_deg")),
     Cause("pitch tilt", "deg", (0.02, 0.06, 1.0), _tilt("pitch_deg")),
+    # Only gravity tells of it where the sensor sits on the neutral layer.
+    Cause("yaw tilt", "deg", (0.3, 1.0, 5.0), _yaw),
     Cause("gain", "%", (0.1, 0.3, 2.0), _gain),
     # Which temperature the gain was stated for the tool cannot know.
     Cause("gain-temperature drift", "%/K", (0.002, 0.006, 0.03), _gain_temperature, companions=("gain",)),
