@@ -17,13 +17,12 @@ from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE)
+THETA: Final = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE, dtype=np.float64)
 # Angle since mid revolution: a revolution runs from one contact's centre to the next, so its middle is at the top.
-_FROM_MIDDLE: Final[FloatArray] = np.where(THETA >= 0.0, THETA - math.pi, THETA + math.pi)
-_ALTERNATING: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
-_SCALE: Final[FloatArray] = np.asarray(
-    _ALTERNATING * np.where(np.arange(ORDERS) == 0, 1.0, 2.0) / FIELD_SIZE, dtype=np.float64
-)
+_FROM_MIDDLE: Final = np.where(THETA >= 0.0, THETA - math.pi, THETA + math.pi)
+_SCALE: Final = np.where(np.arange(ORDERS) % 2, -2.0, 2.0) / FIELD_SIZE
+_SCALE[0] *= 0.5
+_SCALE.setflags(write=False)
 
 
 def field_orders(field: FloatArray) -> ComplexArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -29,9 +29,11 @@ _MASS_KGPM: Final = 3.5
 # Without damping and rotary inertia the shape is the same at every speed.
 _ANY_OMEGA_RADPS: Final = 56.0
 
-NODES: Final = 480
-_FINE_NODES: Final = 960
-# The solver's error falls with the square of the step.
+# Grids, and the nodes that the bending layer sqrt(EI / (p0 b R)) at the contact's edges needs.
+_GRIDS: Final = (480, 720, 960)
+_NODES_PER_LAYER: Final = 8.0
+# The solver's error falls with the square of the step; it is measured on a grid twice as fine.
+_FINER: Final = 2
 _EXTRAPOLATION: Final = 4.0 / 3.0
 _KEPT: Final = 512
 
@@ -56,7 +58,7 @@ class ExactCore:
     """The geometrically exact ring: Bs, Cw, Rs, Ts and the tread's stiffness are a state's parameters."""
 
     model = StartModel.EXACT
-    names = ("Bs", "Cw", "Rs", "Ts", "tread_stiffness_npm2")
+    names: tuple[str, ...] = ("Bs", "Cw", "Rs", "Ts", "tread_stiffness_npm2")
     gravity = True
     drift = True
     mean = True
@@ -69,6 +71,7 @@ class ExactCore:
         self._kept: OrderedDict[_Key, _Solved] = OrderedDict()
         self._near: dict[tuple[float, float, int, bool], RingSolution] = {}
         self._corrections: dict[tuple[float, float, float], tuple[FloatArray, float, float]] = {}
+        self._nodes: dict[tuple[float, float, float], int] = {}
 
     def shape(
         self,
@@ -78,7 +81,7 @@ class ExactCore:
         half_angle_rad: float,  # noqa: ARG002 - the interface's; the exact ring finds its contact itself
     ) -> Shape:
         """Return the shape, with the grid's error as `refine` last found it taken off."""
-        coarse = self._solve(parameters, conditions, options, NODES).shape
+        coarse = self._solve(parameters, conditions, options, self._grid(conditions)).shape
         correction = self._corrections.get(_place(conditions))
         if correction is None:
             return coarse
@@ -91,14 +94,24 @@ class ExactCore:
 
     def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
         """Measure the grid's error at these parameters; `shape` takes it off from now on, for these conditions."""
-        coarse = self._solve(parameters, conditions, options, NODES).shape
-        fine = self._solve(parameters, conditions, options, _FINE_NODES).shape
+        layer_rad = math.sqrt(
+            TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(float(parameters[0]) - float(parameters[1]))
+        )
+        wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
+        nodes = next((nodes for nodes in _GRIDS if nodes >= wanted), _GRIDS[-1])
+        # Never coarser than before: a fit that changes its grid back and forth does not come to rest.
+        nodes = self._nodes[_place(conditions)] = max(nodes, self._grid(conditions))
+        coarse = self._solve(parameters, conditions, options, nodes).shape
+        fine = self._solve(parameters, conditions, options, _FINER * nodes).shape
         change = np.array(fine.waveform) - np.array(coarse.waveform)
         self._corrections[_place(conditions)] = (
             _EXTRAPOLATION * change,
             _EXTRAPOLATION * (fine.leading_edge_rad - coarse.leading_edge_rad),
             _EXTRAPOLATION * (fine.trailing_edge_rad - coarse.trailing_edge_rad),
         )
+
+    def _grid(self, conditions: Conditions) -> int:
+        return self._nodes.get(_place(conditions), _GRIDS[0])
 
     def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts and the tread's stiffness at the load and pressure of `conditions`."""
@@ -107,8 +120,8 @@ class ExactCore:
         return {**numbers._asdict(), "tread_stiffness_npm2": ring.tread_stiffness_npm2}
 
     def solution(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> RingSolution:
-        """Return the solved ring behind a shape, on the coarse grid."""
-        return self._solve(parameters, conditions, options, NODES).ring
+        """Return the solved ring behind a shape, its grid's error in it."""
+        return self._solve(parameters, conditions, options, self._grid(conditions)).ring
 
     def _solve(self, parameters: FloatArray, conditions: Conditions, options: RingOptions, nodes: int) -> _Solved:
         omega = conditions.omega_radps if options.depends_on_speed else _ANY_OMEGA_RADPS
@@ -135,7 +148,7 @@ class ExactCore:
             nodes=nodes,
             sensor_offset_m=options.sensor_offset_m,
             drum_radius_m=options.drum_radius_m,
-            axle_torque_nm=options.traction * conditions.load_n * ring.radius_m if options.traction else None,
+            axle_torque_nm=self._torque_nm(parameters, conditions, options, nodes),
             start=self._near.get(near_key),
         )
         self._near[near_key] = solution
@@ -144,6 +157,15 @@ class ExactCore:
         if len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
         return solved
+
+    def _torque_nm(
+        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, nodes: int
+    ) -> float | None:
+        """Return the axle's torque: what the losses take, and traction beyond it; None rolls freely."""
+        if not options.traction:
+            return None
+        free = self._solve(parameters, conditions, replace(options, traction=0.0), nodes).ring.axle_torque_nm
+        return free + options.traction * conditions.load_n * conditions.radius_m
 
 
 def ring_parameters(parameters: FloatArray, conditions: Conditions, options: RingOptions) -> RingParameters:

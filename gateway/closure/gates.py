@@ -40,12 +40,19 @@ def evidence_needed(effect: AngleEffect) -> float:
     return LEAST_EVIDENCE + PER_PARAMETER * (len(effect.parameters) - 1)
 
 
-def implausible(fit: Fit, effect: AngleEffect, scale: float) -> str:
-    """Return which parameter lies outside its plausible range, in words; empty when none does."""
+def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = False) -> str:
+    """Return which parameter lies outside its plausible range, in words; empty when none does.
+
+    Args:
+        fit: with the effect in.
+        effect: the effect.
+        scale: overdispersion.
+        for_now: True forgives as much again as the range is wide: other effects may still be missing.
+    """
     where = fit.model.layout.effect(effect.name)
     std = np.sqrt(np.diagonal(fit.covariance()))[where] * math.sqrt(scale)
     for parameter, value, error in zip(effect.parameters, fit.vector[where], std, strict=True):
-        slack = _BEYOND * float(error)
+        slack = _BEYOND * float(error) + (parameter.high - parameter.low if for_now else 0.0)
         if not parameter.low - slack <= value <= parameter.high + slack:
             unit = parameter.display_unit or parameter.unit
             low, high = parameter.low * parameter.factor, parameter.high * parameter.factor

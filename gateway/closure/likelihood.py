@@ -50,8 +50,7 @@ class Whitened:
         weights = []
         for orders, weight in zip(self.orders, self.weights, strict=True):
             error = share * np.abs(orders).max(axis=(1, 2), keepdims=True)
-            loose = 1.0 / np.sqrt(1.0 / np.maximum(weight, 1e-300) ** 2 + error**2)
-            weights.append(np.where(weight > 0.0, loose, 0.0))
+            weights.append(weight / np.sqrt(1.0 + np.square(weight * error)))
         return Whitened(self.orders, tuple(weights), self.variance)
 
     @property
@@ -94,8 +93,7 @@ def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
 def _floor(group: Group) -> FloatArray:
     """Return the variance of what computing leaves, (1, 3, ORDERS)."""
     conditions = group.conditions
-    mean = np.nanmean(np.abs(np.stack([block.orders_mps2 for block in group.blocks])), axis=0)
-    size = np.nan_to_num(mean)
+    size = np.nan_to_num(np.abs(np.stack([block.orders_mps2 for block in group.blocks]))).mean(axis=0)
     kernel = np.ones(_SMOOTHED) / _SMOOTHED
     smooth = np.stack([np.sqrt(np.convolve(np.square(row), kernel, mode="same")) for row in size])
     steady = conditions.radius_m * conditions.omega_radps**2

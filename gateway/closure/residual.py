@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,7 +50,8 @@ class GroupResidual:
 
     def rms_mps2(self, first: int = 0, last: int = ORDERS) -> FloatArray:
         """Return the rms of the residual beyond noise over orders [first, last), (3,)."""
-        return np.sqrt(np.maximum(_excess(self)[:, first:last].sum(axis=1), 0.0))
+        result: FloatArray = np.sqrt(np.maximum(_excess(self)[:, first:last].sum(axis=1), 0.0))
+        return result
 
     def noise_rms_mps2(self) -> FloatArray:
         """Return the rms of the noise over all orders, (3,)."""
@@ -84,12 +86,21 @@ def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     residuals = group_residuals(fit, data)
     found = []
     for axis in range(3):
-        bands = [band for band in zip(_BANDS[:-1], _BANDS[1:], strict=True) if _stands_out(residuals, axis, *band)]
+        bands = [band for band in itertools.pairwise(_BANDS) if _stands_out(residuals, axis, *band)]
         for first, last in _joined(bands):
             found.append(_described(campaign, residuals, axis, first, last))
     found.sort(key=lambda entry: -entry.rms_mps2)
     largest = found[0].rms_mps2 if found else 0.0
     return tuple(entry for entry in found if entry.rms_mps2 > _NEGLIGIBLE * largest)
+
+
+def standing_out(residuals: Sequence[GroupResidual]) -> NDArray[np.bool_]:
+    """Return the orders of bands that stand out of the noise, (3, ORDERS)."""
+    result = np.zeros((3, ORDERS), dtype=np.bool_)
+    for axis in range(3):
+        for first, last in itertools.pairwise(_BANDS):
+            result[axis, first:last] = _stands_out(residuals, axis, first, last)
+    return result
 
 
 def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> bool:

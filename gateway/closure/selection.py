@@ -16,6 +16,7 @@ from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Campaign
+from gateway.closure.rivals import fit_without
 from gateway.closure.trial import Trial, refit, try_effect
 
 FloatArray = NDArray[np.float64]
@@ -23,8 +24,6 @@ FloatArray = NDArray[np.float64]
 # Trials refitted in earnest at a step, and the share of the best promise that makes a trial worth it.
 _REFITTED: Final = 6
 _WORTH: Final = 0.3
-# Rivals whose misfit is no further from the best one's than this, times the overdispersion, explain the same.
-_ALIKE: Final = 10.0
 _MOST_EFFECTS: Final = 10
 
 
@@ -37,14 +36,12 @@ class Step:
         before: the fit without it.
         after: the fit with it.
         gain: (K,) fall of each fold's held-out misfit.
-        rivals: effects that explain as much.
     """
 
     effect: AngleEffect
     before: Fit
     after: Fit
     gain: FloatArray
-    rivals: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -108,7 +105,7 @@ def select(
 
 
 def _best_step(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> Step | None:
-    """Return the best candidate that passes, with its rivals; note why others did not."""
+    """Return the best candidate that passes; note why others did not."""
     before = fit.held_out()
     promising = _promising(fit, data, left, before)
     fitted: list[tuple[Trial, Fit]] = []
@@ -132,10 +129,8 @@ def _best_step(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Sel
         return None
     passed.sort(key=lambda entry: entry[1].misfit)
     trial, after, gain = passed[0]
-    limit = _ALIKE * gates.overdispersion(after, data)
-    rivals = tuple(other.effect.name for other, fit_of, _ in passed[1:] if fit_of.misfit - after.misfit < limit)
     selection.refused.pop(trial.effect.name, None)
-    return Step(trial.effect, fit, after, gain, rivals)
+    return Step(trial.effect, fit, after, gain)
 
 
 def _promising(fit: Fit, data: Whitened, left: list[AngleEffect], before: FloatArray) -> list[Trial]:
@@ -161,7 +156,7 @@ def _reason_against(fit: Fit, after: Fit, effect: AngleEffect, gain: FloatArray,
     spread = float(np.std(seen, ddof=1)) * math.sqrt(len(seen)) if len(seen) > 1 else 0.0
     if evidence < gates.evidence_needed(effect) or float(gain.sum()) <= spread:
         return None
-    return gates.implausible(after, effect, scale) or gates.uneven(after, effect, scale)
+    return gates.implausible(after, effect, scale, for_now=True) or gates.uneven(after, effect, scale)
 
 
 def _prune(selection: Selection, data: Whitened) -> None:
@@ -170,7 +165,7 @@ def _prune(selection: Selection, data: Whitened) -> None:
         final = selection.final
         needless = None
         for step in selection.steps[:-1]:
-            without = _without(final, step.effect, data)
+            without = fit_without(final, step.effect, data)
             if without is None:
                 continue
             if without.misfit - final.misfit < gates.evidence_needed(step.effect) * gates.overdispersion(final, data):
@@ -182,17 +177,7 @@ def _prune(selection: Selection, data: Whitened) -> None:
         last = selection.steps[-1]
         selection.steps = [kept for kept in selection.steps if kept is not step]
         gain = last.before.held_out() - without.held_out()
-        selection.steps[-1] = Step(last.effect, last.before, without, gain, last.rivals)
-
-
-def _without(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
-    """Return the fit with one effect taken out."""
-    effects = tuple(other for other in fit.model.effects if other.name != effect.name)
-    model = ClosureModel(fit.model.campaign, fit.model.core, effects)
-    try:
-        return fit_model(model, data, fit.model.layout.moved(fit.vector, model.layout))
-    except FitFailedError:
-        return None
+        selection.steps[-1] = Step(last.effect, last.before, without, gain)
 
 
 def _judge_leftovers(selection: Selection, data: Whitened) -> None:
@@ -201,11 +186,12 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         final = selection.final
         worst: tuple[float, Step, str, Fit] | None = None
         for step in selection.steps:
-            without = _without(final, step.effect, data)
+            without = fit_without(final, step.effect, data)
             if without is None:
                 continue
             explained, left = gates.explained_and_left(final, without, data)
-            reason = gates.stands_in(explained, left)
+            scale = gates.overdispersion(final, data)
+            reason = gates.stands_in(explained, left) or gates.implausible(final, step.effect, scale)
             share = left / max(explained, 1e-300)
             if reason and (worst is None or share > worst[0]):
                 worst = (share, step, reason, without)
@@ -217,4 +203,4 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         if selection.steps:
             last = selection.steps[-1]
             gain = last.before.held_out() - without.held_out()
-            selection.steps[-1] = Step(last.effect, last.before, without, gain, last.rivals)
+            selection.steps[-1] = Step(last.effect, last.before, without, gain)

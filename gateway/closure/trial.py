@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.closure.effects.base import Scanned, SignalEffect
 from gateway.closure.fit import Fit, fit_model, held_out_misfit
 from gateway.closure.likelihood import Normal, Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
@@ -37,12 +39,29 @@ class Trial:
 def try_effect(fit: Fit, data: Whitened, effect: AngleEffect) -> Trial | None:
     """Return the best trial of an effect over its starts, by held-out misfit; None where it cannot be had."""
     conditions = tuple(group.conditions for group in fit.model.campaign.groups)
-    trials = []
-    for start in effect.starts(conditions):
+    best, near = _best_of(fit, data, effect, effect.starts(conditions))
+    if best is not None and isinstance(effect, Scanned):
+        for place, values in effect.scan:
+            starts = [(*near[:place], value, *near[place + 1 :]) for value in values]
+            trial, start = _best_of(fit, data, effect, starts)
+            if trial is not None and trial.held_out.sum() < best.held_out.sum():
+                best, near = trial, start
+    return best
+
+
+def _best_of(
+    fit: Fit, data: Whitened, effect: AngleEffect, starts: Sequence[tuple[float, ...]]
+) -> tuple[Trial | None, tuple[float, ...]]:
+    """Return the best trial, by held-out misfit, with its start."""
+    best: Trial | None = None
+    near: tuple[float, ...] = ()
+    for start in starts:
         trial = _try_from(fit, data, effect, np.array(start, dtype=np.float64))
-        if trial is not None and np.isfinite(trial.misfit):
-            trials.append(trial)
-    return min(trials, key=lambda trial: float(trial.held_out.sum()), default=None)
+        if trial is None or not np.isfinite(trial.misfit):
+            continue
+        if best is None or trial.held_out.sum() < best.held_out.sum():
+            best, near = trial, start
+    return best, near
 
 
 def refit(trial: Trial, data: Whitened) -> Fit:
@@ -51,7 +70,13 @@ def refit(trial: Trial, data: Whitened) -> Fit:
     Raises:
         FitFailedError: there is none.
     """
-    return fit_model(trial.model, data, trial.vector)
+    vector = trial.vector.copy()
+    if not isinstance(trial.effect, SignalEffect):
+        # A ring is not solved for stiffnesses and dampings below zero.
+        where = trial.model.layout.effect(trial.effect.name)
+        bounds = [(parameter.low, parameter.high) for parameter in trial.effect.parameters]
+        vector[where] = np.clip(vector[where], *np.array(bounds).T)
+    return fit_model(trial.model, data, vector)
 
 
 def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) -> Trial | None:

@@ -1,0 +1,106 @@
+"""Selection and hold-out together: what is called by its name has been found again without each part of the data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.cores import Core
+from gateway.closure.diagnosis import Finding
+from gateway.closure.effects.base import StartModel
+from gateway.closure.effects.catalogue import candidates
+from gateway.closure.findings import findings_of, refused
+from gateway.closure.fit import FitFailedError
+from gateway.closure.held_out import FoldError, agreement, hold_out
+from gateway.closure.likelihood import Whitened
+from gateway.closure.observation import Campaign
+from gateway.closure.selection import Selection, select
+from gateway.closure.starting import angle_effects
+from gateway.errors import TreadlinkError
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+# Folds of the nested hold-out: each runs the whole selection again.
+_OUTER_FOLDS: Final = 5
+_ATTEMPTS: Final = 3
+# Share of folds that must have come to an effect by themselves for it to be called by its name.
+_AGREEING: Final = 0.5
+# Shares of the time at which selecting, holding out and comparing rivals end.
+_SELECTED, _HELD_OUT = 0.4, 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """A selection that holds out, the errors of its folds, and what became of every effect."""
+
+    selection: Selection
+    errors: list[FoldError]
+    findings: list[Finding]
+
+
+def close_loop(
+    campaign: Campaign,
+    core: Core,
+    data: Whitened,
+    model: StartModel,
+    on_progress: Callable[[float, str], None],
+    jobs: int,
+) -> Closed:
+    """Select, and hold out; an effect that most folds do not come to by themselves is taken out, and all done again."""
+    every = angle_effects(candidates(model))
+    unsteady: dict[str, Finding] = {}
+    start: FloatArray | None = None
+    for attempt in range(_ATTEMPTS):
+        effects = {name: effect for name, effect in every.items() if name not in unsteady}
+        told = _Steps(on_progress)
+        try:
+            selection = select(campaign, core, data, effects, start=start, on_step=told)
+        except FitFailedError as error:
+            raise TreadlinkError(
+                f"the starting model '{model}' cannot be fitted to these recordings: {error}",
+                "Check belt radius, load and pressure in the configuration.",
+            ) from error
+        start = selection.start.vector
+        folds = range(min(data.folds, _OUTER_FOLDS))
+        errors = hold_out(
+            campaign,
+            model,
+            start,
+            folds,
+            without=frozenset(unsteady),
+            jobs=jobs,
+            on_fold=partial(_held, on_progress, len(folds)),
+        )
+        found_in = agreement(errors)
+        doubtful = [s for s in selection.steps if found_in.get(s.effect.name, 0) < _AGREEING * len(errors)]
+        if not doubtful or attempt == _ATTEMPTS - 1:
+            break
+        for step in doubtful:
+            times = found_in.get(step.effect.name, 0)
+            reason = f"found in {times} of {len(errors)} folds only when one fold is left out"
+            unsteady[step.effect.name] = refused(step, selection.final, reason)
+    on_progress(_HELD_OUT, "comparing rivals")
+    findings = [*findings_of(selection, data, effects), *unsteady.values()]
+    return Closed(selection, errors, findings)
+
+
+class _Steps:
+    """Turns the steps of a selection, whose number nobody knows beforehand, into a share that always grows."""
+
+    def __init__(self, on_progress: Progress) -> None:
+        self._on_progress = on_progress
+        self._steps = 0
+
+    def __call__(self, text: str) -> None:
+        self._steps += 1
+        self._on_progress(_SELECTED * (1.0 - 0.85**self._steps), text)
+
+
+def _held(on_progress: Progress, folds: int, done: int) -> None:
+    on_progress(_SELECTED + (_HELD_OUT - _SELECTED) * done / folds, "holding out")

@@ -1,0 +1,107 @@
+"""The whole loop: starting model, residual, effects, hold-out, estimates before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.closing import close_loop
+from gateway.closure.contribution import contribution_table
+from gateway.closure.diagnosis import Diagnosis, Unexplained, Verdict
+from gateway.closure.effects.base import StartModel
+from gateway.closure.estimates import estimates_of
+from gateway.closure.held_out import summary
+from gateway.closure.likelihood import whiten
+from gateway.closure.observation import Campaign
+from gateway.closure.picture import curves_of, trends_of
+from gateway.closure.residual import unexplained
+from gateway.closure.starting import make_core
+from gateway.closure.timelocked import diagnose_time_locked
+from gateway.errors import TreadlinkError
+
+FloatArray = NDArray[np.float64]
+
+_FEW_REVOLUTIONS: Final = 20
+
+
+def diagnose(
+    campaign: Campaign,
+    *,
+    model: StartModel = StartModel.EXACT,
+    empirical: bool = False,
+    on_progress: Callable[[float, str], None] = lambda _share, _text: None,
+    jobs: int = 1,
+) -> Diagnosis:
+    """Find what a starting model lacks on a campaign.
+
+    Args:
+        campaign: the data of one wheel.
+        model: where to start.
+        empirical: also report the held-out error with the mean residual added as a correction.
+        on_progress: called with the share that is done and what is being done.
+        jobs: processes for the nested hold-out.
+
+    Raises:
+        TreadlinkError: there are too few data, or the starting model cannot be fitted.
+    """
+    core = make_core(model)
+    data = whiten(campaign, with_mean=core.mean)
+    if data.folds < 2:
+        raise TreadlinkError(
+            "a diagnosis needs two revolutions of one recording at least", "Record longer at a steady speed."
+        )
+    on_progress(0.0, "fitting the starting model")
+    closed = close_loop(campaign, core, data, model, on_progress, jobs)
+    selection, findings = closed.selection, closed.findings
+    held_out, noise, corrected = summary(closed.errors)
+    on_progress(0.9, "what does not repeat with the wheel")
+    time_locked = diagnose_time_locked(campaign.groups)
+    on_progress(0.97, "figures")
+    before, _ = estimates_of(selection.start, data)
+    after, determined = estimates_of(selection.final, data)
+    left: tuple[Unexplained, ...] = (*unexplained(selection.final, data), *time_locked.unexplained)
+    on_progress(1.0, "done")
+    return Diagnosis(
+        model=str(model),
+        wheel=campaign.wheel,
+        recordings=campaign.recordings,
+        assumed=campaign.assumed,
+        revolutions=sum(block.count for group in campaign.groups for block in group.blocks),
+        rejected=sum(campaign.rejected.values()),
+        noise_floor_mps2=noise,
+        held_out=held_out,
+        findings=tuple(sorted((*findings, *time_locked.findings), key=lambda finding: _RANK[finding.verdict])),
+        unexplained=tuple(sorted(left, key=lambda entry: -entry.rms_mps2)),
+        estimates_before=before,
+        estimates_after=after,
+        determined=determined,
+        curves=curves_of(selection.start, selection.final, data),
+        spectra=time_locked.spectra,
+        trends=trends_of(selection.start, selection.final, data),
+        empirical_rms_mps2=corrected if empirical else None,
+        notes=(*_notes(campaign), *time_locked.notes),
+        folds_of=_folds_of(campaign),
+        correction=contribution_table(selection.final, tuple(findings)),
+    )
+
+
+_RANK: Final = {Verdict.NAMED: 0, Verdict.INDISTINGUISHABLE: 1, Verdict.REFUSED: 2}
+
+
+def _folds_of(campaign: Campaign) -> str:
+    single = all(block.count == 1 for group in campaign.groups for block in group.blocks)
+    return "revolutions" if single else "blocks of revolutions"
+
+
+def _notes(campaign: Campaign) -> tuple[str, ...]:
+    notes = [f"{count} revolutions left out: {reason}" for reason, count in campaign.rejected.items()]
+    total = sum(block.count for group in campaign.groups for block in group.blocks)
+    if total < _FEW_REVOLUTIONS:
+        notes.append(f"{total} revolutions only: what is seen in all of them may still be chance of this run")
+    omegas = [group.conditions.omega_radps for group in campaign.groups]
+    if max(omegas) < 1.1 * min(omegas):
+        notes.append("one speed only: what goes with speed cannot be told from what does not")
+    return tuple(notes)

@@ -1,0 +1,124 @@
+"""From a selection to findings: every effect that the data speak about, with its figures and its rivals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.decide import deciding_recording
+from gateway.closure.diagnosis import Finding, Fitted, Verdict
+from gateway.closure.estimates import before_and_after, estimates_of
+from gateway.closure.fit import Fit
+from gateway.closure.likelihood import Whitened
+from gateway.closure.model import AngleEffect
+from gateway.closure.observation import ORDERS
+from gateway.closure.rivals import rivals_of
+from gateway.closure.selection import Selection, Step
+
+FloatArray = NDArray[np.float64]
+
+_SHARE: Final[FloatArray] = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
+
+
+def refused(step: Step, fit: Fit, reason: str) -> Finding:
+    """Return the finding of an effect that was added and then taken out again."""
+    return Finding(
+        name=step.effect.name,
+        verdict=Verdict.REFUSED,
+        parameters=_parameters(fit, step.effect),
+        chi2=step.before.misfit - step.after.misfit,
+        held_out_gain=float(step.gain.sum()),
+        held_out_std=_spread(step.gain),
+        rms_mps2=_size(fit, step.effect),
+        reason=reason,
+        summary=step.effect.summary,
+        equation=step.effect.equation,
+    )
+
+
+def findings_of(selection: Selection, data: Whitened, effects: Mapping[str, AngleEffect]) -> list[Finding]:
+    """Return what became of every effect that the data speak about."""
+    found = []
+    final = selection.final
+    for step in selection.steps:
+        rivals = rivals_of(final, step.effect, effects, data)
+        decide_with = deciding_recording(final, step.effect, effects[rivals[0]], data) if rivals else ""
+        found.append(_added(final, step, data, rivals, decide_with))
+    for name, (reason, fall, gain, fit) in selection.refused.items():
+        found.append(
+            Finding(
+                name=name,
+                verdict=Verdict.REFUSED,
+                parameters=_parameters(fit, effects[name]),
+                chi2=fall,
+                held_out_gain=float(gain.sum()),
+                held_out_std=_spread(gain),
+                rms_mps2=_size(fit, effects[name]),
+                reason=reason,
+                summary=effects[name].summary,
+                equation=effects[name].equation,
+            )
+        )
+    return found
+
+
+def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], decide_with: str) -> Finding:
+    before, _ = estimates_of(step.before, data)
+    after, _ = estimates_of(step.after, data)
+    return Finding(
+        name=step.effect.name,
+        verdict=Verdict.INDISTINGUISHABLE if rivals else Verdict.NAMED,
+        parameters=_parameters(final, step.effect),
+        chi2=step.before.misfit - step.after.misfit,
+        held_out_gain=float(step.gain.sum()),
+        held_out_std=_spread(step.gain),
+        rms_mps2=_size(final, step.effect),
+        rms_before_mps2=_rms(step.before, data),
+        rms_after_mps2=_rms(step.after, data),
+        estimates=before_and_after(before, after),
+        rivals=rivals,
+        decide_with=decide_with,
+        summary=step.effect.summary,
+        equation=step.effect.equation,
+    )
+
+
+def _spread(gain: FloatArray) -> float:
+    """Return the standard error of a sum over folds."""
+    seen = gain[gain != 0.0]
+    return float(np.std(seen, ddof=1)) * math.sqrt(len(seen)) if len(seen) > 1 else float("nan")
+
+
+def _parameters(fit: Fit, effect: AngleEffect) -> dict[str, Fitted]:
+    where = fit.model.layout.effect(effect.name)
+    std = np.sqrt(np.diagonal(fit.covariance()))[where]
+    found = {}
+    for parameter, value, error in zip(effect.parameters, fit.vector[where], std, strict=True):
+        unit = parameter.display_unit or parameter.unit
+        found[parameter.name] = Fitted(float(value) * parameter.factor, float(error) * abs(parameter.factor), unit)
+    return found
+
+
+def _size(fit: Fit, effect: AngleEffect) -> float:
+    """Return the rms of what an effect adds, over the groups, on the axis where it is largest."""
+    without = fit.vector.copy()
+    without[fit.model.layout.effect(effect.name)] = 0.0
+    total = np.zeros(3)
+    for index, there in enumerate(fit.predicted):
+        change = np.abs(there[0] - fit.model.predict_group(without, index)[0]) ** 2
+        total += (_SHARE * change).sum(axis=1)
+    return math.sqrt(float(total.max()) / len(fit.predicted))
+
+
+def _rms(fit: Fit, data: Whitened) -> float:
+    """Return the rms of a fit's own residual."""
+    total, count = 0.0, 0
+    for there, orders, weight in zip(fit.predicted, data.orders, data.weights, strict=True):
+        used = weight > 0.0
+        total += float((_SHARE * np.abs(orders - there) ** 2 * used).sum())
+        count += int(used.any(axis=2).sum())
+    return math.sqrt(total / max(count, 1))

@@ -1,0 +1,167 @@
+"""Nested hold-out: the whole selection is run without a fold, and judged on that fold alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.diagnosis import HeldOut
+from gateway.closure.effects.base import StartModel
+from gateway.closure.effects.catalogue import candidates
+from gateway.closure.fit import Fit, FitFailedError
+from gateway.closure.likelihood import Whitened, whiten
+from gateway.closure.observation import ORDERS, Campaign
+from gateway.closure.residual import group_residuals, standing_out
+from gateway.closure.selection import select
+from gateway.closure.starting import angle_effects, make_core
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_SHARE: Final[FloatArray] = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class FoldError:
+    """Errors on one fold that its fit has not seen.
+
+    Attributes:
+        before: sum of squares of the starting model's error, (m/s^2)^2.
+        after: with the effects that the other folds asked for.
+        empirical: with the mean residual of the other folds added on top.
+        noise: what the scatter of revolutions makes it at the least.
+        curves: waveforms behind the sums.
+        revolutions: held out.
+        effects: names that the selection without this fold came to.
+    """
+
+    before: float
+    after: float
+    empirical: float
+    noise: float
+    curves: int
+    revolutions: int
+    effects: tuple[str, ...]
+
+
+def hold_out(
+    campaign: Campaign,
+    model: StartModel,
+    start: FloatArray,
+    folds: Sequence[int],
+    *,
+    without: frozenset[str] = frozenset(),
+    jobs: int = 1,
+    on_fold: Callable[[int], None] = lambda _: None,
+) -> list[FoldError]:
+    """Run the nested hold-out of some folds, in other processes where `jobs` is more than 1.
+
+    Args:
+        campaign: the data.
+        model: starting model.
+        start: its vector to begin from.
+        folds: which ones.
+        without: effects that are no candidates.
+        jobs: processes.
+        on_fold: told how many folds are done.
+
+    Returns:
+        the folds' errors in their order; a fold without which nothing can be fitted is missing.
+    """
+    found: dict[int, FoldError | None] = {}
+    if jobs <= 1 or len(folds) == 1:
+        for fold in folds:
+            found[fold] = hold_out_fold(campaign, model, start, fold, without)
+            on_fold(len(found))
+    else:
+        # The time-locked part's own samples are not needed there, and are most of a campaign's size.
+        light = replace(campaign, groups=tuple(replace(group, deviations_mps2=()) for group in campaign.groups))
+        with ProcessPoolExecutor(max_workers=min(jobs, len(folds)), mp_context=get_context("spawn")) as pool:
+            waiting = {pool.submit(hold_out_fold, light, model, start, fold, without): fold for fold in folds}
+            for done in as_completed(waiting):
+                found[waiting[done]] = done.result()
+                on_fold(len(found))
+    return [error for fold in folds if (error := found[fold]) is not None]
+
+
+def hold_out_fold(
+    campaign: Campaign, model: StartModel, start: FloatArray, fold: int, without: frozenset[str] = frozenset()
+) -> FoldError | None:
+    """Return the error of one fold under what all others ask for; None where nothing can be fitted without it.
+
+    Args:
+        campaign: the data.
+        model: starting model.
+        start: its vector to begin from; only where the search begins, so nothing leaks from the fold.
+        fold: which one.
+        without: effects that are no candidates.
+    """
+    core = make_core(model)
+    data = whiten(campaign, with_mean=core.mean)
+    effects = {name: e for name, e in angle_effects(candidates(model)).items() if name not in without}
+    try:
+        selection = select(campaign, core, data.without(fold), effects, start=start)
+    except FitFailedError:
+        return None
+    final = selection.final
+    added = _empirical(final, data.without(fold))
+    before, _, curves = _squares(selection.start.predicted, data, fold)
+    after, noise, _ = _squares(final.predicted, data, fold)
+    corrected = tuple(there + correction for there, correction in zip(final.predicted, added, strict=True))
+    empirical, _, _ = _squares(corrected, data, fold)
+    revolutions = sum(group.blocks[fold].count for group in campaign.groups if fold < len(group.blocks))
+    names = tuple(effect.name for effect in final.model.effects)
+    return FoldError(before, after, empirical, noise, curves, revolutions, names)
+
+
+def summary(errors: Sequence[FoldError]) -> tuple[HeldOut, float, float]:
+    """Return the figures of all folds, the noise floor, and the rms with the empirical correction, m/s^2."""
+    curves = max(1, sum(error.curves for error in errors))
+
+    def rms(total: float) -> float:
+        return math.sqrt(total / curves)
+
+    held_out = HeldOut(
+        rms(sum(error.before for error in errors)),
+        rms(sum(error.after for error in errors)),
+        sum(error.revolutions for error in errors),
+        len(errors),
+    )
+    return held_out, rms(sum(e.noise for e in errors)), rms(sum(e.empirical for e in errors))
+
+
+def agreement(errors: Sequence[FoldError]) -> Mapping[str, int]:
+    """Return in how many folds each effect was found."""
+    found: dict[str, int] = {}
+    for error in errors:
+        for name in error.effects:
+            found[name] = found.get(name, 0) + 1
+    return found
+
+
+def _squares(predicted: Sequence[ComplexArray], data: Whitened, fold: int) -> tuple[float, float, int]:
+    """Return the sum over groups and axes of the mean square error, of the noise, and how many there are."""
+    error = noise = 0.0
+    curves = 0
+    for there, orders, weight in zip(predicted, data.orders, data.weights, strict=True):
+        if fold >= len(orders):
+            continue
+        used = weight[fold] > 0.0
+        error += float((_SHARE * np.abs(orders[fold] - there[fold]) ** 2 * used).sum())
+        noise += float((1.0 / np.square(weight[fold][used])).sum())
+        curves += int(used.any(axis=1).sum())
+    return error, noise, curves
+
+
+def _empirical(fit: Fit, data: Whitened) -> list[ComplexArray]:
+    """Return the mean residual of every group where it stands out, (3, ORDERS) each."""
+    residuals = group_residuals(fit, data)
+    keep = standing_out(residuals)
+    return [np.where(keep, residual.orders_mps2, 0.0)[None] for residual in residuals]

@@ -1,0 +1,52 @@
+"""Which other effects of the catalogue would do in the place of one that was added."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from gateway.closure import gates
+from gateway.closure.fit import Fit, FitFailedError, fit_model
+from gateway.closure.likelihood import Whitened
+from gateway.closure.model import AngleEffect, ClosureModel
+from gateway.closure.trial import refit, try_effect
+
+# Rivals whose misfit is no further from the effect's own than this, times the overdispersion, explain the same.
+_ALIKE: Final = 10.0
+# A linear trial that recovers less than this share of what the effect explains is not worth a fit.
+_WORTH: Final = 0.5
+
+
+def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect], data: Whitened) -> tuple[str, ...]:
+    """Return the effects that explain as much in the place of `effect`, all others of the final model kept."""
+    without = fit_without(final, effect, data)
+    if without is None:
+        return ()
+    scale = gates.overdispersion(final, data)
+    explained = without.misfit - final.misfit
+    taken = {other.name for other in final.model.effects}
+    found = []
+    for name, rival in effects.items():
+        if name in taken:
+            continue
+        trial = try_effect(without, data, rival)
+        if trial is None or without.misfit - trial.misfit < _WORTH * explained:
+            continue
+        try:
+            fit = refit(trial, data)
+        except FitFailedError:
+            continue
+        near = fit.misfit - final.misfit < _ALIKE * scale
+        if near and not gates.implausible(fit, rival, scale) and not gates.uneven(fit, rival, scale):
+            found.append(name)
+    return tuple(found)
+
+
+def fit_without(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
+    """Return the fit with one effect taken out; None where there is none."""
+    effects = tuple(other for other in fit.model.effects if other.name != effect.name)
+    model = ClosureModel(fit.model.campaign, fit.model.core, effects)
+    try:
+        return fit_model(model, data, fit.model.layout.moved(fit.vector, model.layout))
+    except FitFailedError:
+        return None

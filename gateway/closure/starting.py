@@ -1,0 +1,23 @@
+"""The starting models by name, and which effects act on what repeats with the wheel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from gateway.closure.cores import Core
+from gateway.closure.effects.base import Effect, SpectrumEffect, StartModel
+from gateway.closure.exact_core import ExactCore
+from gateway.closure.model import AngleEffect
+from gateway.closure.series_core import SeriesCore
+
+
+def make_core(model: StartModel) -> Core:
+    """Return a fresh starting model."""
+    if model is StartModel.EXACT:
+        return ExactCore()
+    return SeriesCore(model)
+
+
+def angle_effects(effects: Mapping[str, Effect]) -> dict[str, AngleEffect]:
+    """Return the effects that are locked to the wheel's angle."""
+    return {name: effect for name, effect in effects.items() if not isinstance(effect, SpectrumEffect)}
