@@ -12,9 +12,10 @@ from typing import Final
 import click
 
 from gateway.cli.opening import config_option, keys_option
+from gateway.config.effects_file import effects_text
 from gateway.config.load import load_vehicle
 from gateway.errors import TreadlinkError
-from gateway.views.report_file import check_target
+from gateway.views.report_file import check_target, write_whole
 from gateway.views.text import clean
 
 MODELS: Final = ("exact", "series", "paper")
@@ -141,6 +142,14 @@ def diagnose(
         write_html(diagnosis, html_path, force=force)
     for path in filter(None, (json_path, html_path)):
         click.echo(f"written: {clean(str(path))}")
+    if effects_path is not None:
+        if diagnosis.correction is None:
+            raise TreadlinkError(
+                f"'{effects_path}' is not written: no effect was named, so there is nothing to take off",
+                "More speeds or loads may tell more; what stays unexplained is in the report.",
+            )
+        write_whole(effects_path, effects_text(diagnosis.correction), force=force)
+        click.echo(f"written: {clean(str(effects_path))}")
 
 
 def _distinct(recordings: tuple[Path, ...]) -> list[Path]:

@@ -9,11 +9,20 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.opening import choose_vehicle, config_option, estimator_option, keys_option
+from gateway.cli.opening import (
+    choose_vehicle,
+    config_option,
+    effects_option,
+    estimator_option,
+    keys_option,
+    open_effects,
+)
+from gateway.config.effects_file import effects_notices
 from gateway.config.model import VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.setup import CorrectionTable
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import Guard
 from gateway.security.opening import open_guard
@@ -37,6 +46,7 @@ def _output_option(name: TableFormat, what: str) -> Callable[[Callable[..., None
 @click.option("--force", is_flag=True, help="Overwrite existing output files.")
 @keys_option
 @estimator_option
+@effects_option
 def estimate(
     recordings: tuple[Path, ...],
     config_path: Path | None,
@@ -46,6 +56,7 @@ def estimate(
     force: bool,
     key_file: Path | None,
     estimators: tuple[str, ...],
+    effects_paths: tuple[Path, ...],
 ) -> None:
     """Estimate RECORDING... in one pass, with the same results as live.
 
@@ -71,7 +82,8 @@ def estimate(
                     table.write(result, name)
 
             guard = open_guard(vehicle, key_file, remembers=False)
-            _estimate_one(reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary, guard)
+            effects = open_effects(effects_paths, vehicle)
+            _estimate_one(reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary, guard, effects)
             if reader.damage is not None:
                 damaged.append(reader.damage)
         for path in filter(None, outputs.values()):
@@ -87,6 +99,7 @@ def _estimate_one(
     estimators: tuple[str, ...],
     summary: ResultSummary,
     guard: Guard | None,
+    effects: tuple[CorrectionTable, ...],
 ) -> None:
     path = reader.info.path
     shown = sys.stderr.isatty()
@@ -99,8 +112,12 @@ def _estimate_one(
             progress.update(reader.position - done)
             done = reader.position
 
-        counters = estimate_items(reader, vehicle, take, estimators=estimators, on_bytes=on_bytes, guard=guard)
+        counters = estimate_items(
+            reader, vehicle, take, estimators=estimators, on_bytes=on_bytes, guard=guard, effects=effects
+        )
     click.echo(f"{path}" + ("" if vehicle is not None else "  (no configuration: belt radius 320 mm assumed)"))
+    for notice in effects_notices(effects):
+        click.echo(f"  {clean(notice)}")
     for line in summary_lines(summary.wheels()):
         click.echo(clean(f"  {line}".rstrip()))
     for finding in guard.findings() if guard is not None else ():

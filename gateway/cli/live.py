@@ -10,6 +10,7 @@ from gateway.cli.opening import (
     RunningSession,
     config_option,
     duration_option,
+    effects_option,
     end_session,
     estimator_option,
     is_terminal,
@@ -31,6 +32,7 @@ from gateway.cli.opening import (
 @duration_option
 @keys_option
 @estimator_option
+@effects_option
 def live(
     sources: tuple[str, ...],
     config_path: Path | None,
@@ -39,6 +41,7 @@ def live(
     duration_s: float | None,
     key_file: Path | None,
     estimators: tuple[str, ...],
+    effects_paths: tuple[Path, ...],
 ) -> None:
     """Watch wheels being estimated.
 
@@ -53,7 +56,14 @@ def live(
     Keys in the console: space pauses, m marks an event in the recording, tab or 1 to 8 choose the wheel, z zooms the
     waveform, ? helps, q quits. A summary follows the end.
     """
-    session = start_session(sources, config_path=config_path, record=record, estimators=estimators, key_file=key_file)
+    session = start_session(
+        sources,
+        config_path=config_path,
+        record=record,
+        estimators=estimators,
+        key_file=key_file,
+        effects_paths=effects_paths,
+    )
     show_session(session, plain=plain, duration_s=duration_s)
 
 

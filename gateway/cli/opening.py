@@ -11,12 +11,14 @@ from typing import Final
 import click
 
 from gateway.clock import Clock, SystemClock
+from gateway.config.effects_file import check_effects, load_effects
 from gateway.config.load import load_vehicle, parse_vehicle
 from gateway.config.model import VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS
 from gateway.io.source import Source, open_source, parse_source_uri
 from gateway.pipeline.results import SessionSnapshot
+from gateway.pipeline.setup import CorrectionTable
 from gateway.recording.writer import RecordingWriter
 from gateway.security.opening import open_guard
 from gateway.session.commands import with_commands
@@ -49,6 +51,14 @@ keys_option = click.option(
     type=click.Path(path_type=Path),
     help="Keys of signed frames, where the configuration asks for them; default: those of `treadlink keys`.",
 )
+effects_option = click.option(
+    "--effects",
+    "effects_paths",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Take off the effects that `treadlink diagnose --save-effects` found; one file a wheel.",
+)
 duration_option = click.option("--duration", "duration_s", type=click.FloatRange(min=0.1), help="Stop after so many s.")
 
 
@@ -70,6 +80,13 @@ def choose_vehicle(config_path: Path | None, brought: Sequence[str | None], orig
     return parse_vehicle(texts[0], origin) if texts else None
 
 
+def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:
+    """Return the tables of effects files, which must belong to the vehicle."""
+    tables = tuple(map(load_effects, paths))
+    check_effects(tables, vehicle)
+    return tables
+
+
 def start_session(
     uris: Sequence[str],
     *,
@@ -77,6 +94,7 @@ def start_session(
     record: Path | None,
     estimators: Sequence[str],
     key_file: Path | None = None,
+    effects_paths: Sequence[Path] = (),
     clock: Clock | None = None,
 ) -> RunningSession:
     """Open everything and start reading.
@@ -89,6 +107,7 @@ def start_session(
     try:
         sources += [with_commands(open_source(uri, clock), clock) for uri in uris]
         vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
+        effects = open_effects(effects_paths, vehicle)
         # What is played from a file or simulated anew is old by its nature: it neither asks nor moves the counters.
         remembers = not any(parse_source_uri(uri).scheme in _PATIENT for uri in uris)
         guard = open_guard(vehicle, key_file, remembers=remembers)
@@ -98,7 +117,9 @@ def start_session(
             source.close()
         raise
     summary = ResultSummary()
-    core = SessionCore(vehicle, recorder=recorder, estimators=estimators or DEFAULT_ESTIMATORS, guard=guard)
+    core = SessionCore(
+        vehicle, recorder=recorder, estimators=estimators or DEFAULT_ESTIMATORS, guard=guard, effects=effects
+    )
     patient = [parse_source_uri(uri).scheme in _PATIENT for uri in uris]
     live = LiveSession(sources, core, clock, patient=patient, summary=summary)
     live.start()

@@ -12,6 +12,7 @@ from gateway.cli.opening import (
     RunningSession,
     config_option,
     duration_option,
+    effects_option,
     end_session,
     estimator_option,
     keys_option,
@@ -36,6 +37,7 @@ _REPORT_S: Final = 1.0
 @duration_option
 @keys_option
 @estimator_option
+@effects_option
 def record(
     sources: tuple[str, ...],
     out: Path,
@@ -43,13 +45,21 @@ def record(
     duration_s: float | None,
     key_file: Path | None,
     estimators: tuple[str, ...],
+    effects_paths: tuple[Path, ...],
 ) -> None:
     """Record SOURCE... until Ctrl-C, the end of the source, or --duration.
 
     Link bytes go to disk before they are decoded; results go beside them as topics that plotting programs open.
     Sources are those of `treadlink live`. An existing file is never overwritten.
     """
-    session = start_session(sources, config_path=config_path, record=out, estimators=estimators, key_file=key_file)
+    session = start_session(
+        sources,
+        config_path=config_path,
+        record=out,
+        estimators=estimators,
+        key_file=key_file,
+        effects_paths=effects_paths,
+    )
     _watch(session, duration_s)
     end_session(session, click.echo)
     if session.core.recording_fault is not None:

@@ -8,7 +8,14 @@ from urllib.parse import quote
 import click
 
 from gateway.cli.live import show_session
-from gateway.cli.opening import config_option, duration_option, estimator_option, keys_option, start_session
+from gateway.cli.opening import (
+    config_option,
+    duration_option,
+    effects_option,
+    estimator_option,
+    keys_option,
+    start_session,
+)
 
 
 @click.command()
@@ -19,6 +26,7 @@ from gateway.cli.opening import config_option, duration_option, estimator_option
 @duration_option
 @keys_option
 @estimator_option
+@effects_option
 def replay(
     recording: Path,
     speed: str,
@@ -27,11 +35,19 @@ def replay(
     duration_s: float | None,
     key_file: Path | None,
     estimators: tuple[str, ...],
+    effects_paths: tuple[Path, ...],
 ) -> None:
     """Play RECORDING again: the same bytes, the same estimates.
 
     The configuration is the one recorded with it, unless --config gives another.
     """
     uri = f"replay:{quote(str(recording))}?speed={speed}"
-    session = start_session((uri,), config_path=config_path, record=None, estimators=estimators, key_file=key_file)
+    session = start_session(
+        (uri,),
+        config_path=config_path,
+        record=None,
+        estimators=estimators,
+        key_file=key_file,
+        effects_paths=effects_paths,
+    )
     show_session(session, plain=plain, duration_s=duration_s)

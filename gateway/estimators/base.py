@@ -105,6 +105,8 @@ class Revolution:
         faults: why this revolution must not be used for estimates; empty when it may.
         period_std_s: one standard error of `period_s` from the timing of its two contacts; NaN when not known.
         rate_hz: sampling rate as measured against the hub's clock; NaN when not known.
+        uncorrected: why the known effects of an effects file were not taken off `axes_mps2` and what is made of them;
+            empty when they were, or when there is no such file.
     """
 
     index: int
@@ -127,6 +129,7 @@ class Revolution:
     faults: tuple[str, ...] = ()
     period_std_s: float = float("nan")
     rate_hz: float = float("nan")
+    uncorrected: str = ""
 
 
 class Estimator(Protocol):

@@ -40,6 +40,8 @@ def revolution_in_angle(
     radius_m: float,
     index: int,
     start_s: float,
+    contribution_mps2: FloatArray | None = None,
+    uncorrected: str = "",
 ) -> Revolution:
     """Cut one revolution out of the ring and take it into the angle domain.
 
@@ -57,6 +59,8 @@ def revolution_in_angle(
         radius_m: belt radius, restores the steady value of an AC-coupled signal.
         index: running number of the revolution.
         start_s: hub time of the first contact centre.
+        contribution_mps2: (3, GRID_SIZE) what known effects add to the axes; taken off. None for nothing.
+        uncorrected: why nothing is taken off although effects are known.
 
     Returns:
         the revolution; what is wrong with it is in its `faults`.
@@ -76,6 +80,8 @@ def revolution_in_angle(
     channels = resample_revolution(samples, phase)
     axes = np.full((len(Axis), GRID_SIZE), np.nan)
     axes[list(columns)] = channels
+    if contribution_mps2 is not None:
+        axes -= contribution_mps2
     period = end - start
     omega_radps = 2.0 * math.pi * rate_hz / period
     steady_mps2 = radius_m * omega_radps**2
@@ -111,6 +117,7 @@ def revolution_in_angle(
         faults=_faults(pair, missing, saturated, clipped, reason),
         period_std_s=timed.period_std / rate_hz,
         rate_hz=rate_hz,
+        uncorrected=uncorrected,
     )
 
 

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from gateway.estimators.tire_data import LoadCalibration as LoadCalibration  # what the configuration fills in
 from gateway.estimators.tire_data import ReferenceNumbers as ReferenceNumbers
 from gateway.estimators.tire_data import TireData as TireData
+from gateway.signal.correction import CorrectedEffect as CorrectedEffect  # what an effects file fills in
+from gateway.signal.correction import CorrectionTable as CorrectionTable
+from gateway.signal.correction import EffectParameter as EffectParameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,7 @@ class WheelSetup:
         temperature_degc: stated temperature, used until the sensor reports one.
         sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
         tire: the new tire's reference numbers, thickness and load calibration.
+        correction: known effects to take off the axes; None for none.
     """
 
     position: str
@@ -38,3 +42,4 @@ class WheelSetup:
     temperature_degc: float | None = None
     sensor_offset_m: float = 0.0
     tire: TireData = field(default_factory=TireData)
+    correction: CorrectionTable | None = None

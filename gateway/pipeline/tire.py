@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from firmware_protocol.messages import Environment
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from firmware_protocol.messages import Axis, Environment
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, FloatArray, Revolution, Status
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.setup import WheelSetup
@@ -19,6 +19,16 @@ from gateway.signal.average import RunningAverage
 
 # Environment values kept for revolutions that are still being cut.
 _ENVIRONMENT_DEPTH: Final = 64
+# Estimators that known effects, which are locked to the wheel's angle, make no difference to.
+_UNAFFECTED: Final = frozenset({"kinematic", "asynchronous"})
+
+
+class _Lineage:
+    """Average and estimators of revolutions that may be compared."""
+
+    def __init__(self, estimators: Sequence[str]) -> None:
+        self.average = RunningAverage()
+        self.estimators = [make_estimator(name) for name in in_order(estimators)]
 
 
 class TireEstimates:
@@ -32,17 +42,20 @@ class TireEstimates:
     def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
         """Make the estimators; they run in the registry's order."""
         self._setup = setup
-        self._estimators = [make_estimator(name) for name in in_order(estimators)]
-        self._average = RunningAverage()
+        self._names = tuple(estimators)
+        self._current = _Lineage(estimators)
+        # Revolutions that known effects were taken off, and such that they were not, do not mix.
+        self._lineages = {False: self._current}
         self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
         self.last: RevolutionResult | None = None
         self.rejected = 0
 
     def reset(self) -> None:
         """Forget the tire: there is another one."""
-        self._average.reset()
-        for estimator in self._estimators:
-            estimator.reset()
+        for lineage in self._lineages.values():
+            lineage.average.reset()
+            for estimator in lineage.estimators:
+                estimator.reset()
 
     def forget_environment(self) -> None:
         """The hub's time began anew: readings with old times say nothing any more."""
@@ -54,6 +67,10 @@ class TireEstimates:
 
     def take(self, revolution: Revolution, end_us: float, host_ns: int) -> RevolutionResult:
         """Estimate one revolution that ended at hub time `end_us`."""
+        apart = bool(revolution.uncorrected)
+        if apart not in self._lineages:
+            self._lineages[apart] = _Lineage(self._names)
+        self._current = self._lineages[apart]
         average = self._take_in(revolution)
         conditions = self.conditions(end_us)
         estimates = self._estimate(revolution, average, conditions)
@@ -69,8 +86,11 @@ class TireEstimates:
         seeing = replace(conditions, given=MappingProxyType(given))
         estimates: list[Estimate] = []
         taken: set[str] = set()
-        for estimator in self._estimators:
-            found = {estimate.name: estimate for estimate in estimator.update(revolution, average, seeing)}
+        for estimator in self._current.estimators:
+            made = estimator.update(revolution, average, seeing)
+            if revolution.uncorrected and estimator.name not in _UNAFFECTED:
+                made = tuple(_doubted(estimate, revolution.uncorrected) for estimate in made)
+            found = {estimate.name: estimate for estimate in made}
             given[estimator.name] = found
             for name, estimate in found.items():
                 estimates.append(replace(estimate, name=f"{estimator.name}:{name}") if name in taken else estimate)
@@ -79,12 +99,12 @@ class TireEstimates:
 
     def _take_in(self, revolution: Revolution) -> AngleAverage:
         """Update the running average, or leave it alone when the revolution has faults."""
-        latest = self._average.latest
+        latest = self._current.average.latest
         if revolution.faults:
             self.rejected += 1
             if latest is not None:
                 return latest
-        target = self._average if not revolution.faults else RunningAverage()
+        target = self._current.average if not revolution.faults else RunningAverage()
         finite = np.isfinite(revolution.radial_mps2).all()
         return target.update(
             revolution.radial_mps2 if finite else np.zeros_like(revolution.radial_mps2),
@@ -120,9 +140,39 @@ class TireEstimates:
     @property
     def average(self) -> AngleAverage | None:
         """The running average, None before the first revolution without a fault."""
-        return self._average.latest
+        return self._current.average.latest
+
+    def average_as_measured(self, *, ac_coupled: bool) -> AngleAverage | None:
+        """Return the running average with the known effects in, as contacts are looked for in the samples."""
+        average, table = self.average, self._setup.correction
+        if average is None or table is None or self._current is not self._lineages[False]:
+            return average
+        added = table.contribution_mps2(average.omega_radps, ac_coupled=ac_coupled)[Axis.RADIAL]
+        return replace(average, radial_mps2=average.radial_mps2 + added)
+
+    def contribution(
+        self, omega_radps: float, end_us: float, *, sensor_id: int, ac_coupled: bool
+    ) -> tuple[FloatArray | None, str]:
+        """Return what known effects add to a revolution, (3, n), or None; and why not, where effects are known."""
+        table = self._setup.correction
+        if table is None:
+            return None, ""
+        conditions = self.conditions(end_us)
+        refusal = table.refusal(omega_radps, conditions.load_n, conditions.pressure_pa)
+        if table.sensor_id is not None and table.sensor_id != sensor_id:
+            refusal = f"they are of sensor {table.sensor_id:08x}, and this is {sensor_id:08x}"
+        if refusal:
+            return None, refusal
+        return table.contribution_mps2(omega_radps, ac_coupled=ac_coupled), ""
 
     def latest(self, name: str) -> Estimate | None:
         """Return the latest estimate of a name, None where it is invalid or no estimator gives it."""
         estimates = self.last.estimates if self.last is not None else ()
         return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)
+
+
+def _doubted(estimate: Estimate, why: str) -> Estimate:
+    """Return an estimate of a waveform that still holds the known effects."""
+    status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
+    reason = f"known effects not taken off: {why}"
+    return replace(estimate, status=status, reason=f"{estimate.reason}; {reason}" if estimate.reason else reason)

@@ -201,12 +201,18 @@ class WheelPipeline:
         assert segmenter is not None
         hello = layout.hello
         rate_hz, sign = clock.rate_hz(pair.end.centre), segmenter.sign
+        ac_coupled = hello.coupling == Coupling.AC
         timed = self._timer.time(
             pair,
-            self._tire.average,
+            self._tire.average_as_measured(ac_coupled=ac_coupled),
             lambda first, end: self._read_radial(first, end) * sign,
             ring.missing_between,
             rate_hz,
+        )
+        end_us = clock.hub_us(timed.end.centre)
+        omega_radps = 2.0 * math.pi * rate_hz / (timed.end.centre - timed.start.centre)
+        contribution, uncorrected = self._tire.contribution(
+            omega_radps, end_us, sensor_id=hello.sensor_id, ac_coupled=ac_coupled
         )
         in_angle = revolution_in_angle(
             pair,
@@ -218,13 +224,14 @@ class WheelPipeline:
             saturation_counts=hello.saturation_counts,
             sign=sign,
             rate_hz=rate_hz,
-            ac_coupled=hello.coupling == Coupling.AC,
+            ac_coupled=ac_coupled,
             radius_m=self.setup.radius_m,
             index=self._revolutions,
             start_s=clock.hub_us(timed.start.centre) * 1e-6,
+            contribution_mps2=contribution,
+            uncorrected=uncorrected,
         )
         self._revolutions += 1
-        end_us = clock.hub_us(timed.end.centre)
         layout.health.revolution(in_angle)
         return self._tire.take(in_angle, end_us, host.host_ns(end_us))
 

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from firmware_protocol.batch import FrameBatch
 from firmware_protocol.counters import LinkCounters
+from gateway.config.effects_file import with_effects
 from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Chunk, LinkItem
 from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.setup import CorrectionTable, WheelSetup
 from gateway.recording.blocks import LinkBlocks
 from gateway.security.guard import Guard
 
@@ -37,6 +38,7 @@ def estimate_items(
     on_bytes: Callable[[int], None] | None = None,
     guard: Guard | None = None,
     on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
+    effects: Sequence[CorrectionTable] = (),
 ) -> dict[str, LinkCounters]:
     """Estimate everything that `source` yields.
 
@@ -48,11 +50,12 @@ def estimate_items(
         guard: judges every frame first; None when signatures do not matter.
         on_bytes: called with the number of link bytes taken in, for a progress bar.
         on_batch: called with the link, a block of its frames and their arrival times before its revolutions are made.
+        effects: known effects to take off, a table a wheel.
 
     Returns:
         the decoder's counters per link.
     """
-    setups = vehicle.wheel_setups() if vehicle is not None else ()
+    setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
     pipeline = Pipeline(setups, WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3), estimators)
     links: dict[str, LinkBlocks] = {}
 

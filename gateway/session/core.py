@@ -10,13 +10,14 @@ from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
+from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.model import ASSUMED_RADIUS_MM, Thresholds, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.setup import CorrectionTable, WheelSetup
 from gateway.security.guard import Guard
 from gateway.session.alarms import alarms, sensor_alarms
 from gateway.session.commands import refusal
@@ -74,6 +75,7 @@ class SessionCore:
         recorder: Recorder | None = None,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
         guard: Guard | None = None,
+        effects: Sequence[CorrectionTable] = (),
     ) -> None:
         """Put the parts together.
 
@@ -82,6 +84,7 @@ class SessionCore:
             recorder: an open recording, closed by `finish`.
             estimators: names from the registry.
             guard: judges every frame before anything else looks at it; None when signatures do not matter.
+            effects: known effects to take off, a table a wheel.
         """
         self._watch = SecurityWatch(guard)
         self.recorder = recorder
@@ -94,14 +97,16 @@ class SessionCore:
         self._newest_ns = 0
         self._waveform_due_ns: dict[str, int] = {}
         unknown = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3)
-        self._pipeline = Pipeline(vehicle.wheel_setups() if vehicle is not None else (), unknown, estimators)
+        setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
+        self._pipeline = Pipeline(setups, unknown, estimators)
         self._unconfigured: set[str] = set()
-        self._configured = {setup.position for setup in vehicle.wheel_setups()} if vehicle is not None else set()
+        self._configured = {setup.position for setup in setups}
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._limits = vehicle.thresholds if vehicle is not None else Thresholds()
         self._sensor_ids = _sensor_ids(vehicle)
         self._told_alarms: set[tuple[str, str]] = set()
         self._notices.extend(vehicle.notices() if vehicle is not None else ())
+        self._notices.extend(effects_notices(effects))
         self._notices.extend(self._watch.findings())
 
     def notify(self, text: str) -> None:

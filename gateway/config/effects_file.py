@@ -1,0 +1,241 @@
+"""Effects files: what a diagnosis found and `live` and `estimate` take off, as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from gateway.config.faults import Section, read_text
+from gateway.config.model import POSITION_PATTERN, VehicleConfig
+from gateway.errors import ConfigError
+from gateway.pipeline.setup import CorrectedEffect, CorrectionTable, EffectParameter, WheelSetup
+
+VERSION: Final = 1
+
+_KEY: Final = "treadlink_effects"
+_MOST_FAULTS: Final = 8
+_SAME_OFFSET_M: Final = 5e-5
+_SAME_RADIUS: Final = 5e-3
+_DIGITS: Final = 7
+
+Range = tuple[float, float]
+
+
+class _Parameter(Section):
+    name: str = Field(min_length=1, max_length=80)
+    value: float
+    std: float | None = Field(default=None, ge=0)
+    unit: str = Field(default="", max_length=40)
+
+
+class _Effect(Section):
+    name: str = Field(min_length=1, max_length=80)
+    parameters: tuple[_Parameter, ...] = Field(default=(), max_length=40)
+
+
+class _Valid(Section):
+    omega_radps: Range
+    load_n: Range | None = None
+    pressure_kpa: Range | None = None
+
+
+class _Table(Section):
+    omega_radps: tuple[float, ...] = Field(min_length=1, max_length=1000)
+    cosine_mps2: tuple[tuple[tuple[float, ...], ...], ...]
+    sine_mps2: tuple[tuple[tuple[float, ...], ...], ...]
+
+
+class _EffectsFile(Section):
+    treadlink_effects: Literal[1]
+    wheel: str = Field(pattern=POSITION_PATTERN)
+    sensor_id: str | None = Field(default=None, pattern=r"^[0-9a-fA-F]{1,8}$")
+    radius_mm: float = Field(ge=100, le=1200)
+    sensor_offset_mm: float = Field(ge=-20, le=80)
+    found_in: tuple[str, ...] = ()
+    valid: _Valid
+    effects: tuple[_Effect, ...] = Field(min_length=1, max_length=100)
+    table: _Table
+
+    def correction(self) -> CorrectionTable:
+        """Return it in SI; raises ValueError where the table cannot be looked up."""
+        pressure, table = self.valid.pressure_kpa, self.table
+        cosine, sine = np.array(table.cosine_mps2, dtype=np.float64), np.array(table.sine_mps2, dtype=np.float64)
+        if cosine.shape != sine.shape:
+            raise ValueError(f"table: cosine_mps2 is of shape {cosine.shape}, sine_mps2 of {sine.shape}")
+        for name, found in self.valid:
+            if found is not None and not found[0] <= found[1]:
+                raise ValueError(f"valid.{name}: {found[0]:g} to {found[1]:g} is no range")
+        return CorrectionTable(
+            position=self.wheel,
+            omega_radps=np.array(table.omega_radps, dtype=np.float64),
+            orders_mps2=cosine - 1j * sine,
+            effects=tuple(
+                CorrectedEffect(
+                    effect.name,
+                    tuple(
+                        EffectParameter(one.name, one.value, math.nan if one.std is None else one.std, one.unit)
+                        for one in effect.parameters
+                    ),
+                )
+                for effect in self.effects
+            ),
+            radius_m=self.radius_mm * 1e-3,
+            omega_range_radps=self.valid.omega_radps,
+            load_range_n=self.valid.load_n,
+            pressure_range_pa=None if pressure is None else (pressure[0] * 1e3, pressure[1] * 1e3),
+            sensor_offset_m=self.sensor_offset_mm * 1e-3,
+            sensor_id=None if self.sensor_id is None else int(self.sensor_id, 16),
+            sources=self.found_in,
+        )
+
+
+def effects_text(table: CorrectionTable) -> str:
+    """Return a table as the text of an effects file."""
+    pressure = table.pressure_range_pa
+
+    def rounded(values: Any) -> Any:
+        if isinstance(values, list | tuple):
+            return [rounded(value) for value in values]
+        return float(f"{values:.{_DIGITS}g}")
+
+    document = {
+        _KEY: VERSION,
+        "wheel": table.position,
+        "sensor_id": None if table.sensor_id is None else f"{table.sensor_id:08x}",
+        "radius_mm": rounded(table.radius_m * 1e3),
+        "sensor_offset_mm": rounded(table.sensor_offset_m * 1e3),
+        "found_in": [source.encode("utf-8", "backslashreplace").decode() for source in table.sources],
+        "valid": {
+            "omega_radps": list(table.omega_range_radps),
+            "load_n": None if table.load_range_n is None else list(table.load_range_n),
+            "pressure_kpa": None if pressure is None else [pressure[0] * 1e-3, pressure[1] * 1e-3],
+        },
+        "effects": [
+            {
+                "name": effect.name,
+                "parameters": [
+                    {
+                        "name": one.name,
+                        "value": rounded(one.value),
+                        "std": rounded(one.std) if math.isfinite(one.std) else None,
+                        "unit": one.unit,
+                    }
+                    for one in effect.parameters
+                ],
+            }
+            for effect in table.effects
+        ],
+        "table": {
+            "omega_radps": table.omega_radps.tolist(),
+            "cosine_mps2": rounded(table.orders_mps2.real.tolist()),
+            "sine_mps2": rounded((-table.orders_mps2.imag).tolist()),
+        },
+    }
+    head = json.dumps({key: value for key, value in document.items() if key != "table"}, indent=2, ensure_ascii=False)
+    # The numbers of the table would take a line each.
+    return head[:-2] + ',\n  "table": ' + json.dumps(document["table"], allow_nan=False) + "\n}\n"
+
+
+def load_effects(path: Path) -> CorrectionTable:
+    """Return the table of an effects file.
+
+    Raises:
+        ConfigError: the file cannot be read, or is no effects file that this version reads; the message tells why.
+    """
+    text = read_text(path, "the effects file")
+    version = _version(text, path)
+    if version != VERSION:
+        raise ConfigError(
+            f"{path}: an effects file of version {version}, this treadlink reads version {VERSION}",
+            "Update treadlink, or make it again with `treadlink diagnose --save-effects`.",
+        )
+    remedy = "Make it again with `treadlink diagnose --save-effects`."
+    try:
+        return _EffectsFile.model_validate_json(text).correction()
+    except ValidationError as error:
+        faults = [f"{path}: {_key(fault['loc'])}: {fault['msg'].lower()}" for fault in error.errors()]
+        more = [f"{path}: and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
+        raise ConfigError("\n".join(faults[:_MOST_FAULTS] + more), remedy) from error
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}", remedy) from error
+
+
+def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> None:
+    """Refuse tables that do not belong to the vehicle.
+
+    Raises:
+        ConfigError: no such wheel, two tables of one, or a wheel with another radius, mounting or sensor.
+    """
+    wheels = {wheel.position: wheel for wheel in vehicle.wheel} if vehicle is not None else {}
+    seen: set[str] = set()
+    for table in tables:
+        name = table.position
+        wheel = wheels.get(name)
+        if vehicle is None or wheel is None:
+            known = f"the configuration's are {', '.join(wheels)}" if wheels else "there is no configuration"
+            raise ConfigError(
+                f"the effects are of wheel {name}; {known}", "Give the configuration they were found with: --config."
+            )
+        if name in seen:
+            raise ConfigError(f"two effects files are of wheel {name}", "Give one for each wheel.")
+        seen.add(name)
+        again = "Find them again with this configuration: `treadlink diagnose --save-effects`."
+        if abs(wheel.mounting.offset_m - table.sensor_offset_m) > _SAME_OFFSET_M:
+            raise ConfigError(
+                f"the effects of wheel {name} were found with its sensor said to be {table.sensor_offset_m * 1e3:g} mm "
+                f"below the neutral layer; the configuration states {wheel.mounting.offset_mm:g} mm",
+                again,
+            )
+        radius_m = vehicle.tire_of(wheel).radius_m
+        if radius_m is not None and abs(radius_m / table.radius_m - 1.0) > _SAME_RADIUS:
+            raise ConfigError(
+                f"the effects of wheel {name} were found with a belt radius of {table.radius_m * 1e3:g} mm; the "
+                f"configuration states {radius_m * 1e3:g} mm",
+                again,
+            )
+        if table.sensor_id is not None and wheel.sensor_number not in (None, table.sensor_id):
+            raise ConfigError(
+                f"the effects of wheel {name} are of sensor {table.sensor_id:08x}; the configuration names "
+                f"{wheel.sensor_number:08x}",
+                again,
+            )
+
+
+def with_effects(setups: Iterable[WheelSetup], tables: Sequence[CorrectionTable]) -> tuple[WheelSetup, ...]:
+    """Return the wheels with the known effects of those that there are tables for."""
+    known = {table.position: table for table in tables}
+    return tuple(replace(setup, correction=known.get(setup.position)) for setup in setups)
+
+
+def effects_notices(tables: Sequence[CorrectionTable]) -> list[str]:
+    """Return a line for each wheel whose known effects are taken off."""
+    return [
+        f"{table.position}: taken off its axes: {', '.join(effect.name for effect in table.effects)}"
+        for table in tables
+    ]
+
+
+def _version(text: str, path: Path) -> object:
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(
+            f"{path}: not valid JSON: {error}", "Give a file made by `treadlink diagnose --save-effects`."
+        ) from error
+    if not isinstance(document, dict) or _KEY not in document:
+        raise ConfigError(
+            f"{path}: no effects file: it does not say '{_KEY}'",
+            "Give a file made by `treadlink diagnose --save-effects`.",
+        )
+    return document[_KEY]
+
+
+def _key(location: tuple[int | str, ...]) -> str:
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
