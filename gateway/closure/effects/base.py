@@ -183,6 +183,17 @@ class SignalEffect(Described, Protocol):
 
 
 @runtime_checkable
+class Scanned(Protocol):
+    """What an effect may say besides: its misfit has many minima, so one start alone does not do.
+
+    Attributes:
+        scan: (place of a parameter, values to try) one after the other, from the best start so far.
+    """
+
+    scan: tuple[tuple[int, tuple[float, ...]], ...]
+
+
+@runtime_checkable
 class RingEffect(Described, Protocol):
     """Changes what the exact ring is solved for; its derivative is taken through the solver."""
 

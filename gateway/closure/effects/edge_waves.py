@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Final
 
@@ -11,18 +10,19 @@ from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, NOWHERE, RADIAL, Conditions, Here, Parameter, Stage
 from gateway.closure.effects.belt import relative_offset, slopes, without_low_orders
-from gateway.estimators.forward_waves import packet_basis
 
 FloatArray = NDArray[np.float64]
 
-# Measured packets are of order 30 to 45 (docs/accuracy.md). A short packet answers to orders some way off its own, so
-# a coarse grid of starts finds any; each side has its own order.
-_START_ORDERS: Final = (22.0, 29.0, 36.0, 43.0, 50.0, 57.0)
-_START_DECAY_RAD: Final = 0.4
+# Measured packets are of order 30 to 45 (docs/accuracy.md). A short packet answers to orders one or two off its own,
+# so a scan of every third finds any: 24 of 24 drawn at random, where all pairs of every seventh found 20.
+_ORDERS: Final = tuple(float(order) for order in range(20, 63, 3))
+_DECAYS: Final = (5.0, 1.4, 0.7)
 # A linear fit from here sees slopes by order and decay through these amplitudes: with small ones it would leap.
-_START_SHARE: Final = 0.1
+_START: Final = (0.1, 0.1, 40.0, 2.5)
 # A tenth is what measured tires show at most; a wave as large as the centripetal acceleration would lift the belt off.
 _LARGEST: Final = 0.3
+# A packet swells from nothing over this angle, as measured ones do: the edge itself is the ring's.
+_ONSET_RAD: Final = 0.03
 
 
 def _side(side: str) -> tuple[Parameter, ...]:
@@ -31,8 +31,8 @@ def _side(side: str) -> tuple[Parameter, ...]:
         Parameter(f"{side}_sine", "", -_LARGEST, _LARGEST, 0.1, 1e-6, factor=100.0, display_unit="% of R omega^2"),
         # From the ring's own smooth shape up to the orders that still repeat.
         Parameter(f"{side}_order", "per revolution", 10.0, 105.0, 12.0, 1e-4, prior_mean=40.0),
-        # From two waves to once around and more.
-        Parameter(f"{side}_decay_rad", "rad", 0.1, 6.0, 0.7, 1e-5, prior_mean=1.0),
+        # From once around and on to two waves. The rate, not the length: it may pass through 0 on a fit's way.
+        Parameter(f"{side}_decay_per_rad", "1/rad", 0.1, 10.0, 1.5, 1e-4, prior_mean=1.0),
     )
 
 
@@ -42,7 +42,7 @@ class EdgeWaves:
     name = "tire-locked edge waves"
     summary = "The tread sends wave packets along the belt from both edges of the contact, alike in every revolution."
     equation = (
-        "R omega^2 (a cos(n d) + b sin(n d)) exp(-d / decay) on either side, d = distance from the edge; orders 0 and "
+        "R omega^2 (a cos(n d) + b sin(n d)) exp(-decay d) on either side, d = distance from the edge; orders 0 and "
         "1 taken out; circumferential: -(e/R) of its slope"
     )
     parameters = (*_side("before"), *_side("after"))
@@ -57,13 +57,12 @@ class EdgeWaves:
     stage = Stage.BELT
     axes = (CIRCUMFERENTIAL, RADIAL)
     linear = False
+    # Before, after, and before again now that the packet after is known.
+    scan = ((2, _ORDERS), (6, _ORDERS), (2, _ORDERS), (3, _DECAYS), (7, _DECAYS))
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
-        """Return every pair of orders of a grid, with packets short enough to find what lies between."""
-        return tuple(
-            (_START_SHARE, _START_SHARE, before, _START_DECAY_RAD, _START_SHARE, _START_SHARE, after, _START_DECAY_RAD)
-            for before, after in itertools.product(_START_ORDERS, repeat=2)
-        )
+        """Return one start, from which `scan` goes on."""
+        return ((*_START, *_START),)
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the packets; nothing without amplitude, whatever the orders."""
@@ -75,27 +74,29 @@ class EdgeWaves:
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes, orders and decays."""
         rows = []
-        for (cosine, sine, _, decay), basis in zip(parameters.reshape(2, 4), _packets(here, parameters), strict=True):
-            rows += [basis[0], basis[1], cosine * basis[2] + sine * basis[3]]
-            # The basis has its derivatives by the decay's logarithm.
-            rows.append((cosine * basis[4] + sine * basis[5]) / max(decay, _SHORTEST_RAD))
+        for (cosine, sine, _, _), basis in zip(parameters.reshape(2, 4), _packets(here, parameters), strict=True):
+            rows += [basis[0], basis[1], cosine * basis[2] + sine * basis[3], cosine * basis[4] + sine * basis[5]]
         return felt(here, np.stack(rows))
-
-
-# A fit on its way may try less.
-_SHORTEST_RAD: Final = 0.02
 
 
 def _packets(here: Here, parameters: FloatArray) -> FloatArray:
     """Return the bases of both packets, (2, 6, FIELD_SIZE)."""
-    free = 2.0 * math.pi - (here.trailing_edge_rad - here.leading_edge_rad)
-    sides = ((here.leading_edge_rad, -1, parameters[2:4]), (here.trailing_edge_rad, 1, parameters[6:8]))
     return np.stack(
         [
-            packet_basis(here.theta_rad, edge, direction, free, float(order), max(float(decay), _SHORTEST_RAD))
-            for edge, direction, (order, decay) in sides
+            _packet(np.mod(here.leading_edge_rad - here.theta_rad, 2.0 * math.pi), here, parameters[2:4]),
+            _packet(np.mod(here.theta_rad - here.trailing_edge_rad, 2.0 * math.pi), here, parameters[6:8]),
         ]
     )
+
+
+def _packet(distance: FloatArray, here: Here, order_and_decay: FloatArray) -> FloatArray:
+    """Return cosine and sine packet, then both differentiated by order, and by decay, (6, FIELD_SIZE)."""
+    order, decay = order_and_decay
+    outside = distance < 2.0 * math.pi - (here.trailing_edge_rad - here.leading_edge_rad)
+    swell = -np.expm1(-np.square(distance / _ONSET_RAD))
+    envelope = np.where(outside, swell * np.exp(-decay * distance), 0.0)
+    cosine, sine = envelope * np.cos(order * distance), envelope * np.sin(order * distance)
+    return np.stack([cosine, sine, -distance * sine, distance * cosine, -distance * cosine, -distance * sine])
 
 
 def felt(here: Here, wave: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 
 # Cardan joints (2), tripods (3), tire non-uniformity and brake judder (1 to 3), wheel bolts (5), motor cogging and
 # gears (6, 12, 24, ..).
-_STARTS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12, 18, 24, 36, 48)
+_STARTS: Final = (*range(1, 25), 30, 36, 40, 48)
 _START_SHARE: Final = 2e-3
 # Ripple of a rolling wheel is some 0.1 %, brake judder reaches 1 %; more would be felt as shaking, not measured.
 _LARGEST: Final = 0.03

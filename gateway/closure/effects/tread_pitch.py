@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 # Passenger car tires have 50 to 80 pitches, truck and winter patterns from 40, fine ones up to 110.
 _START_ORDERS: Final = tuple(float(order) for order in range(44, 110, 3))
 _START_WIDTH_RAD: Final = 0.25
+_WIDTHS_RAD: Final = (0.1, 0.5)
 # A linear fit from here sees slopes by order and width through these amplitudes: with small ones it would leap.
 _START_SHARE: Final = 0.1
 # 10 m/s^2 at 65 km/h is 1 % of R omega^2; a pattern that breaks the belt's curvature by a fifth has no ribs.
@@ -44,6 +45,7 @@ class TreadPitch:
     stage = Stage.BELT
     axes = (CIRCUMFERENTIAL, RADIAL)
     linear = False
+    scan = ((3, _WIDTHS_RAD),)
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
         """Return the orders of patterns; a wave over the contact answers to orders two off its own."""
