@@ -34,9 +34,9 @@ class CorrectedEffect:
     parameters: tuple[EffectParameter, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CorrectionTable:
-    """What a set of effects adds to the axes of one wheel's sensor.
+    """What a set of effects adds to the axes of one wheel's sensor; a table equals itself only.
 
     Attributes:
         position: of the wheel.

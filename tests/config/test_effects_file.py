@@ -1,0 +1,148 @@
+"""Effects files: written, read again, and refused when they are not what they should be."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.config.effects_file import check_effects, effects_text, load_effects
+from gateway.config.load import parse_vehicle
+from gateway.errors import ConfigError
+from gateway.pipeline.setup import CorrectedEffect, CorrectionTable, EffectParameter
+
+RNG = np.random.default_rng(1)
+TABLE = CorrectionTable(
+    position="FL",
+    omega_radps=np.array([40.0, 60.0]),
+    orders_mps2=RNG.standard_normal((2, 3, 12)) + 1j * RNG.standard_normal((2, 3, 12)),
+    effects=(
+        CorrectedEffect("imbalance", (EffectParameter("cosine", 1e-4, 2e-6, "m"),)),
+        CorrectedEffect("tread pitch", (EffectParameter("order", 70.0, math.nan),)),
+    ),
+    radius_m=0.32,
+    omega_range_radps=(39.0, 61.0),
+    load_range_n=(3900.0, 4100.0),
+    pressure_range_pa=(2.1e5, 2.3e5),
+    sensor_offset_m=2e-3,
+    sensor_id=0xB001,
+    sources=("a.mcap", "b.mcap"),
+)
+VEHICLE = """
+[tire]
+radius_mm = 320
+[[wheel]]
+position = "FL"
+hub = 0
+wheel = 0
+[wheel.mounting]
+offset_mm = 2
+"""
+
+
+def written(tmp_path, text):
+    path = tmp_path / "fl.effects.json"
+    path.write_text(text)
+    return path
+
+
+def test_what_is_written_reads_back(tmp_path):
+    again = load_effects(written(tmp_path, effects_text(TABLE)))
+    np.testing.assert_allclose(again.orders_mps2, TABLE.orders_mps2, rtol=1e-6)
+    np.testing.assert_array_equal(again.omega_radps, TABLE.omega_radps)
+    assert again.effects[0] == TABLE.effects[0]
+    assert math.isnan(again.effects[1].parameters[0].std)
+    for name in ("position", "omega_range_radps", "load_range_n", "sensor_id", "sources"):
+        assert getattr(again, name) == getattr(TABLE, name)
+    for name in ("radius_m", "sensor_offset_m"):
+        assert getattr(again, name) == pytest.approx(getattr(TABLE, name))
+    assert again.pressure_range_pa == pytest.approx(TABLE.pressure_range_pa)
+
+
+def test_what_is_not_known_stays_unknown(tmp_path):
+    bare = replace(TABLE, load_range_n=None, pressure_range_pa=None, sensor_id=None, sources=())
+    again = load_effects(written(tmp_path, effects_text(bare)))
+    assert (again.load_range_n, again.pressure_range_pa, again.sensor_id) == (None, None, None)
+
+
+def changed(change):
+    document = json.loads(effects_text(TABLE))
+    change(document)
+    return json.dumps(document)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "not valid JSON"),
+        ("[" * 100_000, "not valid JSON"),
+        ("[]", "no effects file"),
+        ('{"held_out": {}}', "treadlink_effects"),
+        (changed(lambda d: d.update(treadlink_effects=2)), "version 2"),
+        (changed(lambda d: d.update(colour="red")), "colour"),
+        (changed(lambda d: d.pop("wheel")), "wheel"),
+        (changed(lambda d: d.update(radius_mm="320")), "radius_mm"),
+        (changed(lambda d: d.update(effects=[])), "effects"),
+        (changed(lambda d: d["table"]["omega_radps"].reverse()), "ascend"),
+        (changed(lambda d: d["table"]["omega_radps"].pop()), "table"),
+        (changed(lambda d: d["table"]["sine_mps2"].pop()), "sine_mps2"),
+        (changed(lambda d: d["table"]["cosine_mps2"][0][1].pop()), "inhomogeneous"),
+        (changed(lambda d: d["valid"].update(omega_radps=[60.0, 40.0])), "omega_radps"),
+        (changed(lambda d: d["table"]["omega_radps"].__setitem__(0, math.nan)), "omega_radps"),
+        (changed(lambda d: d["effects"][0]["parameters"][0].update(std=-1.0)), "std"),
+    ],
+)
+def test_what_is_no_effects_file_is_refused_with_a_remedy(tmp_path, text, says):
+    with pytest.raises(ConfigError, match=says) as caught:
+        load_effects(written(tmp_path, text))
+    assert "fl.effects.json" in str(caught.value)
+    assert caught.value.remedy
+
+
+def test_a_missing_file_is_told(tmp_path):
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_effects(tmp_path / "absent.json")
+
+
+@given(st.binary(max_size=200))
+def test_noise_is_refused_not_crashed_on(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("noise") / "x.json"
+    path.write_bytes(data)
+    with pytest.raises(ConfigError):
+        load_effects(path)
+
+
+class TestBelonging:
+    def test_to_its_own_vehicle(self):
+        check_effects((TABLE,), parse_vehicle(VEHICLE, "test"))
+
+    @pytest.mark.parametrize(
+        ("table", "says"),
+        [
+            (replace(TABLE, position="RR"), "RR"),
+            (replace(TABLE, sensor_offset_m=0.0), "neutral layer"),
+            (replace(TABLE, radius_m=0.3), "belt radius"),
+        ],
+    )
+    def test_to_another_it_does_not(self, table, says):
+        with pytest.raises(ConfigError, match=says) as caught:
+            check_effects((table,), parse_vehicle(VEHICLE, "test"))
+        assert caught.value.remedy
+
+    def test_nor_without_a_configuration(self):
+        with pytest.raises(ConfigError, match="no configuration"):
+            check_effects((TABLE,), None)
+
+    def test_nor_twice(self):
+        with pytest.raises(ConfigError, match="two effects files"):
+            check_effects((TABLE, TABLE), parse_vehicle(VEHICLE, "test"))
+
+    def test_nor_of_another_sensor(self):
+        text = VEHICLE.replace('position = "FL"', 'position = "FL"\nsensor_id = "0000beef"')
+        with pytest.raises(ConfigError, match="0000beef"):
+            check_effects((TABLE,), parse_vehicle(text, "test"))

@@ -1,0 +1,173 @@
+"""Known effects taken off in the pipeline: a wheel with an effect reads as one without, and says where it does not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.closure.collecting import waveform_orders
+from gateway.config.faults import parse_document
+from gateway.config.load import parse_vehicle
+from gateway.estimators.base import Status
+from gateway.io.source import Chunk
+from gateway.pipeline.setup import CorrectedEffect, CorrectionTable, WheelSetup
+from gateway.session.batch import estimate_items
+from gateway.session.core import SessionCore
+from gateway.signal.correction import EffectParameter
+from gateway.simulator.scenario import vehicle_toml
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulation import simulate
+from tests.simulated_wheel import simulated
+
+STEADY = "[motion]\nspeed_kmh = 70.0"
+EFFECT = "[wheel.edge_waves]\namplitude_percent = 8.0\norder_before = 20.0\norder_after = 26.0"
+SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=2.1e5)
+OMEGA = 70 / 3.6 / 0.32
+ESTIMATORS = ("kinematic", "weak-form")
+
+
+def mean_orders(results):
+    good = [one.revolution for one in results if not one.revolution.faults][5:]
+    return waveform_orders(np.mean([one.axes_mps2 for one in good], axis=0))
+
+
+@pytest.fixture(scope="module")
+def table():
+    """What the effect adds, as the difference of two simulated wheels that differ in nothing else."""
+    without, _ = simulated(STEADY, 8.0, SETUP, ("kinematic",))
+    having, _ = simulated(STEADY, 8.0, SETUP, ("kinematic",), wheel=EFFECT)
+    added = mean_orders(having) - mean_orders(without)
+    speeds = OMEGA * np.array([0.5, 1.0, 1.5])
+    return CorrectionTable(
+        position="FL",
+        omega_radps=speeds,
+        orders_mps2=np.stack([added * (speed / OMEGA) ** 2 for speed in speeds]),
+        effects=(CorrectedEffect("edge waves", (EffectParameter("share", 0.08, 0.001),)),),
+        radius_m=0.32,
+        omega_range_radps=(0.8 * OMEGA, 1.2 * OMEGA),
+        load_range_n=(4900.0, 5100.0),
+        pressure_range_pa=(2.0e5, 2.2e5),
+    )
+
+
+def numbers(results):
+    return {estimate.name: estimate for estimate in results[-1].estimates}
+
+
+class TestTable:
+    def test_between_its_speeds_it_goes_with_their_squares_and_beyond_it_stays(self, table):
+        at = table.contribution_mps2(OMEGA)
+        assert at.shape == (3, 1024)
+        np.testing.assert_allclose(table.contribution_mps2(1.2 * OMEGA), 1.44 * at, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(table.contribution_mps2(9 * OMEGA), 2.25 * at, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(table.contribution_mps2(0.1 * OMEGA), 0.25 * at, rtol=1e-9, atol=1e-9)
+
+    def test_its_waveform_has_its_orders(self, table):
+        orders = waveform_orders(table.contribution_mps2(OMEGA))
+        np.testing.assert_allclose(
+            orders, np.where(np.arange(111) == 0, table.orders_mps2[1].real, table.orders_mps2[1]), atol=1e-9
+        )
+
+    def test_a_sensor_without_steady_value_has_no_order_zero_to_take_off(self, table):
+        assert np.abs(table.contribution_mps2(OMEGA, ac_coupled=True).mean(axis=1)).max() < 1e-9
+
+    def test_one_speed_is_a_table_too(self, table):
+        one = replace(table, omega_radps=table.omega_radps[1:2], orders_mps2=table.orders_mps2[1:2])
+        np.testing.assert_allclose(one.contribution_mps2(0.9 * OMEGA), table.contribution_mps2(OMEGA), atol=1e-9)
+
+    @pytest.mark.parametrize(
+        ("omega", "load", "pressure", "word"),
+        [(1.3, 5e3, 2.1e5, "km/h"), (0.7, 5e3, 2.1e5, "km/h"), (1, 4e3, 2.1e5, "4000 N"), (1, 5e3, 2.5e5, "250 kPa")],
+    )  # fmt: skip
+    def test_outside_of_its_conditions_it_tells_why_not(self, table, omega, load, pressure, word):
+        assert word in table.refusal(omega * OMEGA, load, pressure)
+
+    def test_what_is_not_known_is_not_held_against_it(self, table):
+        assert table.refusal(OMEGA, None, None) == ""
+        assert replace(table, load_range_n=None).refusal(OMEGA, 1.0, 2.1e5) == ""
+
+    @pytest.mark.parametrize(
+        "wrong",
+        [
+            {"omega_radps": np.array([1.0, 1.0, 2.0])},
+            {"omega_radps": np.array([1.0, 2.0])},
+            {"omega_radps": np.array([-1.0, 1.0, 2.0])},
+            {"orders_mps2": np.zeros((3, 2, 20), complex)},
+            {"orders_mps2": np.zeros((3, 3, 1), complex)},
+            {"orders_mps2": np.full((3, 3, 20), complex(math.nan))},
+        ],
+    )
+    def test_tables_that_cannot_be_looked_up_are_refused(self, table, wrong):
+        with pytest.raises(ValueError, match="table"):
+            replace(table, **wrong)
+
+
+class TestTakenOff:
+    def test_a_wheel_with_the_effect_reads_as_one_without(self, table):
+        clean, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, seed=9)
+        having, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, wheel=EFFECT, seed=9)
+        corrected, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT, seed=9)
+        assert all(not one.revolution.uncorrected for one in corrected)
+        before = np.abs(mean_orders(having) - mean_orders(clean))[2]
+        after = np.abs(mean_orders(corrected) - mean_orders(clean))[2]
+        assert np.linalg.norm(after[:61]) < 0.05 * np.linalg.norm(before[:61])
+        for name in ("Bs", "Cw"):
+            truth, wrong, right = (numbers(results)[name] for results in (clean, having, corrected))
+            assert abs(right.value - truth.value) < 0.15 * abs(wrong.value - truth.value), name
+            assert right.status is truth.status
+
+    def test_the_contacts_stay_where_they_were(self, table):
+        having, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, wheel=EFFECT, seed=9)
+        corrected, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT, seed=9)
+        for one, other in zip(having[5:], corrected[5:], strict=True):
+            assert other.revolution.start_s == pytest.approx(one.revolution.start_s, abs=2e-6)
+
+    def test_outside_of_its_speeds_nothing_is_taken_off_and_estimates_say_so(self, table):
+        narrow = replace(table, omega_range_radps=(0.9 * OMEGA, 1.1 * OMEGA))
+        ramp = "[motion]\nspeed_kmh = [[0.0, 70.0], [5.0, 70.0], [8.0, 90.0], [12.0, 90.0], [15.0, 70.0], [20.0, 70.0]]"
+        results, _ = simulated(ramp, 20.0, replace(SETUP, correction=narrow), ESTIMATORS, wheel=EFFECT)
+        outside = [one for one in results if one.revolution.uncorrected]
+        inside = [one for one in results if not one.revolution.uncorrected]
+        assert len(outside) > 30
+        assert len(inside) > 80
+        assert all("90 km/h" in one.revolution.uncorrected for one in outside if 8.2 < one.revolution.start_s < 11.5)
+        of_shape = numbers(outside)["Bs"]
+        assert of_shape.status is not Status.VALID
+        assert "known effects not taken off" in of_shape.reason
+        assert numbers(outside)["speed_mps"].status is Status.VALID
+        assert "not taken off" not in numbers(inside)["Bs"].reason
+        # The two do not mix: what is estimated at the end owes nothing to the revolutions in between.
+        steady, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT)
+        assert numbers(inside)["Bs"].value == pytest.approx(numbers(steady)["Bs"].value, rel=0.1)
+
+    def test_another_sensor_is_not_corrected(self, table):
+        other = replace(table, sensor_id=0xDEAD)
+        results, _ = simulated(STEADY, 3.0, replace(SETUP, correction=other), ESTIMATORS)
+        assert all("0000dead" in one.revolution.uncorrected for one in results)
+
+
+def test_live_and_batch_take_off_the_same(table):
+    text = f"[scenario]\nseed = 3\n{STEADY}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n{EFFECT}\n"
+    scenario = parse_document(Scenario, text, "test")
+    vehicle = parse_vehicle(vehicle_toml(scenario), "test")
+    chunks = list(simulate(scenario, duration_s=5.0).chunks("link", 10**18))
+    core = SessionCore(vehicle, estimators=ESTIMATORS, effects=(table,))
+    live = [result for chunk in chunks for result in core.take(chunk)] + core.finish()
+
+    class Items:
+        def items(self):
+            yield from (Chunk(chunk.link, chunk.host_ns, chunk.data) for chunk in chunks)
+
+    batch = []
+    estimate_items(Items(), vehicle, batch.append, estimators=ESTIMATORS, effects=(table,))
+    assert len(live) == len(batch) > 20
+    for one, other in zip(live, batch, strict=True):
+        assert one.estimates == pytest.approx(other.estimates) or repr(one.estimates) == repr(other.estimates)
+        np.testing.assert_array_equal(one.revolution.axes_mps2, other.revolution.axes_mps2)
+    plain = []
+    estimate_items(Items(), vehicle, plain.append, estimators=ESTIMATORS)
+    assert np.abs(plain[-1].revolution.axes_mps2 - batch[-1].revolution.axes_mps2).max() > 10
+    assert any("edge waves" in notice for notice in core.snapshot(0.0).notices)
