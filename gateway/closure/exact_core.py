@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.cores import Shape
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
+from gateway.closure.out_of_round import LOAD_STEP, LoadedShape, out_of_round
 from gateway.closure.ring_options import RingOptions
 from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
@@ -81,6 +82,22 @@ class ExactCore:
         half_angle_rad: float,  # noqa: ARG002 - the interface's; the exact ring finds its contact itself
     ) -> Shape:
         """Return the shape, with the grid's error as `refine` last found it taken off."""
+        if not (options.runout_cosine_m or options.runout_sine_m):
+            return self._round(parameters, conditions, options)
+        round_options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
+        # Softer by as much is the same shape as loaded more.
+        lighter, middle, heavier = (
+            LoadedShape(
+                self._round(softer, conditions, round_options),
+                self._solve(softer, conditions, round_options, self._grid(conditions)).ring.axle_height_m,
+            )
+            for softer in (parameters - math.log1p(step) for step in (-LOAD_STEP, 0.0, LOAD_STEP))
+        )
+        heights = options.runout_cosine_m, options.runout_sine_m
+        return out_of_round(lighter, middle, heavier, conditions.radius_m, *heights)
+
+    def _round(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> Shape:
+        """Return the shape of a round tire."""
         coarse = self._solve(parameters, conditions, options, self._grid(conditions)).shape
         correction = self._corrections.get(_place(conditions))
         if correction is None:

@@ -20,6 +20,8 @@ class RingOptions:
         drum_curvature_pm: 1 / drum radius; 0 is flat, negative an inner drum.
         traction: axle torque beyond that of the losses over load and belt radius; friction along the belt carries it.
         sensor_offset_m: of the sensor below the neutral layer.
+        runout_cosine_m: height of the tire's first harmonic at the sensor; the exact ring only, like the next.
+        runout_sine_m: its height on the road a quarter of a turn after the sensor was at the bottom.
         kinematics: series only: 0 reads n^2 as Eq. 25 prints it, 1 reads n^2 - 1, in proportion in between.
         pressure_p2: series only: Legendre coefficient a_2 of the contact pressure, 0 is uniform.
         pressure_p4: series only: a_4.
@@ -36,6 +38,8 @@ class RingOptions:
     drum_curvature_pm: float = 0.0
     traction: float = 0.0
     sensor_offset_m: float = 0.0
+    runout_cosine_m: float = 0.0
+    runout_sine_m: float = 0.0
     kinematics: float = 0.0
     pressure_p2: float = 0.0
     pressure_p4: float = 0.0

@@ -23,11 +23,11 @@ MODULES: Final[tuple[str, ...]] = (
     "drum_curvature",
     "sidewall_stiffening",
     "mounting_offset",
+    "runout",
     # BELT
     "gravity",
     "speed_drift",
     "imbalance",
-    "runout",
     "edge_waves",
     "tread_pitch",
     "ply_steer",

@@ -1,0 +1,62 @@
+"""The belt's shape on a tire that is not round: another load at every angle, and a radius of its own at the sensor."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.cores import Shape
+from gateway.closure.effects.base import FIELD_SIZE
+from gateway.physics.rolling_ring_waveform import SensorWaveform
+
+FloatArray = NDArray[np.float64]
+
+LOAD_STEP: Final = 0.04
+"""Share of the load by which the shapes beside the middle one differ from it."""
+_THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE, dtype=np.float64)
+
+
+class LoadedShape(NamedTuple):
+    """A shape, and the height of the axle above the road."""
+
+    shape: Shape
+    axle_height_m: float
+
+
+def out_of_round(
+    lighter: LoadedShape, middle: LoadedShape, heavier: LoadedShape, radius_m: float, cosine_m: float, sine_m: float
+) -> Shape:
+    """Return the shape of a tire whose radius is larger by cosine cos(theta) + sine sin(theta) where it meets the road.
+
+    The axle keeps its height, so that the load swings by the vertical stiffness times the height on the road when the
+    sensor is at theta; every angle has the shape under its own load, a parabola through three. Off the contact the
+    sensor rides on a radius that is larger by the cosine.
+
+    Args:
+        lighter: the round tire at (1 - LOAD_STEP) of its load.
+        middle: at its load.
+        heavier: at (1 + LOAD_STEP) of it.
+        radius_m: belt radius.
+        cosine_m: height at the sensor.
+        sine_m: height on the road a quarter of a turn after the sensor's bottom.
+    """
+    # Load steps a metre: a lighter load lifts the axle.
+    steps_pm = 2.0 / (lighter.axle_height_m - heavier.axle_height_m)
+    shapes = (lighter.shape, middle.shape, heavier.shape)
+    weights = _parabola(steps_pm * (cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA)))
+    fields = np.einsum("sk,sfk->fk", weights, np.array([shape.waveform for shape in shapes]))
+    fields[0] *= 1.0 + cosine_m / radius_m
+    edges = []
+    for angles in np.array([(shape.leading_edge_rad, shape.trailing_edge_rad) for shape in shapes]).T:
+        at = float(angles[1])
+        share = _parabola(np.array([steps_pm * (cosine_m * math.cos(at) + sine_m * math.sin(at))]))
+        edges.append(float(share[:, 0] @ angles))
+    return Shape(SensorWaveform(*fields), *edges)
+
+
+def _parabola(at: FloatArray) -> FloatArray:
+    """Return the weights of values at -1, 0 and 1, (3, n)."""
+    return np.stack([0.5 * at * (at - 1.0), 1.0 - at * at, 0.5 * at * (at + 1.0)])
