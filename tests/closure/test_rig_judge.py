@@ -82,14 +82,6 @@ def test_the_paper_model_lacks_the_corrections_whatever_is_wrong() -> None:
     assert judge(diagnosis(*always, finding("gain"), model="paper"), NOTHING).outcome is Outcome.FALSE_ALARM
 
 
-def test_a_companion_is_allowed_but_not_wanted() -> None:
-    label = draw(Order(Kind.EFFECT, 1, ("gain-temperature drift",), 2)).label
-    alone = diagnosis(finding("gain-temperature drift"))
-    both = diagnosis(finding("gain-temperature drift"), finding("gain"))
-    assert judge(alone, label).outcome is judge(both, label).outcome is Outcome.EXACT
-    assert judge(diagnosis(finding("gain")), label).outcome is Outcome.MISSED
-
-
 def test_names_are_those_of_the_catalogue() -> None:
     known = set(catalogue())
     for names in (*CANNOT_TELL, *ALWAYS.values()):

@@ -54,7 +54,6 @@ class Cause:
         sizes: about the detection limit, three times that, and what tires and sensors really have.
         tables: what to change for a size.
         mirrored: (table, key) of phases that change sign when the tire rolls the other way round.
-        companions: effects that are right beside it: what the tool cannot know makes them.
     """
 
     name: str
@@ -62,7 +61,6 @@ class Cause:
     sizes: tuple[float, float, float]
     tables: Callable[[Drawing], Tables]
     mirrored: tuple[tuple[str, str], ...] = ()
-    companions: tuple[str, ...] = ()
 
 
 def _offset(drawn: Drawing) -> Tables:
@@ -85,11 +83,11 @@ def _yaw(drawn: Drawing) -> Tables:
 
 
 def _gain(drawn: Drawing) -> Tables:
-    return {"sensor": {"gain_error_percent": drawn.sign() * drawn.size}}
+    return {"sensor": {"gain_error_percent": [0.0, 0.0, drawn.sign() * drawn.size]}}
 
 
 def _gain_temperature(drawn: Drawing) -> Tables:
-    return {"sensor": {"gain_drift_percent_per_k": drawn.sign() * drawn.size}}
+    return {"sensor": {"gain_drift_percent_per_k": [0.0, 0.0, drawn.sign() * drawn.size]}}
 
 
 def _zero_g(drawn: Drawing) -> Tables:
@@ -187,8 +185,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     # Only gravity tells of it where the sensor sits on the neutral layer.
     Cause("yaw tilt", "deg", (0.3, 1.0, 5.0), _yaw),
     Cause("gain", "%", (0.1, 0.3, 2.0), _gain),
-    # Which temperature the gain was stated for the tool cannot know.
-    Cause("gain-temperature drift", "%/K", (0.002, 0.006, 0.03), _gain_temperature, companions=("gain",)),
+    Cause("gain-temperature drift", "%/K", (0.002, 0.006, 0.03), _gain_temperature),
     Cause("zero-g offset", "g", (0.03, 0.1, 1.0), _zero_g),
     Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac),
     Cause("anti-alias filter", "Hz", (3500.0, 2000.0, 700.0), _low_pass),

@@ -89,7 +89,6 @@ def draw(order: Order) -> Case:
     bench = draw_bench(bench_rng)
     tables: dict[str, dict[str, Any]] = {}
     mirrored: list[tuple[str, str]] = []
-    companions: list[str] = []
     sizes: dict[str, dict[str, Any]] = {}
     disturbance: Disturbance | None = None
     for name in order.names:
@@ -107,7 +106,6 @@ def draw(order: Order) -> Case:
             disturbance = None if make is None else make(size, rng)
         else:
             mirrored += cause(name).mirrored
-            companions += cause(name).companions
         sizes[name] = {"size": SIZES[index], "value": size, "unit": entry.unit}
     inside = order.kind is not Kind.OUTSIDE
     label = {
@@ -115,7 +113,6 @@ def draw(order: Order) -> Case:
         "seed": order.seed,
         "truth": sorted(order.names) if inside else [],
         "outside": None if inside else order.names[0],
-        "companions": sorted(set(companions)),
         "sizes": sizes,
         "tables": tables,
         "bench": asdict(bench),

@@ -117,13 +117,13 @@ def _outcome(
     truth = drawn | always
     # Speed drift is in every run, but not always large enough to be seen.
     wanted = truth - {"speed drift"}
-    if named - truth - set(label["companions"]):
+    if named - truth:
         return Outcome.WRONG if drawn or label["outside"] else Outcome.FALSE_ALARM
     pending, excused = wanted - named, True
     for group in left_open:
         hit = group & pending
         if not hit:
-            if not group & (truth | set(label["companions"])):
+            if not group & truth:
                 return Outcome.WRONG if drawn or label["outside"] else Outcome.FALSE_ALARM
             continue
         first = min(hit)
