@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import importlib
+import os
 from typing import Final
 
 import click
 
 from gateway import __version__
 from gateway.errors import TreadlinkError
+
+# The matrices here are small: waking a thread for each product costs more than the product. Before numpy is imported;
+# processes started from here inherit it.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 
 # name -> (module:function, one line for `treadlink --help`); the order is the order of a user's day.
 COMMANDS: Final[dict[str, tuple[str, str]]] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -22,6 +23,9 @@ AngleEffect = RingEffect | SignalEffect
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 # Share of the signal by which the stages behind a derivative are tried.
 _NUDGE: Final = 1e-4
+# Steps of speed (relative) and of its change by which a group's answer to them is taken.
+_SPEED_STEP: Final = 1e-3
+_DRIFT_STEP_RADPS2: Final = 0.01
 
 
 class ClosureModel:
@@ -75,10 +79,28 @@ class ClosureModel:
 
     def predict_group(self, vector: FloatArray, index: int) -> ComplexArray:
         """Return the orders of every block of one group, (blocks, 3, ORDERS)."""
-        heres = self._blocks(vector, index)
-        mount = _declared(self.campaign.groups[index])
-        fields = np.stack([self._chain(vector, here, mount)[0].signal_mps2 for here in heres])
-        return field_orders(fields) * self._turn(vector, index)
+        group = self.campaign.groups[index]
+        mount = _declared(group)
+        shape = self.shape(vector, index)
+        # Blocks of a group differ by little: what the group reads, and how that answers speed and its change.
+        there = group.conditions
+        around = [there]
+        if len(group.blocks) > 1:
+            around += [
+                replace(there, omega_radps=there.omega_radps * (1.0 + _SPEED_STEP)),
+                replace(there, omega_dot_radps2=there.omega_dot_radps2 + _DRIFT_STEP_RADPS2),
+            ]
+        fields = np.stack(
+            [self._chain(vector, base_signal(self.core, shape, at), mount)[0].signal_mps2 for at in around]
+        )
+        orders = field_orders(fields) * self._turn(vector, index)
+        if len(around) == 1:
+            return orders
+        of_square = (orders[1] - orders[0]) / (around[1].omega_radps ** 2 - there.omega_radps**2)
+        of_drift = (orders[2] - orders[0]) / _DRIFT_STEP_RADPS2
+        square, drift = _apart(group)
+        result: ComplexArray = orders[0] + square * of_square + drift * of_drift
+        return result
 
     def group_derivatives(
         self, vector: FloatArray, index: int, only: str | None = None
@@ -115,9 +137,11 @@ class ClosureModel:
             rows.append(-1j * _ORDER * base)
         wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
         if wanted:
-            mount = _declared(group)
-            of_blocks = [self._signal_rows(vector, here, mount, wanted) for here in self._blocks(vector, index)]
-            rows.extend(field_orders(np.stack(of_blocks, axis=1)) * self._turn(vector, index))
+            here = base_signal(self.core, self.shape(vector, index), group.conditions)
+            of_group = field_orders(self._signal_rows(vector, here, _declared(group), wanted))
+            # Nearly the same in every block of the group.
+            each = np.ones((len(group.blocks), 1, 1))
+            rows.extend((of_group * self._turn(vector, index))[:, None] * each)
             for name in wanted:
                 where = layout.effect(name)
                 places.extend(range(where.start, where.stop))
@@ -166,15 +190,18 @@ class ClosureModel:
             here = with_signal(here, mount @ here.signal_mps2)
         return here, before
 
-    def _blocks(self, vector: FloatArray, index: int) -> list[Here]:
-        """Return every block as the core alone has it."""
-        shape = self.shape(vector, index)
-        return [base_signal(self.core, shape, block.conditions) for block in self.campaign.groups[index].blocks]
-
     def _turn(self, vector: FloatArray, index: int) -> ComplexArray:
         """Return the turn of each order: the waveform is that of theta - centre."""
         turn: ComplexArray = np.exp(-1j * vector[self.layout.centre(index)] * _ORDER)
         return turn
+
+
+def _apart(group: Group) -> tuple[FloatArray, FloatArray]:
+    """Return by how much the blocks' omega^2 and domega/dt differ from the group's, (blocks, 1, 1) each."""
+    there = group.conditions
+    square = np.array([block.conditions.omega_radps**2 - there.omega_radps**2 for block in group.blocks])
+    drift = np.array([block.conditions.omega_dot_radps2 - there.omega_dot_radps2 for block in group.blocks])
+    return square[:, None, None], drift[:, None, None]
 
 
 def _declared(group: Group) -> FloatArray | None:
