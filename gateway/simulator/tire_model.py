@@ -9,7 +9,7 @@ from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lat
 from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waves import EdgeWaves, TreadPitch
 
-RING_NODES = 720
+RING_NODES = 1440
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,7 @@ class TireModel:
         pitch: of the tread pattern's blocks, likewise.
         runout_m: height of the tire's high spot.
         runout_rad: material angle from the sensor to the high spot.
+        nodes: of the ring.
     """
 
     ring: RingParameters
@@ -41,6 +42,7 @@ class TireModel:
     pitch: TreadPitch | None = None
     runout_m: float = 0.0
     runout_rad: float = 0.0
+    nodes: int = RING_NODES
 
     def ring_at(self, pressure_pa: float) -> RingParameters:
         """Return the ring at a pressure."""
@@ -74,7 +76,7 @@ class TireModel:
             load_n,
             pressure_pa,
             omega_radps,
-            nodes=RING_NODES,
+            nodes=self.nodes,
             sensor_offset_m=self.sensor_offset_m,
             drum_radius_m=self.drum_radius_m,
             axle_torque_nm=self.axle_torque_nm,
