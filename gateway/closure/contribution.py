@@ -63,6 +63,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
         load_range_n=_around(load, _LOAD_MARGIN) if group.load_known else None,
         pressure_range_pa=_around(pressure, _PRESSURE_MARGIN) if group.pressure_known else None,
         sensor_offset_m=group.declared_offset_m,
+        sensor_id=campaign.sensor_id,
         sources=campaign.recordings,
     )
 
