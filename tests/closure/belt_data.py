@@ -1,0 +1,118 @@
+"""One revolution as the exact ring has it, for the BELT effects; and the same of a simulated wheel, averaged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, Conditions, Here
+from gateway.estimators.base import Revolution
+from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2, SensorWaveform
+from gateway.pipeline.setup import WheelSetup
+from tests.exact_ring_data import on_grid
+from tests.simulated_wheel import simulated
+
+FloatArray = NDArray[np.float64]
+
+RADIUS_M = 0.32
+PRESSURE_PA = 2.1e5
+LOAD_N = 5000.0
+OMEGA = 65.0 / 3.6 / RADIUS_M
+THETA = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE)
+CONDITIONS = Conditions(
+    omega_radps=OMEGA,
+    omega_dot_radps2=0.0,
+    radius_m=RADIUS_M,
+    load_n=LOAD_N,
+    pressure_pa=PRESSURE_PA,
+    temperature_degc=25.0,
+    reference_degc=25.0,
+    rate_hz=9600.0,
+    time_s=0.0,
+)
+# The simulator's tire: its belt gives a little.
+EXTENSION_N = 5e6
+TIRE = RingParameters.from_numbers(
+    *TABLE_3_NUMBERS,
+    radius_m=RADIUS_M,
+    pressure_pa=PRESSURE_PA,
+    mass_kgpm=3.5,
+    extension_stiffness_n=EXTENSION_N,
+    tread_stiffness_npm2=7e7,
+)
+SETUP = WheelSetup("FL", 0, 0, RADIUS_M, load_n=LOAD_N, pressure_pa=PRESSURE_PA)
+
+
+@lru_cache(maxsize=8)
+def _solved(offset_m: float) -> RingSolution:
+    return solve_rolling_ring(TIRE, LOAD_N, PRESSURE_PA, OMEGA, nodes=720, sensor_offset_m=offset_m)
+
+
+def here_of(conditions: Conditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False) -> Here:
+    """Return a block of the exact ring; with `as_paper`, as a model has it that lacks mean, gravity and spin."""
+    ring = _solved(offset_m)
+    shape = SensorWaveform(*(on_grid(values, FIELD_SIZE) for values in ring.sensor))
+    square = conditions.omega_radps**2
+    signal = np.zeros((3, FIELD_SIZE))
+    if as_paper:
+        nothing = np.zeros(FIELD_SIZE)
+        shape = SensorWaveform(shape.radial_m - shape.radial_m.mean(), *(nothing,) * 5)
+        signal[RADIAL] = square * shape.radial_m
+    else:
+        signal[RADIAL] = square * shape.radial_m + STANDARD_GRAVITY_MPS2 * shape.gravity_radial
+        along = square * shape.circumferential_m + STANDARD_GRAVITY_MPS2 * shape.gravity_circumferential
+        signal[CIRCUMFERENTIAL] = along
+        signal[LATERAL] = 0.02 * square * RADIUS_M * np.sin(2.0 * THETA) * np.exp(-np.square(THETA / 0.5))
+    return Here(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
+
+
+def at(speed_kmh: float) -> Conditions:
+    return replace(CONDITIONS, omega_radps=speed_kmh / 3.6 / RADIUS_M)
+
+
+def limited(field: FloatArray) -> FloatArray:
+    """Return curves (..., n) on the model's grid, with the orders that are compared."""
+    spectrum = np.fft.rfft(field, axis=-1)[..., : FIELD_SIZE // 2 + 1]
+    spectrum[..., 111:] = 0.0
+    result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=-1) * (FIELD_SIZE / field.shape[-1])
+    return result
+
+
+def revolutions(
+    wheel: str = "", *, speed: str = "65.0", offset_mm: float = 0.0, duration_s: float = 6.0
+) -> tuple[Revolution, ...]:
+    """Return a noiseless simulated wheel's revolutions as the pipeline has them, once it has settled."""
+    sensor = f"[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\noffset_mm = {offset_mm}"
+    tables = f"[motion]\nspeed_kmh = {speed}\n{sensor}"
+    results, _ = simulated(tables, duration_s, SETUP, ("kinematic",), f"phase_deg = 170.0\n{wheel}")
+    return tuple(result.revolution for result in results[15:])
+
+
+class Scaled(NamedTuple):
+    """Mean of revolutions, each scaled with omega^2 to 65 km/h.
+
+    Attributes:
+        axes_mps2: (3, FIELD_SIZE).
+        gravity: what gravity was multiplied with, in the mean.
+        omega_dot_radps2: what the acceleration became.
+    """
+
+    axes_mps2: FloatArray
+    gravity: float
+    omega_dot_radps2: float
+
+
+def averaged(wheel: str = "", *, speed: str = "65.0", offset_mm: float = 0.0, duration_s: float = 6.0) -> Scaled:
+    """Return the mean of a simulated wheel's revolutions on the model's grid."""
+    those = revolutions(wheel, speed=speed, offset_mm=offset_mm, duration_s=duration_s)
+    scale = np.array([(OMEGA / revolution.omega_radps) ** 2 for revolution in those])
+    axes = np.mean([s * revolution.axes_mps2 for s, revolution in zip(scale, those, strict=True)], axis=0)
+    change = np.mean([s * revolution.omega_dot_radps2 for s, revolution in zip(scale, those, strict=True)])
+    return Scaled(limited(axes), float(scale.mean()), float(change))
