@@ -130,6 +130,8 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
         panel.loglog(frequency, spectra.after_m2ps3[axis][positive], color=AFTER, label="with the named effects")
         panel.set_title(AXES[axis], fontsize=9.5 if small else None)
         panel.xaxis.set_major_formatter("{x:g}")
+    _density_ticks(panels[0])
+    for panel in panels:
         panel.minorticks_off()
     for panel in panels if not small else panels[-1:]:
         panel.set_xlabel("frequency, Hz")
@@ -139,6 +141,16 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
         panels[0].set_ylabel("density, (m/s²)²/Hz")
         _legend(figure, list(panels), "")
     return figure
+
+
+def _density_ticks(panel: Axes) -> None:
+    """Put more than the decades on a scale that spans less than two: it may hold none."""
+    from matplotlib.ticker import LogLocator
+
+    low, high = panel.get_ylim()
+    if high < 100.0 * low:
+        panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        panel.yaxis.set_major_formatter("{x:.1g}")
 
 
 def trend_figure(trends: Sequence[Trend]) -> Figure:

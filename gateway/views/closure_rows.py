@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.closure.diagnosis import Curves, Diagnosis, Fitted, FloatArray, Unexplained, Verdict
-from gateway.views.numbers import MISSING, UNITS, round_to_error, split_name
+from gateway.views.numbers import MISSING, UNITS, Unit, round_to_error, split_name
 from gateway.views.text import clean
 
 AXES: Final = ("circumferential", "lateral", "radial")
@@ -27,6 +27,9 @@ VERDICTS: Final = {
 
 # Units of the names' suffixes, spelled out, of those that are shown in another unit.
 _SI: Final = {"_rad": "rad", "_m": "m", "_mps": "m/s", "_pa": "Pa"}
+# Suffixes of names whose unit always stands beside the number.
+_COMPOUND: Final = ("_npm2", "_per_rad", "_per_k", "_s2pm", "_rad2", "_kgm", "_m2", "_pm", "_pn")
+_PRINTED: Final = {"^2": "²", "^3": "³", "omega": "ω", "degC": "°C"}
 
 
 class ShownNumber(NamedTuple):
@@ -45,16 +48,31 @@ class ShownNumber(NamedTuple):
 
 def show_fitted(name: str, fitted: Fitted | None) -> ShownNumber:
     """Return a number in the unit that views show it in; what has a display unit already keeps it."""
-    label, shown = split_name(name)
-    label = clean(label)
+    label, shown = _label(name)
     if fitted is None:
-        return ShownNumber(label, MISSING, clean(shown.symbol), math.nan, math.nan)
+        return ShownNumber(label, MISSING, shown.symbol, math.nan, math.nan)
     suffix = next((suffix for suffix in UNITS if name.endswith(suffix) and len(name) > len(suffix)), "")
     factor, unit = 1.0, fitted.unit
     if fitted.unit in ("", _SI.get(suffix)):
         factor, unit = shown.factor, shown.symbol
     value, std = float(fitted.value) * factor, float(fitted.std) * factor
-    return ShownNumber(label, round_to_error(value, std).joined(), clean(unit), value, std)
+    return ShownNumber(label, round_to_error(value, std).joined(), _written(unit), value, std)
+
+
+def _label(name: str) -> tuple[str, Unit]:
+    """Return what a name says without its unit, and the unit where views have one for it."""
+    if name.endswith("_ln") and len(name) > 3:
+        return f"ln {clean(name[:-3].replace('_', ' '))}", Unit("")
+    suffix = next((suffix for suffix in _COMPOUND if name.endswith(suffix) and len(name) > len(suffix)), "")
+    label, unit = (name[: -len(suffix)].replace("_", " "), Unit("")) if suffix else split_name(name)
+    return clean(label), unit
+
+
+def _written(unit: str) -> str:
+    """Return a unit as it is printed: `N/m^2` -> `N/m²`."""
+    for plain_text, printed in _PRINTED.items():
+        unit = unit.replace(plain_text, printed)
+    return clean(unit)
 
 
 def plain(value: float, std: float = math.nan) -> str:

@@ -227,7 +227,7 @@ def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined
 
 def _percent(old: ShownNumber, new: ShownNumber) -> str:
     share = 100.0 * ratio(new.value - old.value, abs(old.value))
-    return f"{share + 0.0:+.1f} %" if math.isfinite(share) else ""
+    return f"{round(share, 1) + 0.0:+.1f} %" if math.isfinite(share) else ""
 
 
 def _intervals(old: ShownNumber, new: ShownNumber) -> tuple[Interval, ...]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.closure.diagnosis import Fitted
+from gateway.views.closure_rows import show_fitted, significant, span_text
 from gateway.views.closure_summary import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
 from tests.closure.diagnosis_data import empty, nasty, ordinary
@@ -58,3 +59,43 @@ def test_an_angle_is_shown_in_degrees_and_a_display_unit_is_kept():
     finding = replace(diagnosis.findings[0], name="tilt", parameters=tilts)
     text = "\n".join(closure_summary_lines(replace(diagnosis, findings=(finding,))))
     assert "tilt 1.146±0.057 deg, shift 3.00±0.10 deg" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "fitted", "label", "text"),
+    [
+        ("length_squared_m2", Fitted(0.88, 0.14, "mm^2"), "length squared", "0.88 ± 0.14 mm²"),
+        ("compliance_pn", Fitted(0.206, 0.011, "1/MN"), "compliance", "0.206 ± 0.011 1/MN"),
+        ("drift_per_k", Fitted(0.021, 0.004, "%/K"), "drift", "0.0210 ± 0.0040 %/K"),
+        ("rms_mps2", Fitted(4.8, 0.2, "m/s^2"), "rms", "4.80 ± 0.20 m/s²"),
+        ("offset_m", Fitted(0.005, 0.0001, "m"), "offset", "5.00 ± 0.10 mm"),
+        ("offset_m", Fitted(5.0, 0.1, "mm"), "offset", "5.00 ± 0.10 mm"),
+        ("half_angle_rad", Fitted(0.24, 0.001, ""), "half angle", "13.751 ± 0.057 deg"),
+        ("bending_ln", Fitted(0.2, 0.1), "ln bending", "0.20 ± 0.10"),
+        ("Bs", Fitted(float("nan"), 1.0), "Bs", "—"),
+    ],
+)
+def test_labels_and_units(name, fitted, label, text):
+    shown = show_fitted(name, fitted)
+    assert (shown.label, shown.joined()) == (label, text)
+
+
+@pytest.mark.parametrize(
+    ("span", "text"),
+    [
+        ((606.0, 614.5), "606.0 to 614.5"),
+        ((3.0, 3.0), "3.000"),
+        ((0.0, 1500.0), "0 to 1500"),
+        ((float("nan"), 1.0), "—"),
+    ],
+)
+def test_ranges(span, text):
+    assert span_text(span) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0.00"), (12.31, "12.3"), (41230.0, "41230"), (0.151, "0.151"), (1e-9, "1.00e-09"), (float("inf"), "—")],
+)
+def test_numbers_without_an_error(value, text):
+    assert significant(value) == text
