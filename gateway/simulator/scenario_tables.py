@@ -118,6 +118,7 @@ class Tire(Section):
     lateral_friction: float = Field(default=1.0, ge=0, le=3)
     runout_mm: float = Field(default=0.0, ge=0, le=3, description="height of the high spot")
     runout_deg: float = Field(default=0.0, ge=-360, le=360, description="from the sensor to the high spot")
+    ring_nodes: int | None = Field(default=None, ge=240, le=14_400, description="to solve the belt on; nothing: enough")
 
 
 class EdgeWaveTable(Section):

@@ -11,7 +11,7 @@ from gateway.physics.rolling_ring import RingParameters
 from gateway.physics.rolling_ring_waves import EdgeWaves, TreadPitch
 from gateway.simulator.scenario_model import Wheel
 from gateway.simulator.scenario_tables import EdgeWaveTable, Tire, TreadPitchTable
-from gateway.simulator.tire_model import TireModel
+from gateway.simulator.tire_model import RING_NODES, TireModel
 
 
 def tire_model(wheel: Wheel) -> TireModel:
@@ -29,6 +29,7 @@ def tire_model(wheel: Wheel) -> TireModel:
         pitch=_pitch(wheel.tread_pitch, reverse=wheel.motion.direction == "reverse"),
         runout_m=tire.runout_mm * 1e-3,
         runout_rad=math.radians(tire.runout_deg),
+        nodes=RING_NODES if tire.ring_nodes is None else tire.ring_nodes,
     )
 
 

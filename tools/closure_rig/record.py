@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from closure_rig.bench import EXTENSION_STIFFNESS_MN, Run
+from closure_rig.bench import EXTENSION_STIFFNESS_MN, RING_NODES, Run
 from closure_rig.draw import Case
 from closure_rig.outside import DisturbedChain
 from gateway.config.toml_writer import toml_text
@@ -78,6 +78,7 @@ def scenario_of(case: Case, run: Run, seed: int, seconds: float) -> Scenario:
             "mass_kgpm": bench.mass_kgpm,
             "extension_stiffness_mn": EXTENSION_STIFFNESS_MN,
             "tread_stiffness_mpa": bench.tread_mpa,
+            "ring_nodes": RING_NODES,
             "cord_angle_deg": 0.0,
             **bench.lateral,
         },
