@@ -24,8 +24,8 @@ _DONE: Final = 0.05
 _REACH: Final = 0.5
 # A model that does not describe the data overstates what it knows, so priors weigh as much more as the misfit is too
 # large; found along the way, until the misfit falls by less than this.
-_RESCALINGS: Final = 4
-_SETTLED: Final = 0.5
+_RESCALINGS: Final = 6
+_SETTLED: Final = 0.9
 # Shares of the signal by which the data are loosened on the way in from afar.
 _ANNEAL: Final = (3e-2, 3e-3, 3e-4)
 
@@ -67,13 +67,15 @@ class Fit:
 
     @property
     def misfit(self) -> float:
-        """Chi-square of the data."""
-        return float(self.normal.misfit.sum())
+        """Chi-square of the data, and of what is known beside the waveforms."""
+        return float(self.normal.misfit.sum()) + self.model.witness_misfit(self.vector)
 
     @property
     def cost(self) -> float:
         """Chi-square of data and priors."""
-        return self.misfit + float(np.sum(np.square((self.vector - self.prior_mean) / self.prior_std)))
+        return float(self.normal.misfit.sum()) + float(
+            np.sum(np.square((self.vector - self.prior_mean) / self.prior_std))
+        )
 
     def covariance(self) -> FloatArray:
         """Return the covariance of the parameters by noise, floor and priors, (P, P)."""
@@ -82,7 +84,8 @@ class Fit:
 
     def held_out(self) -> FloatArray:
         """Return the misfit of every fold under the (linearised) fit of all others, (K,)."""
-        return held_out_misfit(self.normal, self.vector - self.prior_mean, self.prior_std)
+        own = held_out_misfit(self.normal, self.vector - self.prior_mean, self.prior_std)
+        return own + self.model.witness_misfit(self.vector) / len(own)
 
 
 def held_out_misfit(normal: Normal, from_prior: FloatArray, prior_std: FloatArray) -> FloatArray:
@@ -117,7 +120,7 @@ def fit_model(model: ClosureModel, data: Whitened, start: FloatArray | None = No
     Raises:
         FitFailedError: the model has no equilibrium near the start.
     """
-    prior_mean, prior_std = model.layout.priors(model.core, model.effects)
+    prior_mean, prior_std = model.priors()
     vector = prior_mean.copy() if start is None else start.copy()
     try:
         if from_afar:

@@ -15,6 +15,7 @@ from gateway.closure.effects.base import Here, RingEffect, SignalEffect, Stage
 from gateway.closure.layout import Layout
 from gateway.closure.observation import ORDERS, Campaign, Group
 from gateway.closure.ring_options import RingOptions
+from gateway.closure.witness import witnesses
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -47,7 +48,25 @@ class ClosureModel:
             sorted((e for e in effects if isinstance(e, SignalEffect)), key=lambda effect: effect.stage)
         )
         self.effects: tuple[AngleEffect, ...] = (*self._ring, *self._signal)
+        self._witnesses = witnesses(campaign)
         self.layout = Layout(len(core.names), campaign.states, len(campaign.groups), self.effects)
+
+    def priors(self) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of every parameter before the waveforms are seen, (P,) each."""
+        mean, std = self.layout.priors(self.core, self.effects)
+        for witness in self._witnesses:
+            if any(effect.name == witness.effect for effect in self.effects):
+                where = self.layout.effect(witness.effect)
+                mean[where], std[where] = witness.value, witness.std
+        return mean, std
+
+    def witness_misfit(self, vector: FloatArray) -> float:
+        """Return the chi-square of what is known beside the waveforms."""
+        total = 0.0
+        for witness in self._witnesses:
+            inside = any(effect.name == witness.effect for effect in self.effects)
+            total += witness.misfit(float(vector[self.layout.effect(witness.effect)][0]) if inside else 0.0)
+        return total
 
     def shape(self, vector: FloatArray, index: int) -> Shape:
         """Return the belt's shape of one group."""

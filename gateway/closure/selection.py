@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,6 +26,8 @@ FloatArray = NDArray[np.float64]
 _REFITTED: Final = 6
 _WORTH: Final = 0.3
 _MOST_EFFECTS: Final = 10
+# Refused candidates that are tried with a second one beside them.
+_PAIRED: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,43 +97,75 @@ def select(
         on_step(f"looking for effect {len(selection.steps) + 1}")
         taken = {effect.name for effect in fit.model.effects}
         left = [effect for name, effect in effects.items() if name not in taken]
-        step = _best_step(fit, data, left, selection)
-        if step is None:
+        steps = _next_steps(fit, data, left, selection)
+        if not steps:
             break
-        selection.steps.append(step)
-        on_step(f"found {step.effect.name}")
+        selection.steps.extend(steps)
+        on_step("found " + " and ".join(step.effect.name for step in steps))
         _prune(selection, data)
     _judge_leftovers(selection, data)
     return selection
 
 
-def _best_step(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> Step | None:
-    """Return the best candidate that passes; note why others did not."""
-    before = fit.held_out()
-    promising = _promising(fit, data, left, before)
-    fitted: list[tuple[Trial, Fit]] = []
-    for trial in promising[:_REFITTED]:
-        try:
+def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> list[Step]:
+    """Return the best candidate that passes; where none does by itself, the best two that pass together."""
+    fitted = _fitted(fit, data, left)
+    passed, refused = _judged(fit, data, fitted, selection)
+    if passed:
+        step = min(passed, key=lambda step: _price(step.after, step.effect, data))
+        selection.refused.pop(step.effect.name, None)
+        return [step]
+    refused.sort(key=lambda step: step.after.misfit)
+    pairs = []
+    for first in refused[:_PAIRED]:
+        others = [effect for effect in left if effect.name != first.effect.name]
+        second, _ = _judged(first.after, data, _fitted(first.after, data, others), None)
+        pairs += [(first, step) for step in second if _stands(step.after, first.effect, data)]
+    if not pairs:
+        return []
+    first, second_step = min(pairs, key=lambda pair: _price(pair[1].after, pair[1].effect, data))
+    for step in (first, second_step):
+        selection.refused.pop(step.effect.name, None)
+    return [first, second_step]
+
+
+def _fitted(fit: Fit, data: Whitened, left: list[AngleEffect]) -> list[tuple[Trial, Fit]]:
+    """Return the promising candidates' fits."""
+    fitted = []
+    for trial in _promising(fit, data, left, fit.held_out())[:_REFITTED]:
+        with contextlib.suppress(FitFailedError):
             fitted.append((trial, refit(trial, data)))
-        except FitFailedError:
-            continue
-    passed: list[tuple[Trial, Fit, FloatArray]] = []
+    return fitted
+
+
+def _judged(
+    fit: Fit, data: Whitened, fitted: list[tuple[Trial, Fit]], selection: Selection | None
+) -> tuple[list[Step], list[Step]]:
+    """Part candidates into those that pass and those that are refused for a reason; note the reasons."""
+    before = fit.held_out()
+    passed, refused = [], []
     for trial, after in fitted:
         gain = before - after.held_out()
-        scale = gates.overdispersion(after, data)
-        reason = _reason_against(fit, after, trial.effect, gain, scale)
-        if reason is None:
-            continue
-        if reason:
-            selection.refused[trial.effect.name] = (reason, fit.misfit - after.misfit, gain, after)
-        else:
-            passed.append((trial, after, gain))
-    if not passed:
-        return None
-    passed.sort(key=lambda entry: entry[1].misfit)
-    trial, after, gain = passed[0]
-    selection.refused.pop(trial.effect.name, None)
-    return Step(trial.effect, fit, after, gain)
+        reason = _reason_against(fit, after, trial.effect, gain, gates.overdispersion(after, data))
+        step = Step(trial.effect, fit, after, gain)
+        if reason == "":
+            passed.append(step)
+        elif reason is not None:
+            refused.append(step)
+            if selection is not None:
+                selection.refused[trial.effect.name] = (reason, fit.misfit - after.misfit, gain, after)
+    return passed, refused
+
+
+def _price(fit: Fit, effect: AngleEffect, data: Whitened) -> float:
+    """Return the misfit with what more parameters cost."""
+    return fit.misfit + gates.PER_PARAMETER * len(effect.parameters) * gates.overdispersion(fit, data)
+
+
+def _stands(fit: Fit, effect: AngleEffect, data: Whitened) -> bool:
+    """Return whether an effect passes in a fit where another one has joined it."""
+    scale = gates.overdispersion(fit, data)
+    return not gates.implausible(fit, effect, scale) and not gates.uneven(fit, effect, scale)
 
 
 def _promising(fit: Fit, data: Whitened, left: list[AngleEffect], before: FloatArray) -> list[Trial]:

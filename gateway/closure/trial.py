@@ -124,14 +124,14 @@ def _places(fit: Fit, model: ClosureModel) -> NDArray[np.intp]:
 
 def _tightened(fit: Fit) -> float:
     """Return by how much the priors of a fit are tightened."""
-    _, std = fit.model.layout.priors(fit.model.core, fit.model.effects)
+    _, std = fit.model.priors()
     return float(fit.prior_std[0] / std[0])
 
 
 def _solved(
     effect: AngleEffect, model: ClosureModel, there: FloatArray, normal: Normal, tightened: float
 ) -> Trial | None:
-    mean, std = model.layout.priors(model.core, model.effects)
+    mean, std = model.priors()
     # What is wrong with the states may be the effect's doing, so its own prior stays wide.
     own = model.layout.effect(effect.name)
     std[: own.start] *= tightened
@@ -145,4 +145,5 @@ def _solved(
     except np.linalg.LinAlgError:
         return None
     misfit = float(normal.misfit.sum() - 2.0 * change @ normal.gradient.sum(axis=0) + change @ total @ change)
-    return Trial(effect, model, there + change, misfit, held_out)
+    known = model.witness_misfit(there + change)
+    return Trial(effect, model, there + change, misfit + known, held_out + known / len(held_out))

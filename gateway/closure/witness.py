@@ -1,0 +1,38 @@
+"""What is known of an effect beside the waveforms: the hub's clock against the host's."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+from gateway.closure.observation import Campaign
+
+CLOCK: Final = "sample clock error"
+# Crystals of hosts are good to this.
+_HOST_CLOCK: Final = 5e-5
+
+
+class Witness(NamedTuple):
+    """One parameter measured otherwise.
+
+    Attributes:
+        effect: whose only parameter it is; 0 where the effect is absent.
+        value: measured.
+        std: one standard error.
+    """
+
+    effect: str
+    value: float
+    std: float
+
+    def misfit(self, parameter: float) -> float:
+        """Return the chi-square of a parameter."""
+        return ((parameter - self.value) / self.std) ** 2
+
+
+def witnesses(campaign: Campaign) -> tuple[Witness, ...]:
+    """Return what a campaign knows beside its waveforms."""
+    share, std = campaign.clock_error
+    if not (math.isfinite(share) and math.isfinite(std)):
+        return ()
+    return (Witness(CLOCK, share, math.hypot(std, _HOST_CLOCK)),)
