@@ -16,6 +16,9 @@ BoolArray = NDArray[np.bool_]
 
 # From so many revolutions on, what follows the speed and its change is taken off before scatter is measured.
 _REGRESSED_FROM: Final = 12
+# Relative change of speed from revolution to revolution that may be timing, and over how many it is taken then.
+_STEADY: Final = 1e-3
+_OVER: Final = 9
 _ROUNDS: Final = 2
 # A revolution whose deviation has so many times the usual power is wild, and left out where that is rare.
 _WILD: Final = 6.0
@@ -88,12 +91,28 @@ def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, om
 
 
 def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatArray:
-    """Return what a revolution's waveform is linear in, (n, k): omega^2 and, with many revolutions, 1 and domega/dt."""
+    """Return what a revolution's waveform is linear in, (n, k): omega^2 and, with many revolutions, 1 and domega/dt.
+
+    What a steady wheel's measured speed does from one revolution to the next is error of the contacts' timing, and
+    follows whatever disturbs a contact, a tone for instance: as it is, it would take the disturbance off, or add its
+    own. So small changes come as they are over some revolutions.
+    """
     square: FloatArray = np.square(omega_radps) / np.square(omega_radps).mean()
     if len(square) < _REGRESSED_FROM:
         return square[:, None]
     drift = omega_dot_radps2 / max(float(np.abs(omega_dot_radps2).max()), 1e-12)
+    if float(np.std(omega_dot_radps2)) * 2.0 * np.pi / float(np.square(omega_radps).mean()) < _STEADY:
+        drift = _over_revolutions(drift)
+    if float(np.std(square)) < 2.0 * _STEADY:
+        square = _over_revolutions(square)
     return np.column_stack((square, np.ones(len(square)), drift))
+
+
+def _over_revolutions(values: FloatArray) -> FloatArray:
+    """Return the running mean over some revolutions."""
+    padded = np.pad(values, _OVER // 2, mode="edge")
+    result: FloatArray = np.convolve(padded, np.full(_OVER, 1.0 / _OVER), mode="valid")
+    return result
 
 
 def regress(values: ComplexArray, rows: FloatArray, usual: BoolArray) -> tuple[ComplexArray, int]:

@@ -27,6 +27,8 @@ class CavityResonance:
     )
     already_in: frozenset[StartModel] = NOWHERE
     axes: tuple[int, ...] = (RADIAL,)
+    # Where car tires have it; at one speed nothing else tells it from another resonance.
+    usual: tuple[str, float, float] = ("centre_hz", 180.0, 260.0)
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
         """Return narrow bells every few Hz, over the range that tires have."""
@@ -49,6 +51,10 @@ class CavityResonance:
         rows = np.stack((2.0 * rms * shape, rms**2 * per_centre, rms**2 * per_width))
         result[:, RADIAL] = rows * relative_speed(conditions) ** 2
         return result
+
+    def noise_band(self, parameters: FloatArray) -> tuple[float, float]:
+        """Return the band (from, to), Hz, in which it must fade in and out as noise does, and a tone does not."""
+        return float(parameters[1] - parameters[2]), float(parameters[1] + parameters[2])
 
 
 EFFECT = CavityResonance()

@@ -37,7 +37,9 @@ class HubVibration:
         Parameter("width_hz", "Hz", 1.0, 16.0, 4.0, 1e-4, prior_mean=5.0),
     )
     seen_by = "radial and circumferential axis, in the spectrum of what the wheel does not repeat, below 50 Hz"
-    confused_with = "road vibration, which is broad and on the lateral axis too; torsional ripple, a narrow line of the wheel's order"
+    confused_with = (
+        "road vibration, which is broad and on the lateral axis too; torsional ripple, a line at an order of the wheel"
+    )
     already_in: frozenset[StartModel] = NOWHERE
     axes: tuple[int, ...] = (CIRCUMFERENTIAL, RADIAL)
 

@@ -24,7 +24,9 @@ class RoadVibration:
 
     name = "road vibration"
     summary = "The road's texture shakes the sensor with broadband noise below a corner, in proportion to the speed."
-    equation = "S(f) = (rms v / 65 km/h)^2 sin(pi / 2m) / (pi / 2m) / corner / (1 + (f / corner)^2m) on each axis, m = roll_off"
+    equation = (
+        "S(f) = (rms v / 65 km/h)^2 sin(pi / 2m) / (pi / 2m) / corner / (1 + (f / corner)^2m) on each axis, m roll-off"
+    )
     # Sensors on inner liners read 0.1 to some 10 m/s^2 rms of road at 65 km/h; the tread and belt let through some
     # 100 Hz. A resonance's slope is m = 2, a single pole's m = 1.
     parameters: tuple[Parameter, ...] = (

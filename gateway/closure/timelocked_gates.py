@@ -1,0 +1,234 @@
+"""Whether what an effect explains behaves as the effect must: axes, speed, steadiness, sense, and what is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions, SpectrumEffect
+from gateway.closure.timelocked_fit import Observed, SpectrumFit
+from gateway.closure.timelocked_lines import envelope_moment
+from gateway.closure.timelocked_model import Site, wide_density
+from gateway.closure.timelocked_selection import place_of
+from gateway.closure.timelocked_spectra import held_scaling
+
+FloatArray = NDArray[np.float64]
+
+AXES: Final = ("circumferential", "lateral", "radial")
+
+# Two axes that must be alike differ by no more than this in rms, and one that must be quiet has no more power.
+_ALIKE: Final = 1.6
+_QUIET: Final = 0.1
+# rms of one group over what the common parameters say, either way; how far the exponent of speed may lie from 1.
+_GROUPS_ALIKE: Final = 1.6
+_EXPONENT: Final = 0.35
+_KNOWN_EXPONENT: Final = 0.5
+# Relative error of the density, where the effect is most of it.
+_REST: Final = 0.25
+_MOST: Final = 0.3
+_SIGMAS: Final = 3.0
+_QUADRATURE: Final = 0.35
+
+
+@runtime_checkable
+class Rotating(Protocol):
+    """An effect that stands still in space: radial and circumferential axis feel it in quadrature."""
+
+    def quadrature(self, conditions: Conditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Return the imaginary part of the cross density, (m,)."""
+        ...
+
+
+@runtime_checkable
+class NarrowNoise(Protocol):
+    """An effect that is noise in a narrow band."""
+
+    def noise_band(self, parameters: FloatArray) -> tuple[float, float]:
+        """Return where most of it lies, (from, to), Hz."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """How much of an effect each axis of each group holds, over what the fit says.
+
+    Attributes:
+        factor: (g, 3) in power; of axes it does not act on, over the mean of those it does.
+        std: (g, 3) standard errors; infinite for absent axes.
+        share: bins in which it is most of the density.
+    """
+
+    factor: FloatArray
+    std: FloatArray
+    share: int
+
+
+def effect_size(sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit, effect: SpectrumEffect) -> Size:
+    """Return how much of an effect each axis of each group really holds."""
+    own = fit.shared[place_of(fit.parts, effect)]
+    factor, std = np.zeros((len(sites), 3)), np.full((len(sites), 3), np.inf)
+    share = 0
+    for g, (site, one) in enumerate(zip(sites, observed, strict=True)):
+        density, noise, _ = wide_density(site, fit.parts, fit.levels[g], fit.shared)
+        shape = site.wide(effect.density(site.spectra.conditions, site.grid_hz, own))
+        share += int((shape > _MOST * density).sum())
+        for axis in range(3):
+            if not site.spectra.present[axis]:
+                continue
+            acts = axis in effect.axes
+            added = shape[axis] if acts else shape[list(effect.axes)].mean(axis=0)
+            weight = one.freedom[axis] / np.square(density[axis] if acts else np.maximum(density[axis], added))
+            white = noise[axis]
+            power = float((weight * white * white).sum()) + 1e-12
+            clear = added - float((weight * white * added).sum()) / power * white
+            below = float((weight * clear * clear).sum())
+            if below > 0.0:
+                factor[g, axis] = acts + float((weight * clear * (one.power[axis] - density[axis])).sum()) / below
+                std[g, axis] = below**-0.5
+    return Size(factor, std, share)
+
+
+def objection(
+    sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit, effect: SpectrumEffect
+) -> tuple[str, bool]:
+    """Return why an effect cannot be what it seems, empty when it can, and whether another speed would tell."""
+    own = fit.shared[place_of(fit.parts, effect)]
+    for one, value in zip(effect.parameters, own, strict=True):
+        if not one.low <= value <= one.high:
+            return f"{one.name} {value:.3g} is not plausible ({one.low:g} to {one.high:g})", False
+    size = effect_size(sites, observed, fit, effect)
+    said = _axes_differ(effect, size) or _groups_differ(effect, size, sites)
+    if not said and isinstance(effect, Rotating):
+        said = _wrong_sense(sites, fit, effect, own)
+    if not said and isinstance(effect, NarrowNoise):
+        said = _steady(sites, effect.noise_band(own))
+    if not said:
+        said = _rest(sites, observed, fit, effect, own)
+    if said:
+        return said, False
+    return _unusual(sites, effect, own)
+
+
+def _unusual(sites: Sequence[Site], effect: SpectrumEffect, own: FloatArray) -> tuple[str, bool]:
+    usual: tuple[str, float, float] | None = getattr(effect, "usual", None)
+    if usual is None or several_speeds(sites):
+        return "", False
+    value = own[[one.name for one in effect.parameters].index(usual[0])]
+    if usual[1] <= value <= usual[2]:
+        return "", False
+    return f"{usual[0]} {value:.3g} is unusual, and there is only one speed", True
+
+
+def several_speeds(sites: Sequence[Site]) -> bool:
+    """Tell whether the groups differ in speed."""
+    speeds = [site.spectra.speed_mps for site in sites]
+    return max(speeds) > 1.08 * min(speeds)
+
+
+def _pooled(size: Size, axis: int) -> tuple[float, float]:
+    weight = 1.0 / np.square(size.std[:, axis])
+    total = float(weight.sum())
+    if not total > 0.0:
+        return 0.0, math.inf
+    return float(weight @ size.factor[:, axis]) / total, total**-0.5
+
+
+def _axes_differ(effect: SpectrumEffect, size: Size) -> str:
+    pooled = [_pooled(size, axis) for axis in range(3)]
+    acting = [axis for axis in effect.axes if math.isfinite(pooled[axis][1])]
+    mean = float(np.mean([pooled[axis][0] for axis in acting])) if acting else 0.0
+    for axis in acting:
+        factor, std = pooled[axis]
+        high, low = factor + _SIGMAS * std, factor - _SIGMAS * std
+        if high < mean / _ALIKE**2 or low > mean * _ALIKE**2 or factor < _SIGMAS * std < mean / _ALIKE**2:
+            return f"the {AXES[axis]} axis has {math.sqrt(max(factor, 0.0) / mean):.2f} times its share"
+    for axis in range(3):
+        factor, std = pooled[axis]
+        if axis not in effect.axes and factor - _SIGMAS * std > _QUIET * mean:
+            return f"the {AXES[axis]} axis has it too, {math.sqrt(max(factor, 0.0)):.2f} times as much"
+    return ""
+
+
+def group_sizes(effect: SpectrumEffect, size: Size) -> tuple[FloatArray, FloatArray]:
+    """Return the power in each group over what the fit says, and its standard error, (g,) each."""
+    axes = list(effect.axes)
+    weight = 1.0 / np.square(size.std[:, axes])
+    total = np.maximum(weight.sum(axis=1), 1e-12)
+    return (weight * size.factor[:, axes]).sum(axis=1) / total, total**-0.5
+
+
+def _groups_differ(effect: SpectrumEffect, size: Size, sites: Sequence[Site]) -> str:
+    if len(sites) < 2:
+        return ""
+    factor, std = group_sizes(effect, size)
+    for site, value, error in zip(sites, factor.tolist(), std.tolist(), strict=True):
+        away = _SIGMAS * error
+        if value + away < _GROUPS_ALIKE**-2 or value - away > _GROUPS_ALIKE**2:
+            return f"{site.spectra.label} has {math.sqrt(max(value, 0.0)):.2f} times what the others let expect"
+    rms = np.sqrt(np.maximum(factor, 0.05)) * [site.spectra.speed_mps for site in sites]
+    error = 0.5 * std / np.maximum(factor, 0.05) * rms
+    exponent, unsure = held_scaling([site.spectra for site in sites], rms.tolist(), error.tolist())
+    if unsure < _KNOWN_EXPONENT and abs(exponent - 1.0) > _EXPONENT + 2.0 * unsure:
+        return f"it grows with speed to the power {exponent:.2f} +- {unsure:.2f} instead of 1"
+    return ""
+
+
+def _wrong_sense(sites: Sequence[Site], fit: SpectrumFit, effect: Rotating, own: FloatArray) -> str:
+    """Compare the cross density of the two axes with what a force that stands still makes of it."""
+    top = below = 0.0
+    seen = False
+    for g, site in enumerate(sites):
+        spectra = site.spectra
+        if not (spectra.present[RADIAL] and spectra.present[CIRCUMFERENTIAL]):
+            continue
+        seen = True
+        expected = effect.quadrature(spectra.conditions, spectra.frequency_hz, own)
+        wide, _, _ = wide_density(site, fit.parts, fit.levels[g], fit.shared)
+        variance = 0.5 * wide[RADIAL] * wide[CIRCUMFERENTIAL]
+        weight = spectra.count * spectra.freedom.sum() / variance
+        expected = spectra.wide(expected)
+        top += float((weight * expected * spectra.wide(spectra.cross.imag)).sum())
+        below += float((weight * expected * expected).sum())
+    if not seen:
+        return "" if several_speeds(sites) else "without circumferential axis and at one speed nothing tells it apart"
+    ratio, std = top / below, below**-0.5
+    if abs(ratio - 1.0) > _QUADRATURE + _SIGMAS * std or std > _QUADRATURE:
+        return f"radial and circumferential axis are in quadrature to {ratio:.2f} +- {std:.2f} of what it takes"
+    return ""
+
+
+def _steady(sites: Sequence[Site], band: tuple[float, float]) -> str:
+    """Tell a tone, however its frequency wanders, from noise, whose envelope fades in and out."""
+    values, weights = [], []
+    for site in sites:
+        value, number = envelope_moment(site.spectra.runs, site.spectra.rate_hz, RADIAL, band)
+        values.append(value)
+        weights.append(number)
+    total = float(sum(weights))
+    mean = float(np.average(values, weights=weights)) if total > 0.0 else 2.0
+    # 2 of noise, 1 of a tone; the standard error of noise is 2 / sqrt(number).
+    if mean < 2.0 - max(0.3, _SIGMAS * 2.0 / math.sqrt(max(total, 1.0))):
+        return f"its envelope is too steady for noise (fourth over squared second moment {mean:.2f})"
+    return ""
+
+
+def _rest(
+    sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit, effect: SpectrumEffect, own: FloatArray
+) -> str:
+    """Say that what an effect leaves where it is most of the density is not small beside it."""
+    top = below = 0.0
+    for g, (site, one) in enumerate(zip(sites, observed, strict=True)):
+        density = wide_density(site, fit.parts, fit.levels[g], fit.shared)[0]
+        added = site.wide(effect.density(site.spectra.conditions, site.grid_hz, own))
+        weight = np.where(added > _MOST * density, one.freedom, 0.0) * (added / density)
+        known = one.freedom > 0.0
+        noise = np.divide(1.0, one.freedom, out=np.zeros_like(density), where=known)
+        top += float((weight * (np.square(one.power / density - 1.0) - noise)).sum())
+        below += float(weight.sum())
+    error = math.sqrt(max(top, 0.0) / below) if below > 0.0 else 0.0
+    return f"it leaves {100.0 * error:.0f} % where it should be most of the density" if error > _REST else ""

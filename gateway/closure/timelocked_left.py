@@ -1,0 +1,240 @@
+"""Lines and bands that stand out of the fitted density: what no effect of the catalogue explains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.diagnosis import Unexplained
+from gateway.closure.timelocked_gates import AXES
+from gateway.closure.timelocked_lines import rare_ratio
+from gateway.closure.timelocked_model import Site
+from gateway.closure.timelocked_spectra import held_scaling
+
+FloatArray = NDArray[np.float64]
+
+# Widths that are looked through, in bins, and how rarely noise exceeds what is taken for real: once in some 1e8.
+_WIDTHS: Final = (1, 5, 15, 45, 135)
+_QUANTILE: Final = 5.6
+_ENDS: Final = 2.0
+# What is explained is explained to this share; sidebands of it, by the belt's own shape, reach this high.
+_EXPLAINED_TO: Final = 0.2
+_SIDEBANDS: Final = 0.03
+_SIDEBAND_TURNS: Final = 3.0
+_BESIDE_A_LINE: Final = 0.15
+_BESIDE_TURNS: Final = 10.0
+_MOST_PARTS: Final = 16
+_LINE_HZ: Final = 8.0
+_SAME_HZ: Final = 1.0
+_SAME_ORDER: Final = 0.06
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Something that stands out of one axis of one group.
+
+    Attributes:
+        group: its index.
+        axis: its index.
+        low_hz: where it begins.
+        high_hz: where it ends.
+        centre_hz: of its power.
+        rms_mps2: what it has above the model.
+        std_mps2: one standard error.
+    """
+
+    group: int
+    axis: int
+    low_hz: float
+    high_hz: float
+    centre_hz: float
+    rms_mps2: float
+    std_mps2: float
+
+    @property
+    def line(self) -> bool:
+        """Whether it is narrow."""
+        return self.high_hz - self.low_hz <= _LINE_HZ
+
+
+def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray) -> list[Part]:
+    """Return what stands out of one group.
+
+    Args:
+        site: the group.
+        group: its index.
+        density: (3, m) of the fitted model.
+        noise: (3, m) of it that is white noise.
+    """
+    spectra = site.spectra
+    power = spectra.mean_power()
+    explained = np.maximum(density - noise, 0.0)
+    reach = max(1, round(_SIDEBAND_TURNS * spectra.wheel_hz / spectra.step_hz))
+    allowed = density + _EXPLAINED_TO * explained + _SIDEBANDS * _running_max(explained, reach)
+    found: list[Part] = []
+    for axis in np.flatnonzero(spectra.present).tolist():
+        found += _parts(site, group, axis, power[axis], density[axis], allowed[axis])
+    return [part for part in found if not _beside(part, found, spectra.wheel_hz)]
+
+
+def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
+    """Tell what putting a strong line from angle to time, turn by turn, leaves beside it."""
+    return any(
+        part.rms_mps2 < _BESIDE_A_LINE * other.rms_mps2
+        and abs(part.centre_hz - other.centre_hz) < _BESIDE_TURNS * wheel_hz
+        for other in others
+    )
+
+
+def _running_max(values: FloatArray, half: int) -> FloatArray:
+    padded = np.pad(values, ((0, 0), (half, half)), mode="edge")
+    result: FloatArray = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1).max(axis=-1)
+    return result
+
+
+def _parts(
+    site: Site, group: int, axis: int, power: FloatArray, density: FloatArray, allowed: FloatArray
+) -> list[Part]:
+    spectra = site.spectra
+    frequency, step = spectra.frequency_hz, spectra.step_hz
+    freedom = float(spectra.freedom.sum())
+    ratio = power / allowed
+    # Neighbouring bins say partly the same: a single one has more behind it than a wide bin's share.
+    looks = []
+    for width in _WIDTHS:
+        if width > len(ratio) // 4:
+            break
+        behind = freedom * (1.9 if width == 1 else width)
+        mean = np.convolve(ratio, np.ones(width) / width, mode="same")
+        looks.append((width, mean, rare_ratio(behind, _QUANTILE), rare_ratio(behind, _ENDS)))
+    free = np.ones(len(ratio), dtype=bool)
+    found: list[Part] = []
+    while len(found) < _MOST_PARTS:
+        best: tuple[float, int, int] | None = None
+        for number, (_, mean, limit, _) in enumerate(looks):
+            inside = np.where(free, (mean - 1.0) / (limit - 1.0), 0.0)
+            peak = int(np.argmax(inside))
+            if inside[peak] > 1.0 and (best is None or inside[peak] > best[0]):
+                best = float(inside[peak]), number, peak
+        if best is None:
+            break
+        _, number, peak = best
+        width, mean, _, end = looks[number]
+        first = last = peak
+        while first > 0 and free[first - 1] and mean[first - 1] > end:
+            first -= 1
+        while last < len(ratio) - 1 and free[last + 1] and mean[last + 1] > end:
+            last += 1
+        # A window's mean reaches half its width beyond what it has seen; a line is as wide as Hann makes it.
+        half = width // 2
+        first, last = min(first + half, peak), max(last - half, peak)
+        first, last = max(0, min(first, peak - 1)), min(len(ratio) - 1, max(last, peak + 1))
+        part = slice(first, last + 1)
+        excess = power[part] - density[part]
+        total = float(excess.sum()) * step
+        if total > 0.0:
+            weight = np.maximum(excess, 0.0)
+            centre = float(weight @ frequency[part]) / float(weight.sum())
+            error = math.sqrt(float(np.square(power[part]).sum()) / freedom) * step
+            rms = math.sqrt(total)
+            found.append(
+                Part(group, axis, float(frequency[first]), float(frequency[last]), centre, rms, 0.5 * error / rms)
+            )
+        free[max(0, first - 2 - half) : last + 3 + half] = False
+    return found
+
+
+def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplained]:
+    """Return parts that belong together, over groups and axes, as one each; largest first."""
+    left = sorted(parts, key=lambda part: -part.rms_mps2)
+    found = []
+    while left:
+        seed = left[0]
+        by_hz = [part for part in left if _same_hz(seed, part)]
+        by_order = [part for part in left if _same_order(seed, part, sites)]
+        speeds_hz, speeds_order = _speeds(by_hz, sites), _speeds(by_order, sites)
+        locked = len(speeds_order) > len(speeds_hz)
+        together = by_order if locked else by_hz
+        moved = max(len(speeds_order), len(speeds_hz)) > 1
+        found.append(_entry(sites, together, locked if moved else None))
+        left = [part for part in left if part not in together]
+    return sorted(found, key=lambda one: -one.rms_mps2)
+
+
+def _same_hz(seed: Part, part: Part) -> bool:
+    if seed.line and part.line:
+        return abs(part.centre_hz - seed.centre_hz) <= _SAME_HZ
+    return part.low_hz <= seed.high_hz and seed.low_hz <= part.high_hz
+
+
+def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
+    own, other = sites[seed.group].spectra.wheel_hz, sites[part.group].spectra.wheel_hz
+    if seed.line and part.line:
+        return abs(part.centre_hz / other - seed.centre_hz / own) <= max(_SAME_ORDER, 0.7 / min(own, other))
+    return part.low_hz / other <= seed.high_hz / own and seed.low_hz / own <= part.high_hz / other
+
+
+def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
+    """Return the speeds that parts were found at, told apart by some percent."""
+    return {round(math.log(sites[part.group].spectra.speed_mps) / 0.05) for part in parts}
+
+
+def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) -> Unexplained:
+    """Return one entry; `locked` None when only one speed has shown it."""
+    sizes = {
+        axis: math.sqrt(np.mean([part.rms_mps2**2 for part in parts if part.axis == axis]))
+        for axis in sorted({part.axis for part in parts})
+    }
+    axis = max(sizes, key=lambda one: sizes[one])
+    own = [part for part in parts if part.axis == axis]
+    groups = sorted({part.group for part in own})
+    rms, std = [], []
+    for group in groups:
+        here = [part for part in own if part.group == group]
+        rms.append(math.sqrt(sum(part.rms_mps2**2 for part in here)))
+        std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in here)) / rms[-1])
+    exponent, unsure = held_scaling([sites[group].spectra for group in groups], rms, std)
+    scaling = _scaling(exponent, unsure)
+    size = math.sqrt(float(np.mean(np.square(rms))))
+    error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
+    line = all(part.line for part in own)
+    low, high = min(part.low_hz for part in own), max(part.high_hz for part in own)
+    wheel = [sites[part.group].spectra.wheel_hz for part in own]
+    orders: tuple[int, int] | None = None
+    if locked:
+        ratios = [part.centre_hz / hz for part, hz in zip(own, wheel, strict=True)]
+        ends = (
+            [part.low_hz / hz for part, hz in zip(own, wheel, strict=True)],
+            [part.high_hz / hz for part, hz in zip(own, wheel, strict=True)],
+        )
+        orders = math.floor(min(ends[0])), math.ceil(max(ends[1]))
+        where = f"order {np.mean(ratios):.2f} of the wheel, moving with speed, but not in step with it,"
+    elif line:
+        where = f"{np.mean([part.centre_hz for part in own]):.1f} Hz"
+    else:
+        where = f"{low:.0f} to {high:.0f} Hz"
+    same = " at every speed" if locked is False else ""
+    also = ", ".join(f"{value:.2g} m/s^2 {AXES[one]}" for one, value in sizes.items() if one != axis)
+    text = (
+        f"{'A line' if line else 'A band'} at {where}{same} on the {AXES[axis]} axis, {size:.2g} m/s^2 rms"
+        f"{f' (and {also})' if also else ''}; scaling: {scaling}."
+    )
+    return Unexplained(AXES[axis], "time", orders, (low, high), None, scaling, size, error, text)
+
+
+def _scaling(exponent: float, unsure: float) -> str:
+    if not math.isfinite(exponent):
+        return "not known: one speed"
+    if unsure > 0.5:
+        return f"not known: omega^({exponent:.1f} +- {unsure:.1f})"
+    if abs(exponent) < 0.3 + unsure:
+        return "constant"
+    for whole in (1, 2):
+        if abs(exponent - whole) < 0.3 + unsure:
+            return f"omega^{whole}"
+    return f"omega^{exponent:.1f}"
