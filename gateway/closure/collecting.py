@@ -27,6 +27,9 @@ _USABLE_BAND: Final = 0.56
 _KEPT_S: Final = 30.0
 _KEPT_ALL_S: Final = 240.0
 _SPEED_STEP: Final = 0.03
+_AXES: Final = ("circumferential", "lateral")
+# An axis that does not move by as much in a revolution does not measure.
+_DEAD_MPS2: Final = 1e-6
 _CUT_OFF: Final = frozenset({SATURATED_FAULT, CLIPPED_FAULT})
 _SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
 
@@ -68,6 +71,7 @@ class RevolutionStore:
         self._waveforms: dict[int, NDArray[np.float32]] = {}
         self._kept_s: dict[int, float] = {}
         self.ac_coupled = False
+        self._dead: dict[str, int] = {}
 
     def __len__(self) -> int:
         """Number of revolutions kept."""
@@ -86,6 +90,10 @@ class RevolutionStore:
             self.reject(TOO_MANY)
             return
         axes = revolution.axes_mps2 * self._sign
+        for axis, name in enumerate(_AXES):
+            if np.ptp(axes[axis]) < _DEAD_MPS2:
+                axes[axis] = math.nan
+                self._dead[name] = self._dead.get(name, 0) + 1
         place = len(self._rows)
         self._keep_waveform(place, revolution, axes)
         self._orders.append(waveform_orders(axes).astype(np.complex64))
@@ -109,6 +117,13 @@ class RevolutionStore:
     def reject(self, reason: str, count: int = 1) -> None:
         """Count revolutions that are left out."""
         self.rejected[reason] = self.rejected.get(reason, 0) + count
+
+    def notes(self) -> list[str]:
+        """Return what the user must know of the sensor."""
+        return [
+            f"the {name} axis reads the same value throughout in {count} revolutions, dead or stuck: left out"
+            for name, count in self._dead.items()
+        ]
 
     def _keep_waveform(self, place: int, revolution: Revolution, axes: FloatArray) -> None:
         speed = round(math.log(revolution.omega_radps) / _SPEED_STEP)

@@ -43,7 +43,7 @@ def read_campaign(
 ) -> Campaign:
     """Read recordings and group one wheel's revolutions by their conditions.
 
-    Several recordings are read in processes of their own. What comes back is the same whatever `jobs` is.
+    Several recordings are read in processes of their own. What comes back is the same, but for rounding, whatever `jobs` is.
 
     Args:
         paths: recordings.
@@ -173,6 +173,7 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
             "At least two revolutions at the same speed are needed, a minute of steady rolling is better.",
         )
     notes = [f"{read.damage} What could be read is used." for read in reads if read.damage]
+    notes += [f"{order.name}: {note}" for order, read in zip(orders, reads, strict=True) for note in read.notes]
     notes += [
         f"{order.name} gave nothing to use"
         for order, read in zip(orders, reads, strict=True)

@@ -71,6 +71,7 @@ class RecordingRead:
         assumed: what nobody stated.
         damage: what could not be read.
         sensor_id: serial number of the wheel's sensor, None when several took turns.
+        notes: what the user must know of it.
     """
 
     wheels: tuple[str, ...]
@@ -83,6 +84,7 @@ class RecordingRead:
     assumed: tuple[str, ...] = ()
     damage: str | None = None
     sensor_id: int | None = None
+    notes: tuple[str, ...] = ()
 
 
 class _SeveralWheelsError(Exception):
@@ -149,7 +151,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         on_position(reader.info.size_bytes)
     wheels = tuple(taker.wheels)
     if taker.last is None or (order.wheel is None and len(wheels) > 1):
-        return RecordingRead(wheels, damage=reader.damage)
+        return RecordingRead(wheels, damage=reader.damage, notes=tuple(guard.findings()) if guard is not None else ())
     wheel = _configured(vehicle, taker.last.position)
     table = taker.store.table()
     declared = Declared(
@@ -178,6 +180,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         assumed=_assumed(vehicle, wheel, groups),
         damage=reader.damage,
         sensor_id=next(iter(seen)) if len(seen) == 1 else None,
+        notes=(*(guard.findings() if guard is not None else ()), *taker.store.notes()),
     )
 
 

@@ -1,0 +1,195 @@
+"""`treadlink diagnose` and --effects as a user runs them. The diagnosis itself has tests of its own."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.closure.effects.base import StartModel
+from gateway.closure.observation import Campaign
+from gateway.config.effects_file import load_effects
+from gateway.errors import TreadlinkError
+from gateway.signal.correction import CorrectedEffect, CorrectionTable, EffectParameter
+from tests.closure.campaign_recordings import write_recording
+from tests.closure.diagnosis_data import ordinary
+
+AT_60 = "[motion]\nspeed_kmh = 60.0"
+OMEGA = 60 / 3.6 / 0.32
+
+
+def table(**changes):
+    orders = np.zeros((2, 3, 8), complex)
+    orders[:, 2, 3] = [20.0, 45.0 - 10.0j]
+    made = CorrectionTable(
+        position="W0",
+        omega_radps=np.array([0.8, 1.2]) * OMEGA,
+        orders_mps2=orders,
+        effects=(CorrectedEffect("imbalance", (EffectParameter("cosine", 1e-4, 1e-6, "m"),)),),
+        radius_m=0.32,
+        omega_range_radps=(0.8 * OMEGA, 1.2 * OMEGA),
+        sensor_id=0xB000,
+    )
+    return replace(made, **changes)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return write_recording(tmp_path_factory.mktemp("diagnose") / "steady.mcap", AT_60, duration_s=6.0)
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    return write_recording(tmp_path_factory.mktemp("diagnose") / "pair.mcap", AT_60, wheels=("", ""), duration_s=4.0)
+
+
+@pytest.fixture
+def closed(monkeypatch):
+    """Let the closure return what is set here, and keep what it was asked."""
+    asked = []
+    answer = [replace(ordinary(), correction=table())]
+
+    def diagnose(campaign, **options):
+        asked.append((campaign, options))
+        options["on_progress"](0.5, "halfway\x1b[2J")
+        return answer[0]
+
+    monkeypatch.setattr("gateway.session.diagnose.diagnose", diagnose)
+    return asked, answer
+
+
+def run(*arguments):
+    return CliRunner().invoke(treadlink, ["diagnose", *map(str, arguments)])
+
+
+def refused(*arguments):
+    result = run(*arguments)
+    assert isinstance(result.exception, TreadlinkError), result.output
+    assert result.exception.remedy
+    return str(result.exception), result.exception.remedy
+
+
+def test_the_closure_is_asked_what_the_user_asked(closed, recording):
+    asked, _ = closed
+    result = run(recording, "--model", "paper", "--empirical", "--jobs", "3", "--folds", "4")
+    assert result.exit_code == 0, result.output
+    ((campaign, options),) = asked
+    assert isinstance(campaign, Campaign)
+    assert campaign.wheel == "W0"
+    assert campaign.folds == 4
+    assert not campaign.groups[0].conditions.reverse
+    assert options["model"] is StartModel.PAPER
+    assert options["empirical"] is True
+    assert options["jobs"] == 3
+
+
+def test_a_summary_of_about_ten_lines_and_every_file_that_was_asked_for(closed, recording, tmp_path):
+    json_path, html_path, effects_path = (tmp_path / name for name in ("a.json", "a.html", "a.effects.json"))
+    result = run(recording, "--json", json_path, "--html", html_path, "--save-effects", effects_path)
+    assert result.exit_code == 0, result.output
+    lines = result.output.splitlines()
+    assert sum(line.startswith("written: ") for line in lines) == 3
+    assert 8 <= len(lines) - 3 <= 18
+    assert "held-out rms" in result.output
+    assert "\x1b" not in result.output
+    figures = json.loads(json_path.read_text())
+    assert figures["held_out"]["rms_before_mps2"] == pytest.approx(ordinary().held_out.rms_before_mps2)
+    assert html_path.read_text().startswith("<!doctype html>")
+    assert load_effects(effects_path).effects == table().effects
+
+
+def test_what_the_recordings_say_of_themselves_is_among_the_notes(closed, recording, tmp_path):
+    """Two recordings of the same time."""
+    again = write_recording(tmp_path / "again.mcap", AT_60, seed=7, duration_s=4.0)
+    out = tmp_path / "a.json"
+    assert run(recording, again, "--json", out, "--jobs", "1").exit_code == 0
+    assert "one after another" in out.read_text()
+
+
+def test_reverse_recordings_are_named(closed, recording):
+    asked, _ = closed
+    assert run(recording, "--reverse", recording).exit_code == 0
+    assert asked[0][0].groups[0].conditions.reverse
+    message, _ = refused(recording, "--reverse", "other.mcap")
+    assert "other.mcap" in message
+
+
+def test_several_wheels_need_a_choice(closed, pair):
+    message, remedy = refused(pair)
+    assert "W0, W1" in message
+    assert "--wheel" in remedy
+    assert run(pair, "--wheel", "W1").exit_code == 0
+    assert closed[0][0][0].wheel == "W1"
+
+
+def test_what_cannot_work_is_told_before_the_work(closed, recording, tmp_path):
+    asked, _ = closed
+    there = tmp_path / "there.json"
+    there.write_text("precious")
+    assert "exists already" in refused(recording, "--json", there)[0]
+    assert "exact" in refused(recording, "--model", "paper", "--save-effects", tmp_path / "e.json")[0]
+    assert "given twice" in refused(recording, recording)[0]
+    assert "no folder" in refused(recording, "--html", tmp_path / "none" / "a.html")[0]
+    assert asked == []
+    assert there.read_text() == "precious"
+    assert run(recording, "--json", there, "--force").exit_code == 0
+    assert there.read_text() != "precious"
+
+
+def test_absent_recordings_and_wrong_words_are_told(closed, tmp_path):
+    assert "no recording" in refused(tmp_path / "absent.mcap")[0]
+    assert run().exit_code == 2
+    assert run(tmp_path / "a.mcap", "--model", "cubic").exit_code == 2
+    assert closed[0] == []
+
+
+def test_nothing_named_is_nothing_to_save(closed, recording, tmp_path):
+    closed[1][0] = replace(ordinary(), correction=None)
+    out, effects = tmp_path / "a.json", tmp_path / "e.json"
+    message, _ = refused(recording, "--json", out, "--save-effects", effects)
+    assert "no effect was named" in message
+    assert out.exists()
+    assert not effects.exists()
+
+
+class TestEffectsFiles:
+    @pytest.fixture
+    def saved(self, closed, recording, tmp_path):
+        path = tmp_path / "w0.effects.json"
+        assert run(recording, "--save-effects", path).exit_code == 0
+        return path
+
+    def radial_of(self, path, recording, *more):
+        out = path.with_suffix(".csv")
+        result = CliRunner().invoke(
+            treadlink, ["estimate", str(recording), "--csv", str(out), "--force", *map(str, more)]
+        )
+        assert result.exit_code == 0, result.exception
+        return out.read_text(), result.output
+
+    def test_estimate_takes_them_off_and_says_so(self, saved, recording, tmp_path):
+        plain, _ = self.radial_of(tmp_path / "plain", recording)
+        freed, printed = self.radial_of(tmp_path / "freed", recording, "--effects", saved)
+        assert "taken off its axes: imbalance" in printed
+        assert plain.splitlines()[0] == freed.splitlines()[0]
+        assert plain.splitlines()[-1] != freed.splitlines()[-1]
+
+    def test_replay_gives_the_same_as_estimate(self, saved, recording, tmp_path):
+        def lines(*more):
+            arguments = ["replay", str(recording), "--speed", "max", "--plain", *map(str, more)]
+            result = CliRunner().invoke(treadlink, arguments)
+            assert result.exit_code == 0, result.exception
+            return [line for line in result.output.splitlines() if line.startswith("W0 ")]
+
+        assert lines() != lines("--effects", saved)
+        assert lines("--effects", saved) == lines("--effects", saved)
+
+    def test_of_another_wheel_they_are_refused(self, saved, tmp_path):
+        other = write_recording(tmp_path / "bare.mcap", AT_60, duration_s=3.0, configured=False)
+        result = CliRunner().invoke(treadlink, ["estimate", str(other), "--effects", str(saved)])
+        assert isinstance(result.exception, TreadlinkError)
+        assert "no configuration" in str(result.exception)
