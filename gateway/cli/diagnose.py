@@ -145,8 +145,8 @@ def diagnose(
     if effects_path is not None:
         if diagnosis.correction is None:
             raise TreadlinkError(
-                f"'{effects_path}' is not written: no effect was named, so there is nothing to take off",
-                "More speeds or loads may tell more; what stays unexplained is in the report.",
+                f"'{effects_path}' is not written: no effect was named that could be taken off",
+                "More speeds or loads may tell more. Ply steer and conicity are left for the estimators to measure.",
             )
         write_whole(effects_path, effects_text(diagnosis.correction), force=force)
         click.echo(f"written: {clean(str(effects_path))}")

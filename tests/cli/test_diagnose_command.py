@@ -151,7 +151,7 @@ def test_nothing_named_is_nothing_to_save(closed, recording, tmp_path):
     closed[1][0] = replace(ordinary(), correction=None)
     out, effects = tmp_path / "a.json", tmp_path / "e.json"
     message, _ = refused(recording, "--json", out, "--save-effects", effects)
-    assert "no effect was named" in message
+    assert "no effect was named that" in message
     assert out.exists()
     assert not effects.exists()
 
