@@ -28,7 +28,8 @@ _MEASURED: Final = frozenset({"ply steer", "conicity", "carcass compliance"})
 def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTable | None:
     """Return the table of the effects that were called by their name, for the state with the most revolutions.
 
-    What other estimators measure (ply steer, conicity, carcass compliance) is left out. It holds for that state's load and pressure: with another contact the same effects add something else.
+    What other estimators measure (ply steer, conicity, carcass compliance) is left out. The table holds for that
+    state's load and pressure: with another contact the same effects add something else.
     """
     named = {finding.name: finding for finding in findings if finding.verdict is Verdict.NAMED}
     effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - _MEASURED)

@@ -27,6 +27,10 @@ ASSUMED_PRESSURE_PA: Final = 2.2e5
 WILD: Final = "unlike all others of the same conditions, as after a blow"
 CUT_OFF: Final = "the radial axis is cut off, which is not the rule under the same conditions"
 
+MOST_ALIKE: Final = 5000
+"""Revolutions of one group; comparing them takes 30 kB each."""
+ENOUGH: Final = f"beyond the first {MOST_ALIKE} of the same speed, load, pressure and temperature"
+
 _DEVIATIONS_S: Final = 30.0
 
 
@@ -76,6 +80,9 @@ def make_groups(
         if len(kept) < 2:
             reject(FEW, len(kept))
             continue
+        if len(kept) > MOST_ALIKE:
+            reject(ENOUGH, len(kept) - MOST_ALIKE)
+            kept = kept[:MOST_ALIKE]
         made.append(_group(table, kept, declared, folds, reject))
     return made
 
