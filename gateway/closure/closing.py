@@ -28,7 +28,7 @@ Progress = Callable[[float, str], None]
 
 # Folds of the nested hold-out: each runs the whole selection again.
 _OUTER_FOLDS: Final = 5
-_ATTEMPTS: Final = 3
+_ATTEMPTS: Final = 2
 # Share of folds that must have come to an effect by themselves for it to be called by its name.
 _AGREEING: Final = 0.5
 # Shares of the time at which selecting, holding out and comparing rivals end.

@@ -129,7 +129,7 @@ def explained_and_left(fit: Fit, without: Fit, data: Whitened) -> tuple[float, f
         mean_left = np.abs((share * (orders - fit.predicted[index])).sum(axis=0)) ** 2
         mean_before = np.abs((share * (orders - without.predicted[index])).sum(axis=0)) ** 2
         used = total > 0.0
-        scale = np.where(used, 1.0 / np.maximum(total, 1e-300) ** 2, 0.0)
+        scale = np.where(used, 1.0 / np.where(used, total, 1.0) ** 2, 0.0)
         left += mean_left * scale
         gained += (mean_before - mean_left) * scale
         expected += 2.0 * used

@@ -23,8 +23,11 @@ from gateway.closure.trial import Trial, refit, try_effect
 FloatArray = NDArray[np.float64]
 
 # Trials refitted in earnest at a step, and the share of the best promise that makes a trial worth it.
-_REFITTED: Final = 6
-_WORTH: Final = 0.3
+_REFITTED: Final = 4
+_WORTH: Final = 0.4
+# Share of the misfit beyond noise that an effect must take off to be added: best first, the true one takes off a good
+# part of what is left, and what takes off less lives on errors of something bigger.
+_LEAST_SHARE: Final = 0.05
 _MOST_EFFECTS: Final = 10
 # Refused candidates that are tried with a second one beside them.
 _PAIRED: Final = 3
@@ -146,7 +149,9 @@ def _judged(
     passed, refused = [], []
     for trial, after in fitted:
         gain = before - after.held_out()
-        reason = _reason_against(fit, after, trial.effect, gain, gates.overdispersion(after, data))
+        reason = _reason_against(
+            fit, after, trial.effect, gain, gates.overdispersion(after, data), _least_fall(fit, data)
+        )
         step = Step(trial.effect, fit, after, gain)
         if reason == "":
             passed.append(step)
@@ -170,26 +175,35 @@ def _stands(fit: Fit, effect: AngleEffect, data: Whitened) -> bool:
 
 def _promising(fit: Fit, data: Whitened, left: list[AngleEffect], before: FloatArray) -> list[Trial]:
     """Return trials that promise something, best first."""
-    scale = 1.0
+    least = _least_fall(fit, data)
     found = []
     for effect in left:
         trial = try_effect(fit, data, effect)
         if trial is None:
             continue
         gain = float((before - trial.held_out).sum())
-        if gain > 0.0 and fit.misfit - trial.misfit > 0.5 * gates.evidence_needed(effect) * scale:
+        if gain > 0.0 and fit.misfit - trial.misfit > max(0.5 * gates.evidence_needed(effect), least):
             found.append((gain, trial))
     found.sort(key=lambda entry: -entry[0])
     best = found[0][0] if found else 0.0
     return [trial for gain, trial in found if gain >= _WORTH * best]
 
 
-def _reason_against(fit: Fit, after: Fit, effect: AngleEffect, gain: FloatArray, scale: float) -> str | None:
+def _least_fall(fit: Fit, data: Whitened) -> float:
+    """Return the fall of the misfit from which an effect is worth adding."""
+    return _LEAST_SHARE * max(0.0, fit.misfit - data.used)
+
+
+def _reason_against(
+    fit: Fit, after: Fit, effect: AngleEffect, gain: FloatArray, scale: float, least: float
+) -> str | None:
     """Return why an effect is refused, empty when it passes, None when there is nothing to speak of."""
     evidence = (fit.misfit - after.misfit) / scale
     seen = gain[gain != 0.0]
     spread = float(np.std(seen, ddof=1)) * math.sqrt(len(seen)) if len(seen) > 1 else 0.0
     if evidence < gates.evidence_needed(effect) or float(gain.sum()) <= spread:
+        return None
+    if fit.misfit - after.misfit < least:
         return None
     return gates.implausible(after, effect, scale, for_now=True) or gates.uneven(after, effect, scale)
 

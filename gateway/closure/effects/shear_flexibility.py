@@ -17,9 +17,10 @@ class ShearFlexibility:
     equation = "section's turn from the tangent = shear force / GA; parameter EI / GA, the shear length squared"
     # A belt of 20 to 30 cm^2 of rubber of 3 to 5 MPa has GA of 6 to 15 kN, and with EI of 2 to 10 N m^2 lengths of 10
     # to 40 mm, which is all of the layer sqrt(EI / T) at a contact edge; cords make it less. Shear never stiffens.
+    # Below 1 mm the belt's own grid, and the grid of whatever made the data, look the same.
     parameters = (
         Parameter(
-            "length_squared_m2", "m^2", low=0.0, high=1.6e-3, prior_std=4e-4, step=5e-6, factor=1e6, display_unit="mm^2"
+            "length_squared_m2", "m^2", low=1e-6, high=1.6e-3, prior_std=4e-4, step=5e-6, factor=1e6, display_unit="mm^2"
         ),
     )
     seen_by = "radial axis, orders 20 and up at the contact edges; circumferential axis, which the section's turn tilts"
