@@ -14,7 +14,7 @@ sticking tread in the contact.
 from __future__ import annotations
 
 from enum import IntEnum
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from gateway.closure.effects.base import Here
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 # A 205/55R16 car tire's belt; `Stiffness` fits what differs from it. Only ratios of them matter for the shape.
 SHEAR_STIFFNESS_N: Final = 1.6e6
@@ -58,18 +59,118 @@ class Stiffness(NamedTuple):
     tread_ln: float = 0.0
 
 
-class Response(NamedTuple):
+class _Contact:
+    """The tread's points in the contact, and what a push at one of them does at another."""
+
+    def __init__(self, edges_rad: tuple[float, float], orders: NDArray[np.int64], radius_m: float) -> None:
+        """Lay out the points.
+
+        Args:
+            edges_rad: of the contact, leading and trailing.
+            orders: of the wheel, from 0.
+            radius_m: of the belt.
+        """
+        half = 0.5 * (edges_rad[1] - edges_rad[0])
+        theta = 0.5 * (edges_rad[0] + edges_rad[1]) + half * _NODES
+        self.behind_edge_m = radius_m * (theta - edges_rad[0])
+        self._weight_m = half * radius_m * _WEIGHTS
+        self._scale = 1.0 / (2.0 * np.pi * radius_m)
+        ends = np.append(theta, edges_rad[0])
+        self._phase = np.exp(1j * np.outer(orders, ends))
+        self._twice = np.where(orders == 0, 1.0, 2.0)
+        place = np.mod(ends[:, None] - theta, 2.0 * np.pi) * (_TABLE / (2.0 * np.pi))
+        self._before = place.astype(np.intp)
+        self._after = place - self._before
+
+    def beside_edge(self, shapes: ComplexArray) -> FloatArray:
+        """Return shapes (..., orders) at the points, less where they are at the leading edge."""
+        values: FloatArray = (self._twice * shapes @ self._phase).real
+        return values[..., :-1] - values[..., -1:]
+
+    def influence(self, compliance: FloatArray) -> FloatArray:
+        """Return what the tread's force per length does to the belt at the points against the leading edge."""
+        answer = np.fft.irfft(compliance, n=_TABLE) * (_TABLE * self._scale)
+        answer = np.append(answer, answer[:1])
+        matrix = answer[self._before] * (1.0 - self._after) + answer[self._before + 1] * self._after
+        result: FloatArray = (matrix[:-1] - matrix[-1:]) * self._weight_m
+        return result
+
+    def orders_of(self, push_npm: FloatArray) -> ComplexArray:
+        """Return the orders of forces per length (..., points)."""
+        force = push_npm * self._weight_m * self._scale
+        result: ComplexArray = force.astype(np.complex128) @ self._phase[:, :-1].conj().T
+        return result
+
+    def total(self, push_npm: FloatArray) -> float:
+        """Return the whole force, N."""
+        return float(push_npm @ self._weight_m)
+
+
+class Response:
     """Lateral acceleration over omega^2 by a unit of a load.
 
     Attributes:
         lateral_m: (FIELD_SIZE,) d2y/dtheta2.
-        derivative_m: (3, FIELD_SIZE) by the logarithms of `Stiffness`.
         side_force_n: of the road on the tire.
     """
 
-    lateral_m: FloatArray
-    derivative_m: FloatArray
-    side_force_n: float
+    def __init__(
+        self,
+        radial_m: FloatArray,
+        edges_rad: tuple[float, float],
+        radius_m: float,
+        pressure_pa: float,
+        load: Load,
+        at: Stiffness,
+    ) -> None:
+        """Solve belt and tread; arguments as in `unit_response`."""
+        self._size = len(radial_m)
+        self._orders = orders = np.arange(min(_HIGHEST_ORDER, self._size // 2 - 1) + 1)
+        # The grid begins at -pi: turned, a coefficient belongs to exp(i n theta).
+        self._turn = np.where(orders % 2, -1.0, 1.0)
+        bent = np.fft.rfft(radial_m - radial_m.mean())[: len(orders)] * self._turn / (self._size * radius_m**2)
+        self._forcing: ComplexArray = bent * (1j * orders / radius_m if load is Load.PLY_STEER else load is Load.CONE)
+        self._k2 = (orders / radius_m) ** 2
+        bending = BENDING_STIFFNESS_NM2 * np.exp(at.bending_ln)
+        self._tread = TREAD_STIFFNESS_NPM2 * np.exp(at.tread_ln)
+        share = 1.0 + _PRESSURE_SHARE * (pressure_pa / _REFERENCE_PA - 1.0)
+        self._sidewall = SIDEWALL_STIFFNESS_NPM2 * share * np.exp(at.sidewall_ln)
+        self._soft = 1.0 + bending * self._k2 / SHEAR_STIFFNESS_N
+        self._beam = bending * self._k2 / self._soft
+        self._whole = self._k2 * (self._beam + _TENSION_NUMBER * pressure_pa * radius_m**2) + self._sidewall
+
+        self._contact = _Contact(edges_rad, orders, radius_m)
+        free = self._forcing * self._beam / self._whole
+        self._system = self._contact.influence(1.0 / self._whole)
+        self._system[np.diag_indices(_POINTS)] += 1.0 / self._tread
+        drag = self._contact.behind_edge_m * float(load is Load.SLIP)
+        wanted: FloatArray = drag - self._contact.beside_edge(free)
+        self._push: FloatArray = np.asarray(np.linalg.solve(self._system, wanted), dtype=np.float64)
+        self.side_force_n = self._contact.total(self._push)
+        self.lateral_m = self._second_derivative(free + self._contact.orders_of(self._push) / self._whole)
+
+    @cached_property
+    def derivative_m(self) -> FloatArray:
+        """(3, FIELD_SIZE) d lateral_m by the logarithms of `Stiffness`."""
+        none = np.zeros_like(self._beam)
+        beam = np.stack([self._beam / self._soft, none, none])
+        whole = np.stack([self._k2 * beam[0], np.full_like(none, self._sidewall), none])
+        # Of the compliance 1 / whole.
+        eased = -whole / self._whole**2
+        free = self._forcing * (beam / self._whole + self._beam * eased)
+        moved = [self._contact.influence(ease) @ self._push for ease in eased[:2]]
+        changed = np.stack([*moved, -self._push / self._tread])
+        push: FloatArray = np.linalg.solve(self._system, -(self._contact.beside_edge(free) + changed).T).T
+        shapes = free + self._contact.orders_of(push) / self._whole + self._contact.orders_of(self._push) * eased
+        return self._second_derivative(shapes)
+
+    def _second_derivative(self, shapes: ComplexArray) -> FloatArray:
+        """Return d2/dtheta2 of orders (..., orders) on the grid, not writable, for it is shared."""
+        spectrum = np.zeros((*shapes.shape[:-1], self._size // 2 + 1), dtype=np.complex128)
+        spectrum[..., : len(self._orders)] = -(self._orders**2) * shapes * self._turn * self._size
+        field: FloatArray = np.fft.irfft(spectrum, n=self._size)
+        field.setflags(write=False)
+        return field
 
 
 def unit_response(here: Here, load: Load, stiffness: Stiffness) -> Response:
@@ -84,68 +185,8 @@ def unit_response(here: Here, load: Load, stiffness: Stiffness) -> Response:
     return _solved(radial.tobytes(), edges, at.radius_m, at.pressure_pa, load, stiffness)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def _solved(
-    radial: bytes, edges: tuple[float, float], radius_m: float, pressure_pa: float, load: Load, at: Stiffness
+    radial: bytes, edges_rad: tuple[float, float], radius_m: float, pressure_pa: float, load: Load, at: Stiffness
 ) -> Response:
-    shape = np.frombuffer(radial)
-    size = len(shape)
-    orders = np.arange(min(_HIGHEST_ORDER, size // 2 - 1) + 1)
-    # The grid begins at -pi: turned, a coefficient belongs to exp(i n theta).
-    turn = np.where(orders % 2, -1.0, 1.0)
-    bent = np.fft.rfft(shape - shape.mean())[: len(orders)] * turn / (size * radius_m**2)
-    k2 = (orders / radius_m) ** 2
-    bending = BENDING_STIFFNESS_NM2 * np.exp(at.bending_ln)
-    tread = TREAD_STIFFNESS_NPM2 * np.exp(at.tread_ln)
-    share = 1.0 + _PRESSURE_SHARE * (pressure_pa / _REFERENCE_PA - 1.0)
-    sidewall = SIDEWALL_STIFFNESS_NPM2 * share * np.exp(at.sidewall_ln)
-    soft = 1.0 + bending * k2 / SHEAR_STIFFNESS_N
-    beam = bending * k2 / soft
-    whole = k2 * (beam + _TENSION_NUMBER * pressure_pa * radius_m**2) + sidewall
-    # By the logarithms of bending, sidewall and tread.
-    beam_slope = np.stack([beam / soft, np.zeros_like(beam), np.zeros_like(beam)])
-    whole_slope = np.stack([k2 * beam / soft, np.full_like(beam, sidewall), np.zeros_like(beam)])
-
-    forcing = {Load.PLY_STEER: 1j * orders / radius_m * bent, Load.CONE: bent, Load.SLIP: np.zeros_like(bent)}[load]
-    free = forcing * beam / whole
-    free_slope = forcing * (beam_slope / whole - beam * whole_slope / whole**2)
-
-    half = 0.5 * (edges[1] - edges[0])
-    theta = 0.5 * (edges[0] + edges[1]) + half * _NODES
-    weight = half * radius_m * _WEIGHTS
-    phase = np.exp(1j * np.outer(orders, np.append(theta, edges[0])))
-    twice = np.where(orders == 0, 1.0, 2.0)
-    apart = np.append(theta, edges[0])[:, None] - theta
-    place = np.mod(apart, 2.0 * np.pi) * (_TABLE / (2.0 * np.pi))
-    before = place.astype(np.intp)
-    share_after = place - before
-
-    # Where the belt would be at the tread's points against the leading edge, and what pushes there do to that.
-    def beside_edge(shapes: NDArray[np.complex128]) -> FloatArray:
-        values: FloatArray = (twice * shapes @ phase).real
-        return values[..., :-1] - values[..., -1:]
-
-    def influence(compliance: FloatArray) -> FloatArray:
-        answer = np.fft.irfft(compliance, n=_TABLE) * (_TABLE / (2.0 * np.pi * radius_m))
-        answer = np.append(answer, answer[:1])
-        matrix = answer[before] * (1.0 - share_after) + answer[before + 1] * share_after
-        return (matrix[:-1] - matrix[-1:]) * weight
-
-    system = influence(1.0 / whole)
-    system[np.diag_indices(_POINTS)] += 1.0 / tread
-    drag = radius_m * (theta - edges[0]) if load is Load.SLIP else 0.0
-    push = np.linalg.solve(system, drag - beside_edge(free))
-    changed = np.stack([-influence(slope / whole**2) @ push for slope in whole_slope[:2]] + [-push / tread])
-    push_slope = np.linalg.solve(system, (-beside_edge(free_slope) - changed).T).T
-
-    back = phase[:, :-1].conj().T / (2.0 * np.pi * radius_m)
-    pushed = (push * weight) @ back
-    pushed_slope = (push_slope * weight) @ back
-    shapes = np.empty((4, len(orders)), dtype=np.complex128)
-    shapes[0] = free + pushed / whole
-    shapes[1:] = free_slope + pushed_slope / whole - pushed * whole_slope / whole**2
-    spectrum = np.zeros((4, size // 2 + 1), dtype=np.complex128)
-    spectrum[:, : len(orders)] = -(orders**2) * shapes * turn * size
-    fields = np.fft.irfft(spectrum, n=size)
-    fields.setflags(write=False)
-    return Response(fields[0], fields[1:], float(push @ weight))
+    return Response(np.frombuffer(radial), edges_rad, radius_m, pressure_pa, load, at)
