@@ -50,8 +50,8 @@ class EdgeWaves:
         "Radial, outside the contact, above the ring's own orders; with omega^2; across the circumferential offset."
     )
     confused_with = (
-        "Bs, the tread's stiffness and shear at the edges themselves; tread pitch, which is one order in and about "
-        "the contact; a low-pass filter or a loose sensor, which ring in Hz: another speed decides."
+        "Tread pitch of the same order (0.9 alike), which is in the contact as well; torsional ripple of that order "
+        "(0.6, which is all around); edge scatter and shear flexibility at the edges themselves (0.2)."
     )
     already_in = NOWHERE
     stage = Stage.BELT

@@ -27,8 +27,9 @@ class Imbalance:
     )
     seen_by = "Orders 0 and 2 (and what the contact makes of them), radial and circumferential alike; with omega^2."
     confused_with = (
-        "Rs, Ts and Cw at one speed: order 2 is theirs too; the circumferential axis, where the ring is silent, tells. "
-        "Torsional ripple of order 2 grows with omega^2 as well but leaves the circumferential axis's order 0 alone."
+        "On the radial axis alone: torsional ripple of order 2 or 1 (0.9 alike), zero-g offset (0.9), gain (0.8); the "
+        "circumferential axis leaves zero-g offset (0.7, 0.55 with two speeds) and gain (0.6). Near wheel hop it does "
+        "not go with omega^2."
     )
     already_in = NOWHERE
     stage = Stage.BELT

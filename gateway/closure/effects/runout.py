@@ -28,8 +28,8 @@ class RunOut:
         "the sensor and never averages out."
     )
     confused_with = (
-        "Gain, rolling radius and the stated load (cosine: a fifth of it is left beside the ring's own numbers, 0.9 "
-        "alike); damping and traction (sine). A second sensor half around, or the load's swing at the axle, decides."
+        "Gain and rolling radius (0.9 alike: a fifth of the cosine part is left beside the ring's own numbers), onset "
+        "of clipping, ripple of order 1 (0.7). A second sensor half around, or the load's swing at the axle, decides."
     )
     already_in = NOWHERE
     needs_exact = True

@@ -48,7 +48,7 @@ class TorsionalRipple:
     """Angular speed omega (1 + C cos(k phi) + S sin(k phi)), phi the angle that time tells at a steady speed.
 
     The pipeline's angle is phi: it runs evenly between two contact centres. The sensor's true angle is ahead by
-    (C sin(k phi) + S (1 - cos(k phi))) / k, which is 0 at both.
+    (C sin(k phi) + S (1 - cos(k phi))) / k, which is 0 at both. The tire rolls without slip, so the axle surges along.
     """
 
     name = "torsional ripple"
@@ -65,9 +65,9 @@ class TorsionalRipple:
     )
     seen_by = "All three axes, all around: 2 u s, edges of the contact warped by w, circumferential reaction; omega^2."
     confused_with = (
-        "Order 1 and 2: the ring's numbers and imbalance, told apart by the circumferential axis. Even orders whose "
-        "cosine is symmetrical to the contact resemble a change of Rs and Ts; another gear or a "
-        "hub accelerometer decides."
+        "Orders 1 and 2, on the radial axis alone: imbalance (0.9 alike), AC coupling and belt extension (0.8); with "
+        "the circumferential axis AC coupling and contact asymmetry (0.6), run-out (0.7, order 1). From order 4 on "
+        "nothing. Neighbouring orders are half alike. An axle that keeps its speed (a slipping tread) lacks the surge."
     )
     already_in = NOWHERE
     stage = Stage.BELT

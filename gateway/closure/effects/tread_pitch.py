@@ -38,8 +38,8 @@ class TreadPitch:
     )
     seen_by = "Radial, in and about the contact, at the pattern's order: it does not average out; with omega^2."
     confused_with = (
-        "Edge waves, which leave the contact alone and have an order of their own on each side; an electrical tone or "
-        "a resonance at N revolutions a second, which stays in Hz at another speed."
+        "Edge waves of the same order (0.9 alike), which leave the contact alone and have an order for each side; an "
+        "electrical tone or a resonance at N revolutions a second, which stays in Hz at another speed."
     )
     already_in = NOWHERE
     stage = Stage.BELT

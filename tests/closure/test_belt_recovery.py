@@ -1,0 +1,77 @@
+"""The engine finds belt effects that were put into synthetic orders, wherever their order lies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.exact_core import ExactCore
+from gateway.closure.fit import fit_model
+from gateway.closure.likelihood import whiten
+from gateway.closure.model import AngleEffect, ClosureModel
+from gateway.closure.observation import ORDERS, Block, Campaign, Group
+from gateway.closure.trial import refit, try_effect
+from tests.closure.belt_data import at
+
+FloatArray = NDArray[np.float64]
+
+# 100 revolutions of a 5 mg/rtHz sensor at 60 km/h.
+_STD_MPS2 = 0.015
+
+
+def campaign(effect: AngleEffect, values: FloatArray, seed: int, speeds: tuple[float, ...] = (60.0,)) -> Campaign:
+    """Return blocks of an exact ring of random numbers with an effect, circumferential and radial axis."""
+    rng = np.random.default_rng(seed)
+    variance = np.full((3, ORDERS), _STD_MPS2**2)
+    variance[1] = np.nan
+    empty = np.zeros((3, ORDERS), complex)
+    groups = tuple(
+        Group(f"{speed}", 0, 0, at(speed), (Block(1, at(speed), empty),) * 3, variance, 0.24) for speed in speeds
+    )
+    plain = Campaign("FL", ("synthetic",), groups, 1, {})
+    model = ClosureModel(plain, ExactCore(), [effect])
+    vector, _ = model.layout.priors(model.core, model.effects)
+    vector[:5] = rng.normal(0.0, 0.1, 5)
+    vector[model.layout.effect(effect.name)] = values
+    model.refine(vector)
+    made = []
+    for group, predicted in zip(groups, model.predict(vector), strict=True):
+        noise = rng.normal(0.0, _STD_MPS2, (2, *predicted.shape))
+        orders = predicted + noise[0] + 1j * noise[1]
+        orders[:, 1] = np.nan
+        made.append(replace(group, blocks=tuple(replace(group.blocks[0], orders_mps2=row) for row in orders)))
+    return replace(plain, groups=tuple(made))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "seed"),
+    [
+        ("tire-locked edge waves", (-0.006, 0.004, 48.9, 0.72, 0.010, -0.019, 45.2, 0.54), 1),
+        ("tire-locked edge waves", (0.009, -0.019, 59.2, 1.5, -0.016, -0.005, 42.1, 0.9), 2),
+        ("tire-locked edge waves", (0.014, 0.019, 25.7, 0.95, -0.02, -0.02, 51.5, 0.55), 3),
+        ("tread pitch", (0.002, -0.0009, 54.7, 0.53), 4),
+        ("tread pitch", (-0.0014, -0.0037, 84.9, 0.12), 5),
+        ("torsional ripple", (-0.0013, -0.0078, 7.0), 6),
+        ("torsional ripple", (4e-4, 1e-4, 2.0), 7),
+        ("imbalance and hub motion", (8e-5, 1e-4), 8),
+        ("run-out", (3e-4, -2e-4), 9),
+        ("contact edge scatter", (2.2e-5, 3e-6), 10),
+    ],
+)
+def test_an_effect_is_found_from_its_starts(name: str, values: tuple[float, ...], seed: int) -> None:
+    effect, truth = catalogue()[name], np.array(values)
+    made = campaign(effect, truth, seed)
+    data = whiten(made, with_mean=True)
+    without = fit_model(ClosureModel(made, ExactCore()), data)
+    trial = try_effect(without, data, effect)
+    assert trial is not None
+    fit = refit(trial, data)
+    where = fit.model.layout.effect(name)
+    assert fit.misfit < 1.15 * data.used
+    assert without.misfit - fit.misfit > 100.0
+    found, std = fit.vector[where], np.sqrt(np.diagonal(fit.covariance()))[where]
+    assert (np.abs(found - truth) < 5.0 * std + 1e-3 * np.abs(truth)).all()
