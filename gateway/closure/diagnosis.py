@@ -29,11 +29,21 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A number with unit and standard error; `value` and `std` are in `unit`."""
+    """A number with unit and standard error.
+
+    Attributes:
+        value: in `unit`, which is SI.
+        std: one standard error, likewise.
+        unit: of both; empty for a pure number.
+        factor: what makes it the number that is shown, in `display_unit`.
+        display_unit: of the shown number; `unit` when empty.
+    """
 
     value: float
     std: float
     unit: str = ""
+    factor: float = 1.0
+    display_unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +53,7 @@ class Finding:
     Attributes:
         name: of the effect.
         verdict: what became of it.
-        parameters: by name, in display units.
+        parameters: by name.
         chi2: fall of the misfit (chi-square) on all data.
         held_out_gain: fall of the misfit on revolutions that no fit had seen, sum over folds.
         held_out_std: its standard error over folds.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.decide import deciding_recording
 from gateway.closure.diagnosis import Finding, Fitted, Verdict
+from gateway.closure.effects.base import Parameter
 from gateway.closure.estimates import before_and_after, estimates_of
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
@@ -98,9 +99,13 @@ def _parameters(fit: Fit, effect: AngleEffect) -> dict[str, Fitted]:
     std = np.sqrt(np.diagonal(fit.covariance()))[where]
     found = {}
     for parameter, value, error in zip(effect.parameters, fit.vector[where], std, strict=True):
-        unit = parameter.display_unit or parameter.unit
-        found[parameter.name] = Fitted(float(value) * parameter.factor, float(error) * abs(parameter.factor), unit)
+        found[parameter.name] = fitted_parameter(parameter, float(value), float(error))
     return found
+
+
+def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
+    """Return a parameter's value in SI, with the unit that it is shown in."""
+    return Fitted(value, std, parameter.unit, parameter.factor, parameter.display_unit)
 
 
 def _size(fit: Fit, effect: AngleEffect) -> float:

@@ -209,7 +209,7 @@ def _parameters(step: Step, fit: SpectrumFit) -> dict[str, Fitted]:
     place = place_of(fit.parts, step.effect)
     std = np.sqrt(np.maximum(np.diag(fit.covariance)[place], 0.0))
     return {
-        one.name: Fitted(float(value) * one.factor, float(error) * one.factor, one.display_unit or one.unit)
+        one.name: Fitted(float(value), float(error), one.unit, one.factor, one.display_unit)
         for one, value, error in zip(step.effect.parameters, fit.shared[place], std, strict=True)
     }
 

@@ -52,8 +52,8 @@ def show_fitted(name: str, fitted: Fitted | None) -> ShownNumber:
     if fitted is None:
         return ShownNumber(label, MISSING, shown.symbol, math.nan, math.nan)
     suffix = next((suffix for suffix in UNITS if name.endswith(suffix) and len(name) > len(suffix)), "")
-    factor, unit = 1.0, fitted.unit
-    if fitted.unit in ("", _SI.get(suffix)):
+    factor, unit = fitted.factor, fitted.display_unit or fitted.unit
+    if not fitted.display_unit and fitted.unit in ("", _SI.get(suffix)):
         factor, unit = shown.factor, shown.symbol
     value, std = float(fitted.value) * factor, float(fitted.std) * factor
     return ShownNumber(label, round_to_error(value, std).joined(), _written(unit), value, std)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.effects.base import Conditions, RingEffect, SignalEffect, SpectrumEffect, StartModel
 from gateway.closure.effects.catalogue import candidates, catalogue
-from gateway.closure.exact_core import NODES, ExactCore
+from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.series_core import SeriesCore
 from gateway.physics.bound import waveform_orders
@@ -50,7 +50,7 @@ def solved(at: Conditions = HERE, *, drum_radius_m: float = math.inf, torque_nm:
     fields = {"extension_stiffness_n": 2e10, **si}
     ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=at.pressure_pa, **fields)
     solution: RingSolution = solve_rolling_ring(
-        ring, at.load_n, at.pressure_pa, at.omega_radps, nodes=NODES,
+        ring, at.load_n, at.pressure_pa, at.omega_radps, nodes=480,
         drum_radius_m=drum_radius_m, axle_torque_nm=torque_nm,
     )  # fmt: skip
     return waveform_orders(np.stack([solution.sensor.radial_m, solution.sensor.circumferential_m]), 110)
