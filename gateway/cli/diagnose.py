@@ -21,7 +21,7 @@ from gateway.views.text import clean
 MODELS: Final = ("exact", "series", "paper")
 
 _STEPS: Final = 1000
-_LABEL: Final = 32
+_LABEL: Final = 36
 
 
 @click.command()

@@ -43,7 +43,7 @@ def read_campaign(
 ) -> Campaign:
     """Read recordings and group one wheel's revolutions by their conditions.
 
-    Several recordings are read in processes of their own. What comes back is the same, but for rounding, whatever `jobs` is.
+    Several recordings are read in processes of their own. But for rounding, the result is the same whatever `jobs` is.
 
     Args:
         paths: recordings.
@@ -96,8 +96,17 @@ def _one_by_one(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None]) ->
             on_bytes(position - done)
             done = position
 
-        reads.append(read_recording(order, on_position))
+        reads.append(_of_one_wheel(order, read_recording(order, on_position)))
     return reads
+
+
+def _of_one_wheel(order: ReadOrder, read: RecordingRead) -> RecordingRead:
+    """Return what was read, before the others are read in vain."""
+    if order.wheel is None and len(read.wheels) > 1:
+        raise RecordingError(
+            f"'{order.path}' holds several wheels: {', '.join(read.wheels)}", f"Choose one: --wheel {read.wheels[0]}."
+        )
+    return read
 
 
 _positions: MutableSequence[int] | None = None
@@ -132,7 +141,7 @@ def _side_by_side(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None], 
             on_bytes(now - done)
             done = now
             for future in finished:
-                future.result()  # the first fault ends it all
+                _of_one_wheel(orders[futures.index(future)], future.result())  # the first fault ends it all
         return [future.result() for future in futures]
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
@@ -148,7 +157,7 @@ def _the_wheel(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], whee
     if wheel is None:
         if len(seen) > 1:
             raise RecordingError(
-                f"several wheels are recorded: {', '.join(seen)}", "Choose one: --wheel " + seen[0] + "."
+                f"the recordings are of several wheels: {', '.join(seen)}", f"Choose one: --wheel {seen[0]}."
             )
         return seen[0]
     for order, read in zip(orders, reads, strict=True):
