@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,10 @@ from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.physics.rolling_ring import RingNotConvergedError
 
 FloatArray = NDArray[np.float64]
+
+
+# Share of a ring effect's starts at which it is tried as well.
+_SMALL: Final = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +44,11 @@ class Trial:
 def try_effect(fit: Fit, data: Whitened, effect: AngleEffect) -> Trial | None:
     """Return the best trial of an effect over its starts, by held-out misfit; None where it cannot be had."""
     conditions = tuple(group.conditions for group in fit.model.campaign.groups)
-    best, near = _best_of(fit, data, effect, effect.starts(conditions))
+    starts = effect.starts(conditions)
+    if not isinstance(effect, SignalEffect):
+        # The ring answers a large change of itself otherwise than a small one.
+        starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
+    best, near = _best_of(fit, data, effect, starts)
     if best is not None and isinstance(effect, Scanned):
         for place, values in effect.scan:
             starts = [(*near[:place], value, *near[place + 1 :]) for value in values]
