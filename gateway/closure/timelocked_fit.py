@@ -66,9 +66,9 @@ def start_fit(sites: Sequence[Site], observed: Sequence[Observed]) -> SpectrumFi
             used = one.freedom[axis] > 0.0
             if used.any():
                 levels[g, axis] = np.log(np.median(one.power[axis, used] / site.floor_wide[axis, used]))
-    return fit_spectra(
-        sites, observed, SpectrumFit(Parts(), levels, np.median(levels, axis=0), np.empty(0), np.empty((0, 0)), np.inf)
-    )
+    common: FloatArray = np.asarray(np.median(levels, axis=0), dtype=np.float64)
+    white = SpectrumFit(Parts(), levels, common, np.empty(0), np.empty((0, 0)), np.inf)
+    return fit_spectra(sites, observed, white)
 
 
 def fit_spectra(

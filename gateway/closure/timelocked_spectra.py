@@ -95,7 +95,7 @@ def group_spectra(group: Group, folds: int) -> GroupSpectra | None:
     if not (rate_hz > 0.0 and group.deviations_mps2):
         return None
     runs = tuple(np.nan_to_num(run.astype(np.float64)) for run in group.deviations_mps2)
-    present = np.isfinite(group.deviations_mps2[0]).all(axis=1)
+    present: BoolArray = np.asarray(np.isfinite(group.deviations_mps2[0]).all(axis=1))
     segment = 2 * round(0.5 * rate_hz / RESOLUTION_HZ)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
     low = round(LOWEST_HZ / rate_hz * segment)

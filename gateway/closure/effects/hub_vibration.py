@@ -37,9 +37,7 @@ class HubVibration:
         Parameter("width_hz", "Hz", 1.0, 16.0, 4.0, 1e-4, prior_mean=5.0),
     )
     seen_by = "radial and circumferential axis, in the spectrum of what the wheel does not repeat, below 50 Hz"
-    confused_with = (
-        "road vibration, which is broad and on the lateral axis too; torsional ripple, a line at an order of the wheel"
-    )
+    confused_with = "road vibration, which is broad and on the lateral axis too; torsional ripple, a line at an order"
     already_in: frozenset[StartModel] = NOWHERE
     axes: tuple[int, ...] = (CIRCUMFERENTIAL, RADIAL)
 
@@ -74,7 +72,8 @@ class HubVibration:
         felt in turn by the axes of a sensor that turns. Vertical or along the road, the magnitude is the same.
         """
         lower, upper = _sidebands(conditions, frequency_hz, parameters)
-        return _power(conditions, parameters) * (lower[0] - upper[0])
+        result: FloatArray = _power(conditions, parameters) * (lower[0] - upper[0])
+        return result
 
 
 def _power(conditions: Conditions, parameters: FloatArray) -> float:

@@ -1,0 +1,200 @@
+"""What the wheel does not repeat: named, left unexplained, or nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from gateway.closure.diagnosis import Verdict
+from gateway.closure.effects.base import Conditions, SpectrumEffect
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.observation import ORDERS, Block, Group
+from gateway.closure.timelocked import TimeLocked, diagnose_time_locked
+from tests.closure.timelocked_data import simulated_groups
+
+RATE_HZ = 4000.0
+EFFECTS = [effect for effect in catalogue().values() if isinstance(effect, SpectrumEffect)]
+AT = {
+    "road vibration": (1.3, 400.0, 2.2),
+    "hub vibration": (0.7, 11.3, 5.0),
+    "cavity resonance": (0.9, 222.0, 6.0),
+}
+
+
+def conditions(speed_kmh: float = 80.0) -> Conditions:
+    return Conditions(speed_kmh / 3.6 / 0.32, 0.0, 0.32, 4000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+
+
+def noisy_group(speed_kmh: float, rng: np.random.Generator, seconds: float = 20.0, axes: str = "clr") -> Group:
+    """A group with nothing but white noise, of another size on each axis."""
+    noise = rng.standard_normal((3, round(seconds * RATE_HZ))) * rng.uniform(0.5, 5.0, (3, 1))
+    noise[[axis not in axes for axis in "clr"]] = np.nan
+    flat = np.zeros((3, ORDERS), dtype=complex)
+    here = conditions(speed_kmh)
+    return Group(
+        f"{speed_kmh} km/h", 0, 0, here, (Block(100, here, flat),), np.ones((3, ORDERS)), 0.24,
+        deviations_mps2=(noise,), deviation_rate_hz=RATE_HZ,
+    )  # fmt: skip
+
+
+def added(group: Group, signal: np.ndarray) -> Group:
+    return dataclasses.replace(group, deviations_mps2=(group.deviations_mps2[0] + signal,))
+
+
+def named(result: TimeLocked) -> set[str]:
+    return {finding.name for finding in result.findings if finding.verdict is Verdict.NAMED}
+
+
+def values(result: TimeLocked, name: str) -> dict[str, tuple[float, float]]:
+    found = next(finding for finding in result.findings if finding.name == name)
+    return {key: (one.value, one.std) for key, one in found.parameters.items()}
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+class TestEffects:
+    def test_its_derivative_is_right(self, effect: SpectrumEffect) -> None:
+        frequency, at = np.arange(2.0, 1600.0), np.array(AT[effect.name])
+        analytic = effect.density_derivative(conditions(), frequency, at)
+        for number, parameter in enumerate(effect.parameters):
+            step = np.zeros(3)
+            step[number] = parameter.step
+            numeric = effect.density(conditions(), frequency, at + step) - effect.density(
+                conditions(), frequency, at - step
+            )
+            numeric /= 2.0 * parameter.step
+            assert np.abs(numeric - analytic[number]).max() < 1e-5 * np.abs(analytic[number]).max()
+
+    def test_it_is_nothing_at_zero_and_grows_with_speed(self, effect: SpectrumEffect) -> None:
+        frequency, at = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
+        assert not effect.density(conditions(), frequency, at * [0.0, 1.0, 1.0]).any()
+        power = [effect.density(conditions(kmh), frequency, at).sum() for kmh in (50.0, 100.0)]
+        assert power[1] / power[0] == pytest.approx(4.0, rel=0.02)
+
+    def test_its_power_is_what_the_parameter_says(self, effect: SpectrumEffect) -> None:
+        frequency, at = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
+        power = effect.density(conditions(65.0), frequency, at).sum(axis=1) * 0.1
+        share = 0.5 if effect.name == "hub vibration" else 1.0
+        assert power[list(effect.axes)] == pytest.approx(share * at[0] ** 2, rel=0.01)
+
+
+class TestNothing:
+    def test_white_noise_gives_nothing(self) -> None:
+        for seed in range(12):
+            rng = np.random.default_rng(seed)
+            result = diagnose_time_locked([noisy_group(kmh, rng) for kmh in (40.0, 70.0, 110.0)[: 1 + seed % 3]])
+            assert not result.findings
+            assert not result.unexplained
+            assert not result.notes
+
+    def test_a_smooth_road_gives_nothing(self) -> None:
+        result = diagnose_time_locked(simulated_groups())
+        assert not result.findings
+        assert not result.unexplained
+        assert [spectra.label for spectra in result.spectra] == [group.label for group in simulated_groups()]
+
+    def test_too_short_is_said(self) -> None:
+        rng = np.random.default_rng(1)
+        assert "too short" in diagnose_time_locked([noisy_group(60.0, rng, seconds=3.0)]).notes[0]
+        assert diagnose_time_locked([]) == TimeLocked()
+
+
+class TestNames:
+    def test_the_road(self) -> None:
+        result = diagnose_time_locked(simulated_groups("[road]\nrms_mps2 = 1\nbandwidth_hz = 350"))
+        assert named(result) == {"road vibration"}
+        assert not result.unexplained
+        found = values(result, "road vibration")
+        for name, true in (("rms_mps2", 1.0), ("corner_hz", 350.0), ("roll_off", 2.0)):
+            value, std = found[name]
+            assert abs(value - true) < 4.0 * std + 0.02 * true
+
+    def test_the_hub(self) -> None:
+        tables = "[vibration]\nhub_rms_mps2 = 1\nhub_hz = 12.5\nhub_bandwidth_hz = 4"
+        result = diagnose_time_locked(simulated_groups(tables))
+        assert named(result) == {"hub vibration"}
+        found = values(result, "hub vibration")
+        assert found["rms_mps2"][0] == pytest.approx(1.0, rel=0.12)
+        assert found["centre_hz"][0] == pytest.approx(12.5, abs=0.5)
+        assert found["width_hz"][0] == pytest.approx(4.0, abs=1.0)
+
+    def test_road_and_cavity_together(self) -> None:
+        tables = "[road]\nrms_mps2 = 0.7\n[vibration]\ncavity_rms_mps2 = 0.6\ncavity_hz = 209"
+        result = diagnose_time_locked(simulated_groups(tables))
+        assert named(result) == {"road vibration", "cavity resonance"}
+        found = values(result, "cavity resonance")
+        for name, true in (("rms_mps2", 0.6), ("centre_hz", 209.0), ("width_hz", 6.0)):
+            value, std = found[name]
+            assert abs(value - true) < 4.0 * std + 0.05 * true * (name == "rms_mps2")
+        gain = next(finding for finding in result.findings if finding.name == "cavity resonance")
+        assert gain.lock == "time"
+        assert gain.held_out_gain > 3.0 * gain.held_out_std
+        assert gain.rms_after_mps2 < 0.4 * gain.rms_before_mps2
+
+
+class TestNoNames:
+    def test_a_tone_where_the_cavity_is(self) -> None:
+        result = diagnose_time_locked(simulated_groups("[sensor]\ntone_mg = [0, 0, 60]\ntone_hz = 217"))
+        assert not named(result)
+        line = result.unexplained[0]
+        assert (line.axis, line.lock, line.scaling) == ("radial", "time", "constant")
+        assert line.hz is not None
+        assert line.hz[0] < 217.0 < line.hz[1]
+        assert line.rms_mps2 == pytest.approx(60e-3 * 9.80665 / math.sqrt(2.0), rel=0.25)
+
+    def test_edges_that_jitter_are_no_road(self) -> None:
+        tables = "[road]\nleading_jitter_mm = 0.8\ntrailing_jitter_mm = 0.3\n[sensor]\noffset_mm = 5"
+        result = diagnose_time_locked(simulated_groups(tables))
+        assert not named(result)
+        assert any("jitter" in note for note in result.notes)
+
+    def test_a_loose_sensor_is_no_cavity(self) -> None:
+        tables = "[road]\nrms_mps2 = 0.4\nbandwidth_hz = 900\n[defect]\nloose_hz = 225\nloose_q = 20"
+        result = diagnose_time_locked(simulated_groups(tables))
+        assert named(result) <= {"road vibration"}
+        assert result.unexplained
+
+    def test_noise_of_one_axis_is_no_road(self) -> None:
+        rng = np.random.default_rng(3)
+        groups = []
+        for kmh in (50.0, 90.0):
+            group = noisy_group(kmh, rng)
+            shaken = np.convolve(rng.standard_normal(group.deviations_mps2[0].shape[1]), np.ones(12), mode="same")
+            groups.append(added(group, np.stack([shaken * kmh / 20.0, 0.0 * shaken, 0.0 * shaken])))
+        result = diagnose_time_locked(groups)
+        assert not named(result)
+        assert result.unexplained[0].axis == "circumferential"
+
+    def test_a_band_whose_size_does_not_grow_is_no_cavity(self) -> None:
+        rng = np.random.default_rng(4)
+        groups = []
+        for kmh in (50.0, 90.0):
+            group = noisy_group(kmh, rng)
+            length = group.deviations_mps2[0].shape[1]
+            spectrum = np.fft.rfft(rng.standard_normal(length))
+            away = (np.fft.rfftfreq(length, 1.0 / RATE_HZ) - 222.0) / 3.0
+            bell = np.fft.irfft(spectrum / np.sqrt(1.0 + away**2), n=length) * 30.0
+            groups.append(added(group, np.stack([0.0 * bell, 0.0 * bell, bell])))
+        result = diagnose_time_locked(groups)
+        assert not named(result)
+        assert "power" in next(finding.reason for finding in result.findings if finding.name == "cavity resonance")
+        assert result.unexplained[0].scaling == "constant"
+
+    def test_a_line_that_moves_with_speed_has_an_order(self) -> None:
+        rng = np.random.default_rng(5)
+        groups = []
+        for kmh in (60.0, 90.0):
+            group = noisy_group(kmh, rng)
+            time = np.arange(group.deviations_mps2[0].shape[1]) / RATE_HZ
+            wheel = group.conditions.omega_radps * 12.4 * time
+            groups.append(added(group, np.stack([0.0 * time, 0.0 * time, 2.0 * np.sin(wheel)])))
+        line = diagnose_time_locked(groups).unexplained[0]
+        assert line.orders is not None
+        assert line.orders[0] <= 12.4 <= line.orders[1]
+        assert line.rms_mps2 == pytest.approx(math.sqrt(2.0), rel=0.1)
+
+    def test_a_radial_axis_alone_is_enough(self) -> None:
+        rng = np.random.default_rng(6)
+        assert not diagnose_time_locked([noisy_group(60.0, rng, axes="r")]).findings
