@@ -54,6 +54,7 @@ class Cause:
         sizes: about the detection limit, three times that, and what tires and sensors really have.
         tables: what to change for a size.
         mirrored: (table, key) of phases that change sign when the tire rolls the other way round.
+        per_load: (table, key) of what is in proportion to each run's load; their values are for 1 N.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Cause:
     sizes: tuple[float, float, float]
     tables: Callable[[Drawing], Tables]
     mirrored: tuple[tuple[str, str], ...] = ()
+    per_load: tuple[tuple[str, str], ...] = ()
 
 
 def _offset(drawn: Drawing) -> Tables:
@@ -118,6 +120,11 @@ def _tire(key: str, *, signed: bool = False) -> Callable[[Drawing], Tables]:
         return {"tire": {key: drawn.sign() * drawn.size if signed else drawn.size}}
 
     return tables
+
+
+def _traction(drawn: Drawing) -> Tables:
+    # As on a slope: the torque goes with the load.
+    return {"tire": {"axle_torque_nm": drawn.sign() * 0.01 * drawn.size * 1e-3 * drawn.bench.radius_mm}}
 
 
 def _drum(drawn: Drawing) -> Tables:
@@ -193,7 +200,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("clipping", "R Omega^2 of the fastest run", (1.42, 1.3, 1.1), _clip),
     Cause("structural damping", "N s/m^2", (3.0, 10.0, 100.0), _tire("foundation_damping_nspm2")),
     Cause("tread damping (shifted pressure)", "N s/m^2", (500.0, 1500.0, 20_000.0), _tire("tread_damping_nspm2")),
-    Cause("contact asymmetry", "N m", (15.0, 45.0, 250.0), _tire("axle_torque_nm", signed=True)),
+    Cause("contact asymmetry", "% traction", (0.5, 1.5, 10.0), _traction, per_load=(("tire", "axle_torque_nm"),)),
     Cause("belt extension", "MN (EA)", (30.0, 10.0, 3.0), _tire("extension_stiffness_mn")),
     Cause("shear flexibility", "kN (GA)", (2000.0, 700.0, 150.0), _tire("shear_stiffness_kn")),
     Cause("rotary inertia", "kg m", (1e-4, 3e-4, 9e-4), _tire("rotary_inertia_kgm")),

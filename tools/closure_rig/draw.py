@@ -67,6 +67,7 @@ class Case:
         bench: tire, sensor and runs without what is wrong.
         tables: what is wrong, as changes to the scenario.
         mirrored: keys of `tables` that change sign in reverse.
+        per_load: keys of `tables` to be multiplied by a run's load.
         disturbance: what is wrong, added to the samples.
         label: what the recordings do not tell; to be sealed.
     """
@@ -75,6 +76,7 @@ class Case:
     bench: Bench
     tables: Tables
     mirrored: tuple[tuple[str, str], ...]
+    per_load: tuple[tuple[str, str], ...]
     disturbance: Disturbance | None
     label: Mapping[str, Any]
 
@@ -89,6 +91,7 @@ def draw(order: Order) -> Case:
     bench = draw_bench(bench_rng)
     tables: dict[str, dict[str, Any]] = {}
     mirrored: list[tuple[str, str]] = []
+    per_load: list[tuple[str, str]] = []
     sizes: dict[str, dict[str, Any]] = {}
     disturbance: Disturbance | None = None
     for name in order.names:
@@ -106,6 +109,7 @@ def draw(order: Order) -> Case:
             disturbance = None if make is None else make(size, rng)
         else:
             mirrored += cause(name).mirrored
+            per_load += cause(name).per_load
         sizes[name] = {"size": SIZES[index], "value": size, "unit": entry.unit}
     inside = order.kind is not Kind.OUTSIDE
     label = {
@@ -117,7 +121,7 @@ def draw(order: Order) -> Case:
         "tables": tables,
         "bench": asdict(bench),
     }
-    return Case(order, bench, tables, tuple(mirrored), disturbance, label)
+    return Case(order, bench, tables, tuple(mirrored), tuple(per_load), disturbance, label)
 
 
 def blind(seed: int) -> Order:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import numpy as np
 from closure_rig.bench import EXTENSION_STIFFNESS_MN, RING_NODES, Run
 from closure_rig.draw import Case
 from closure_rig.outside import DisturbedChain
+from firmware_protocol.wire import HELLO_PERIOD_S
 from gateway.config.toml_writer import toml_text
 from gateway.io.source import LinkEvent, LinkEventKind
 from gateway.recording.writer import RecordingWriter
@@ -27,6 +29,10 @@ POSITION: Final = "W"
 # A fixed day; a minute from run to run.
 _START_NS: Final = 1_760_000_000_000_000_000
 _BETWEEN_NS: Final = 60_000_000_000
+# Of what a coupling capacitor begins with, e to the minus this is left; the wheel begins where the signal is its mean.
+_SETTLED: Final = 6.0
+# Chunks come at the ends of slots of 10 ms, a little late.
+_HALF_SLOT_NS: Final = 5_000_000
 # A run's speed changes by up to so much to either side.
 _DRIFT: Final = 0.005
 
@@ -51,7 +57,8 @@ def record(case: Case, folder: Path, seconds: float = SECONDS) -> Recorded:
     for index, (run, seed) in enumerate(zip(case.bench.runs, seeds.tolist(), strict=True)):
         scenario = scenario_of(case, run, seed, seconds)
         path = folder / f"run-{index + 1}.mcap"
-        _write(simulation_of(case, scenario, run, seed), declared(scenario), path, _START_NS + index * _BETWEEN_NS)
+        simulation = simulation_of(case, scenario, run, seed)
+        _write(simulation, declared(scenario), path, _START_NS + index * _BETWEEN_NS, settling_s(case))
         paths.append(path)
         if run.reverse:
             reverse.append(path)
@@ -64,11 +71,12 @@ def scenario_of(case: Case, run: Run, seed: int, seconds: float) -> Scenario:
     """Return the scenario of one run, what is wrong included."""
     bench = case.bench
     bs, cw, rs, ts = bench.numbers
+    begin = settling_s(case)
     drift = run.speed_kmh * float(np.random.default_rng(seed).uniform(-_DRIFT, _DRIFT))
     document: dict[str, dict[str, Any]] = {
-        "scenario": {"name": "rig", "duration_s": seconds},
+        "scenario": {"name": "rig", "duration_s": begin + seconds},
         "motion": {
-            "speed_kmh": [[0.0, run.speed_kmh - drift], [seconds, run.speed_kmh + drift]],
+            "speed_kmh": [[begin, run.speed_kmh - drift], [begin + seconds, run.speed_kmh + drift]],
             "direction": "reverse" if run.reverse else "forward",
         },
         "tire": {
@@ -91,17 +99,32 @@ def scenario_of(case: Case, run: Run, seed: int, seconds: float) -> Scenario:
         "wheel": {
             **{"position": POSITION, "hub": 0, "wheel": 0, "load_n": run.load_n},
             **{"pressure_kpa": run.pressure_kpa, "temperature_degc": run.temperature_degc},
+            **({"phase_deg": 180.0} if begin else {}),
         },
         "stated": {},
     }
     for table, values in case.tables.items():
         document.setdefault(table, {}).update(values)
+    for table, key in case.per_load:
+        document[table][key] *= run.load_n
     if run.reverse:
         for table, key in case.mirrored:
             document[table][key] = -document[table][key]
     wheel = {**document.pop("wheel"), "stated": document.pop("stated")}
     text = toml_text({**document, "hub": [document["hub"]], "wheel": [wheel]})
     return parse_scenario(text, "rig")
+
+
+def settling_s(case: Case) -> float:
+    """Return how long a run must go on before it is recorded: a coupling capacitor charges before anybody measures.
+
+    Whole periods of the hello, so that a recording begins with one.
+    """
+    sensor = case.tables.get("sensor", {})
+    if sensor.get("coupling") != "ac":
+        return 0.0
+    times = _SETTLED / (2.0 * math.pi * sensor["highpass_hz"])
+    return HELLO_PERIOD_S * math.ceil(times / HELLO_PERIOD_S)
 
 
 def simulation_of(case: Case, scenario: Scenario, run: Run, seed: int) -> Simulation:
@@ -124,14 +147,15 @@ def declared(scenario: Scenario) -> str:
     return toml_text(config)
 
 
-def _write(simulation: Simulation, toml: str, path: Path, start_ns: int) -> None:
-    writer = RecordingWriter(path, start_ns=start_ns, vehicle_toml=toml, sources=[LINK])
+def _write(simulation: Simulation, toml: str, path: Path, start_ns: int, begin_s: float) -> None:
+    first_ns = last_ns = start_ns + round(begin_s * 1e9)
+    writer = RecordingWriter(path, start_ns=first_ns, vehicle_toml=toml, sources=[LINK])
     try:
-        writer.write(LinkEvent(LINK, start_ns, LinkEventKind.CONNECTED, "rig"))
-        last_ns = start_ns
+        writer.write(LinkEvent(LINK, first_ns, LinkEventKind.CONNECTED, "rig"))
         for chunk in simulation.chunks(LINK, start_ns):
-            writer.write(chunk)
-            last_ns = chunk.host_ns
+            if not begin_s or chunk.host_ns > first_ns + _HALF_SLOT_NS:
+                writer.write(chunk)
+                last_ns = chunk.host_ns
         writer.write(LinkEvent(LINK, last_ns, LinkEventKind.ENDED, "end of the run"))
     finally:
         writer.close()
