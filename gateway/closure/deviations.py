@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d, map_coordinates, spline_filter1d
 
 from gateway.closure.scatter import regress, regressors
 from gateway.signal.resample import angle_grid
@@ -94,21 +95,25 @@ def _times(period_s: FloatArray, omega_radps: FloatArray, omega_dot_radps2: Floa
 
 def _even(times: FloatArray, values: FloatArray, rate_hz: float, present: NDArray[np.bool_]) -> FloatArray | None:
     """Return (3, k) float32 at `rate_hz` of values (3, m) at almost even times, without what that rate cannot carry."""
-    from scipy.ndimage import map_coordinates, spline_filter1d
-    from scipy.signal import firwin, resample_poly
-
     own_hz = (len(times) - 1) / (times[-1] - times[0])
     thin = max(1, math.ceil(_FINER * own_hz / rate_hz))
     even = np.arange(times[0], times[-1], 1.0 / (thin * rate_hz))
     if len(even) < (2 * _ENDS + 4) * thin:
         return None
     places = np.interp(even, times, np.arange(len(times), dtype=np.float64))[None]
-    taps = firwin(_TAPS * thin + 1, 0.45 * rate_hz, fs=thin * rate_hz)
+    taps = _low_pass(_TAPS * thin + 1, 0.45 / thin)
     length = len(range(0, len(even), thin)) - 2 * _ENDS
     result = np.full((3, length), np.nan, dtype=np.float32)
     for axis in np.flatnonzero(present):
         spline = spline_filter1d(values[axis], order=_SPLINE, mode="mirror")
         fine = map_coordinates(spline, places, order=_SPLINE, mode="mirror", prefilter=False)
-        thinned = resample_poly(fine, 1, thin, window=taps)  # type: ignore[call-overload]  # an array is a window too
-        result[axis] = thinned[_ENDS : _ENDS + length]
+        result[axis] = convolve1d(fine, taps, mode="mirror")[::thin][_ENDS : _ENDS + length]
     return result  # type: ignore[return-value]  # half the memory, as good
+
+
+def _low_pass(taps: int, cutoff: float) -> FloatArray:
+    """Return a low-pass filter of odd length, cutoff in cycles per sample: a sinc under a Hamming window."""
+    away = np.arange(taps) - taps // 2
+    response: FloatArray = np.sinc(2.0 * cutoff * away) * np.hamming(taps)
+    normal: FloatArray = response / response.sum()
+    return normal
