@@ -1,0 +1,6 @@
+"""Small matrices everywhere: a thread for each product costs more than the product. Set before numpy is imported."""
+
+import os
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
