@@ -17,6 +17,8 @@ PRESSURE_WIDTH: Final = 0.02
 TEMPERATURE_WIDTH_K: Final = 5.0
 STATE_WIDTH: Final = 0.04
 _ANGLE_WIDTH: Final = 0.08
+# Speeds that are so far apart, as a logarithm, tell as much as they can about what goes with speed.
+_APART: Final = 0.2
 
 
 def modes(values: FloatArray, width: float) -> IntArray:
@@ -79,6 +81,31 @@ def tire_states(
     keys = list(zip(loads.tolist(), angles.tolist(), pressures.tolist(), strict=True))
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
     return np.array([numbers[key] for key in keys], dtype=np.intp)
+
+
+def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count: FloatArray, most: int) -> IntArray:
+    """Return the places of at most `most` groups that tell the most, ascending; more where there are more recordings.
+
+    Each recording's largest group is in. Then those follow that have many revolutions at a speed far from all taken.
+
+    Args:
+        recording: (n,) of each group.
+        state: (n,) of the tire.
+        omega_radps: (n,).
+        count: (n,) revolutions.
+        most: groups.
+    """
+    taken = [
+        int(own[np.argmax(count[own])]) for own in (np.flatnonzero(recording == each) for each in np.unique(recording))
+    ]
+    speed = np.log(omega_radps)
+    while len(taken) < min(most, len(count)):
+        away = np.abs(speed[:, None] - speed[taken])
+        away[state[:, None] != state[taken]] = np.inf
+        score = count * np.minimum(1.0, away.min(axis=1) / _APART)
+        score[taken] = -1.0
+        taken.append(int(np.argmax(score)))
+    return np.array(sorted(taken), dtype=np.intp)
 
 
 def folded(count: int, folds: int) -> list[slice]:

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.closure.effects.base import Conditions
 from gateway.closure.group_making import FEW, label
-from gateway.closure.grouping import tire_states
+from gateway.closure.grouping import telling, tire_states
 from gateway.closure.observation import Campaign, Group
 from gateway.config.model import VehicleConfig
 from gateway.errors import RecordingError
@@ -24,6 +25,11 @@ from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_re
 
 LEAST_REVOLUTIONS: Final = 4
 """Groups of fewer are left out, unless there is nothing else."""
+
+MOST_GROUPS: Final = 12
+"""Of a campaign, unless there are more recordings: what a diagnosis takes goes with their number."""
+
+SPARE: Final = f"at speeds between those of {MOST_GROUPS} groups that tell the most"
 
 _POLL_S: Final = 0.1
 # Stated where no recording knows any temperature; all are the same then, and nothing follows from the value.
@@ -193,6 +199,10 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         small = [group for group in groups if _count(group) < LEAST_REVOLUTIONS]
         rejected[FEW] = rejected.get(FEW, 0) + sum(map(_count, small))
         groups = big
+    groups, spare = _telling(groups)
+    if spare:
+        rejected[SPARE] = spare
+        notes.append(f"{spare} revolutions left out: {SPARE}")
     if FEW in rejected:
         notes.append(f"{rejected[FEW]} revolutions left out: {FEW}")
     sensors = {read.sensor_id for read in reads if read.groups}
@@ -203,12 +213,7 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
     notes += told
     known = [(c.temperature_degc, _count(g)) for g in groups if math.isfinite((c := g.conditions).temperature_degc)]
     degc = sum(value * count for value, count in known) / sum(count for _, count in known) if known else _SOME_DEGC
-    states = tire_states(
-        np.array([group.conditions.load_n for group in groups]),
-        np.array([group.conditions.pressure_pa for group in groups]),
-        np.array([group.half_angle_rad for group in groups]),
-        np.array([group.load_known for group in groups]),
-    ).tolist()
+    states = _states(groups).tolist()
     return Campaign(
         wheel=wheel,
         recordings=tuple(str(order.path) for order in orders),
@@ -223,6 +228,27 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         notes=tuple(notes),
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
     )
+
+
+def _states(groups: Sequence[Group]) -> NDArray[np.intp]:
+    return tire_states(
+        np.array([group.conditions.load_n for group in groups]),
+        np.array([group.conditions.pressure_pa for group in groups]),
+        np.array([group.half_angle_rad for group in groups]),
+        np.array([group.load_known for group in groups]),
+    )
+
+
+def _telling(groups: list[Group]) -> tuple[list[Group], int]:
+    """Return the groups to use, and the revolutions of those that are left out as there are more than it takes."""
+    kept = telling(
+        np.array([group.recording for group in groups]),
+        _states(groups),
+        np.array([group.conditions.omega_radps for group in groups]),
+        np.array([_count(group) for group in groups], dtype=np.float64),
+        MOST_GROUPS,
+    ).tolist()
+    return [groups[place] for place in kept], sum(map(_count, groups)) - sum(_count(groups[place]) for place in kept)
 
 
 def _count(group: Group) -> int:

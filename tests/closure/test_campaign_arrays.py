@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gateway.closure.collecting import carried_order, waveform_orders
 from gateway.closure.deviations import deviation_rate_hz, deviations
-from gateway.closure.grouping import alike, folded, modes, tire_states
+from gateway.closure.grouping import alike, folded, modes, telling, tire_states
 from gateway.closure.observation import ORDERS
 from gateway.closure.scatter import settle
 from gateway.signal.asynchronous import welch_spectrum
@@ -80,6 +80,32 @@ class TestGrouping:
         angle = np.array([0.2, 0.2, 0.23, 0.18, 0.20, 0.26])
         known = np.array([True, True, True, True, False, False])
         assert tire_states(load, pressure, angle, known).tolist() == [0, 0, 1, 2, 3, 4]
+
+
+class TestTelling:
+    def taken(self, recording, state, omega, count, most):
+        return telling(*map(np.asarray, (recording, state)), np.asarray(omega), np.asarray(count, float), most).tolist()
+
+    def test_few_groups_are_all_taken(self):
+        assert self.taken([0, 0, 1], [0, 0, 1], [50, 60, 50], [10, 20, 30], 12) == [0, 1, 2]
+
+    def test_every_recordings_largest_is_in_however_many_there_are(self):
+        taken = self.taken([0, 0, 1, 1, 2, 2], [0] * 6, [50, 51, 50, 51, 50, 51], [5, 9, 9, 5, 5, 9], 2)
+        assert taken == [1, 2, 5]
+
+    def test_many_revolutions_at_speeds_far_apart_come_first(self):
+        omega = np.geomspace(30, 90, 34)
+        count = np.full(34, 8.0)
+        count[[3, 30]] = 60.0
+        taken = self.taken([0] * 34, [0] * 34, omega, count, 8)
+        assert len(taken) == 8
+        assert {3, 30} <= set(taken)
+        steps = np.diff(np.log(omega[taken]))
+        assert steps.min() > 0.09
+        assert np.ptp(np.log(omega[taken])) > 0.75 * math.log(3)
+
+    def test_another_state_of_the_tire_is_worth_its_revolutions(self):
+        assert self.taken([0] * 4, [0, 0, 0, 1], [50, 51, 52, 50], [90, 80, 70, 30], 2) == [0, 3]
 
 
 class TestOrders:

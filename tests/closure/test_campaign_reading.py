@@ -15,7 +15,7 @@ from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from gateway.recording.reader import RecordingReader
 from gateway.session.batch import estimate_items
-from gateway.session.campaign import read_campaign
+from gateway.session.campaign import MOST_GROUPS, SPARE, read_campaign
 from gateway.signal.clipping import SATURATED_FAULT
 from tests.closure.campaign_recordings import START_NS, write_recording
 
@@ -213,6 +213,16 @@ class TestConditions:
         ramp = [group for group in campaign.groups if group.conditions.omega_dot_radps2 > 0.7]
         assert ramp
         assert ramp[0].conditions.omega_dot_radps2 == pytest.approx(20 / 12 / 3.6 / 0.32, rel=0.2)
+
+    def test_a_drive_over_many_speeds_is_cut_down_to_those_that_tell_the_most(self, folder):
+        tables = "[motion]\nspeed_kmh = [[0.0, 40.0], [4.0, 40.0], [28.0, 100.0]]"
+        campaign = read_campaign([write_recording(folder / "drive.mcap", tables, duration_s=28.0)])
+        assert len(campaign.groups) == MOST_GROUPS
+        assert campaign.rejected[SPARE] > 20
+        assert any(SPARE in note for note in campaign.notes)
+        speeds = [3.6 * 0.32 * group.conditions.omega_radps for group in campaign.groups]
+        assert min(speeds) < 45
+        assert max(speeds) > 88
 
     def test_short_recordings_have_a_revolution_a_block(self, folder):
         campaign = read_campaign([write_recording(folder / "short.mcap", AT_60, duration_s=1.2)])
