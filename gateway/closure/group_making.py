@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from gateway.closure.collecting import RevolutionTable, carried_order
 from gateway.closure.deviations import deviation_rate_hz, deviations
@@ -32,6 +33,7 @@ MOST_ALIKE: Final = 5000
 ENOUGH: Final = f"beyond the first {MOST_ALIKE} of the same speed, load, pressure and temperature"
 
 _DEVIATIONS_S: Final = 30.0
+_DRIFT_OVER: Final = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +77,10 @@ def make_groups(
     load = np.where(np.isfinite(table["load_n"]), table["load_n"], ASSUMED_LOAD_N)
     pressure = np.where(np.isfinite(table["pressure_pa"]), table["pressure_pa"], ASSUMED_PRESSURE_PA)
     made = []
-    for places in alike(table["omega_radps"], load, pressure, table["temperature_degc"]):
+    # Over some revolutions: from one to the next, the timing of the contacts makes most of it.
+    drift = table["omega_dot_radps2"] * table["period_s"] / table["omega_radps"]
+    drift = median_filter(drift, _DRIFT_OVER, mode="nearest")
+    for places in alike(table["omega_radps"], load, pressure, table["temperature_degc"], drift):
         kept = _cut_off_or_not(table, places, reject)
         if len(kept) < 2:
             reject(FEW, len(kept))

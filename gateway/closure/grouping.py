@@ -15,6 +15,7 @@ SPEED_WIDTH: Final = 0.03
 LOAD_WIDTH: Final = 0.02
 PRESSURE_WIDTH: Final = 0.02
 TEMPERATURE_WIDTH_K: Final = 5.0
+DRIFT_WIDTH: Final = 0.015
 STATE_WIDTH: Final = 0.04
 _ANGLE_WIDTH: Final = 0.08
 # Speeds that are so far apart, as a logarithm, tell as much as they can about what goes with speed.
@@ -50,17 +51,23 @@ def modes(values: FloatArray, width: float) -> IntArray:
 
 
 def alike(
-    omega_radps: FloatArray, load_n: FloatArray, pressure_pa: FloatArray, temperature_degc: FloatArray
+    omega_radps: FloatArray,
+    load_n: FloatArray,
+    pressure_pa: FloatArray,
+    temperature_degc: FloatArray,
+    drift: FloatArray | None = None,
 ) -> list[IntArray]:
     """Return the places of the revolutions of each group, groups and places in the order of the rows.
 
-    A group's angular speeds lie within 3 %, loads and pressures within 2 %, temperatures within 5 K.
+    A group's angular speeds lie within 3 %, loads and pressures within 2 %, temperatures within 5 K. With `drift`, the
+    change of speed within a revolution over the speed, speeding up and slowing down are kept apart.
     """
     groups = [np.arange(len(omega_radps), dtype=np.intp)]
     for values, width in (
         (np.log(load_n), LOAD_WIDTH),
         (np.log(pressure_pa), PRESSURE_WIDTH),
         (temperature_degc, TEMPERATURE_WIDTH_K),
+        (np.zeros_like(omega_radps) if drift is None else drift, DRIFT_WIDTH),
         (np.log(omega_radps), SPEED_WIDTH),
     ):
         groups = [part for group in groups for part in _split(group, modes(values[group], width))]
