@@ -25,6 +25,8 @@ from gateway.closure.timelocked_spectra import group_spectra
 FloatArray = NDArray[np.float64]
 
 FOLDS: Final = 5
+ROAD: Final = "road vibration"
+ANOTHER_SPEED: Final = "a recording at another speed"
 ANTI_ALIAS: Final = "anti-alias filter"
 
 # A refused effect's bins are kept out of later fits where it was this share of the density; an effect that had more
@@ -32,6 +34,7 @@ ANTI_ALIAS: Final = "anti-alias filter"
 _HELD: Final = 0.15
 _BROAD: Final = 0.35
 _SMOOTH_BINS: Final = 40
+_CLEARLY: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,7 @@ class TimeLocked:
 
 @dataclass(frozen=True, slots=True)
 class _Refusal:
+    effect: SpectrumEffect
     step: Step
     reason: str
     open: bool
@@ -81,13 +85,15 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
         selection, taken, doubted = _select(sites, usable, effects, others)
         refusal = _worst(selection, taken)
         if refusal is None:
-            break
-        if refusal.step.effect is None:
-            others.remove(refusal.step.name)
+            if not selection.fit.parts.jitter or _jitter_rad2(selection.fit)[0] > 0.0:
+                break
+            others.remove(JITTER)
             continue
         refusals.append(refusal)
-        effects.remove(refusal.step.effect)
-        sites = _kept_out(sites, usable, selection.fit, refusal.step.effect)
+        effects.remove(refusal.effect)
+        # What a low-pass does as well is left to it.
+        if refusal.effect.name not in doubted:
+            sites = _kept_out(sites, usable, selection.fit, refusal.effect)
     fit = selection.fit
     notes += _notes(fit, sites)
     # The noise is white again, so that what was taken for its shape shows.
@@ -95,9 +101,11 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
     parts, drawn = [], []
     for g, site in enumerate(plain):
         density, noise = full_density(site, fit.parts, fit.levels[g], fit.shared)
-        parts += parts_left(site, g, density, noise)
+        parts += parts_left(site, g, density, noise, np.exp(fit.levels[g]))
         drawn.append(_drawn(site, density, noise))
-    findings = [_finding(selection, step, step.name in doubted) for step in taken if step.effect is not None]
+    # Beside something broad that nothing explains, one speed names nothing.
+    shaky = not several_speeds(sites) and any(site.floor.std() > 0.0 for site in sites)
+    findings = [_finding(selection, step, step.name in doubted, shaky) for step in taken if step.effect is not None]
     findings += [_refused(refusal) for refusal in refusals]
     findings += [_rival(selection, step) for step in doubted.values() if step not in taken and step.effect is not None]
     rank = list(Verdict)
@@ -116,9 +124,10 @@ def _select(
     one_speed = not several_speeds(sites)
     while steps := selection.steps(candidates, remaining):
         best = steps[0]
-        broad = [step for step in steps if step.name == LOW_PASS or step.name == "road vibration"]
-        if one_speed and len(broad) == 2 and best in broad and not _better(*broad):
-            doubted["road vibration"] = next(step for step in broad if step.effect is not None)
+        low_pass = next((step for step in steps if step.name == LOW_PASS), None)
+        road = next((step for step in steps if step.name == ROAD), None)
+        if one_speed and low_pass and road and best in (low_pass, road) and not _better(road, low_pass):
+            doubted[ROAD] = road
         selection.take(best)
         taken.append(best)
         if best.effect is None:
@@ -129,9 +138,10 @@ def _select(
 
 
 def _better(first: Step, second: Step) -> bool:
-    """Tell whether one explanation beats another by more than a standard error of their difference."""
+    """Tell whether one explanation beats another clearly: by some errors, and by more than the form of a filter."""
     difference = first.gains - second.gains
-    return float(difference.sum()) > max(6.0, float(difference.std(ddof=1)) * math.sqrt(len(difference)))
+    unsure = float(difference.std(ddof=1)) * math.sqrt(len(difference))
+    return float(difference.sum()) > max(6.0, 2.0 * unsure, _CLEARLY * first.gain)
 
 
 def _worst(selection: Selection, taken: Sequence[Step]) -> _Refusal | None:
@@ -143,7 +153,7 @@ def _worst(selection: Selection, taken: Sequence[Step]) -> _Refusal | None:
         reason, still_open = objection(selection.sites, selection.observed, selection.fit, step.effect)
         if reason:
             bins = sum(int((part > _HELD).sum()) for part in _shares(selection.sites, selection.fit, step.effect))
-            found.append((bins, _Refusal(step, reason, still_open)))
+            found.append((bins, _Refusal(step.effect, step, reason, still_open)))
     return min(found, key=lambda one: one[0])[1] if found else None
 
 
@@ -179,16 +189,23 @@ def _kept_out(
 
 def _notes(fit: SpectrumFit, sites: Sequence[Site]) -> list[str]:
     notes = []
-    at = sum(len(effect.parameters) for effect in fit.parts.effects)
     if fit.parts.jitter:
-        both = float(fit.shared[at] + fit.shared[at + 1])
-        size = 1e3 * math.sqrt(max(both, 0.0) / 2.0) * float(np.mean([s.spectra.conditions.radius_m for s in sites]))
+        size = 1e3 * math.sqrt(_jitter_rad2(fit)[1]) * float(np.mean([s.spectra.conditions.radius_m for s in sites]))
         notes.append(
             f"{JITTER} from revolution to revolution, about {size:.2g} mm rms, is part of what is not repeated"
         )
     if fit.parts.low_pass and fit.shared[-1] > 0.0:
         notes.append(f"the noise ends at about {fit.shared[-1] ** -0.25:.0f} Hz, as behind a low-pass")
     return notes
+
+
+def _jitter_rad2(fit: SpectrumFit) -> tuple[float, float]:
+    """Return what the mean square of the edges' jitter is at the least, by two standard errors, and what it is."""
+    at = sum(len(effect.parameters) for effect in fit.parts.effects)
+    # The edges look alike on a tire without damping: only their sum is known well.
+    value = 0.5 * float(fit.shared[at] + fit.shared[at + 1])
+    std = 0.5 * math.sqrt(max(float(fit.covariance[at : at + 2, at : at + 2].sum()), 0.0))
+    return value - 2.0 * std, value
 
 
 def _short(count: int) -> str:
@@ -214,11 +231,16 @@ def _parameters(step: Step, fit: SpectrumFit) -> dict[str, Fitted]:
     }
 
 
-def _finding(selection: Selection, step: Step, doubted: bool) -> Finding:
+def _finding(selection: Selection, step: Step, doubted: bool, shaky: bool) -> Finding:
     made = _described(step, selection.fit, _rms(selection, selection.fit, step))
     before, after = _left_over(selection, step)
     made = replace(made, verdict=Verdict.NAMED, rms_before_mps2=before, rms_after_mps2=after)
-    return _doubtful(made) if doubted else made
+    if doubted:
+        return _doubtful(made)
+    if shaky:
+        reason = "there is broad noise beside it that no effect explains"
+        return replace(made, verdict=Verdict.INDISTINGUISHABLE, reason=reason, decide_with=ANOTHER_SPEED)
+    return made
 
 
 def _rival(selection: Selection, step: Step) -> Finding:
@@ -230,15 +252,14 @@ def _doubtful(finding: Finding) -> Finding:
         finding,
         verdict=Verdict.INDISTINGUISHABLE,
         rivals=(ANTI_ALIAS,),
-        decide_with="a recording at another speed: the road grows with it, the sensor's own noise does not",
+        decide_with=f"{ANOTHER_SPEED}: the road grows with it, the sensor's own noise does not",
     )
 
 
 def _refused(refusal: _Refusal) -> Finding:
     made = _described(refusal.step, refusal.step.fit, math.nan)
     if refusal.open:
-        decide = "a recording at another speed"
-        return replace(made, verdict=Verdict.INDISTINGUISHABLE, reason=refusal.reason, decide_with=decide)
+        return replace(made, verdict=Verdict.INDISTINGUISHABLE, reason=refusal.reason, decide_with=ANOTHER_SPEED)
     return replace(made, reason=refusal.reason)
 
 

@@ -116,9 +116,8 @@ def fit_spectra(
         if gained < _ENDS:
             break
     inverse = np.linalg.inv(hessian + 1e-12 * np.diag(np.diag(hessian)))
-    return SpectrumFit(
-        parts, levels, common, shared, inverse[size + 3 :, size + 3 :], _state(sites, observed, parts, levels, shared)
-    )
+    covariance: FloatArray = np.asarray(inverse[size + 3 :, size + 3 :], dtype=np.float64)
+    return SpectrumFit(parts, levels, common, shared, covariance, _state(sites, observed, parts, levels, shared))
 
 
 def _bounds(parts: Parts) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

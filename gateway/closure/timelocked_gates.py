@@ -106,7 +106,8 @@ def objection(
     if not said and isinstance(effect, Rotating):
         said = _wrong_sense(sites, fit, effect, own)
     if not said and isinstance(effect, NarrowNoise):
-        said = _steady(sites, effect.noise_band(own))
+        band = effect.noise_band(own)
+        said = _not_alone(sites, effect, band) or _steady(sites, band)
     if not said:
         said = _rest(sites, observed, fit, effect, own)
     if said:
@@ -199,6 +200,33 @@ def _wrong_sense(sites: Sequence[Site], fit: SpectrumFit, effect: Rotating, own:
     ratio, std = top / below, below**-0.5
     if abs(ratio - 1.0) > _QUADRATURE + _SIGMAS * std or std > _QUADRATURE:
         return f"radial and circumferential axis are in quadrature to {ratio:.2f} +- {std:.2f} of what it takes"
+    return ""
+
+
+def _not_alone(sites: Sequence[Site], effect: SpectrumEffect, band: tuple[float, float]) -> str:
+    """Look for a narrow band on axes that must be quiet beside its own surroundings, whatever else was fitted there."""
+    above = np.zeros((len(sites), 3))
+    std = np.full((len(sites), 3), np.inf)
+    width = band[1] - band[0]
+    for g, site in enumerate(sites):
+        frequency, power = site.spectra.frequency_hz, site.spectra.mean_power()
+        away = np.abs(frequency - 0.5 * (band[0] + band[1])) / max(width, 2.0 * site.spectra.step_hz)
+        inside, beside = away <= 0.5, (away > 1.5) & (away <= 3.0)
+        for axis in np.flatnonzero(site.spectra.present).tolist():
+            around = float(np.median(power[axis, beside]))
+            above[g, axis] = float((power[axis, inside] - around).sum())
+            error = float(np.square(power[axis, inside]).sum()) + inside.sum() ** 2 / beside.sum() * around**2
+            std[g, axis] = math.sqrt(error / float(site.spectra.freedom.sum()))
+    own = float(above[:, list(effect.axes)].sum())
+    if own <= 0.0:
+        return "it does not stand out of its surroundings"
+    for axis in range(3):
+        seen = np.isfinite(std[:, axis])
+        if axis in effect.axes or not seen.any():
+            continue
+        total, error = float(above[seen, axis].sum()), math.sqrt(float(np.square(std[seen, axis]).sum()))
+        if math.isfinite(error) and total - _SIGMAS * error > _QUIET * own:
+            return f"the {AXES[axis]} axis has the same band, {math.sqrt(total / own):.2f} times as much"
     return ""
 
 

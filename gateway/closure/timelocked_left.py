@@ -24,6 +24,7 @@ _QUANTILE: Final = 5.6
 _ENDS: Final = 2.0
 # What is explained is explained to this share; sidebands of it, by the belt's own shape, reach this high.
 _EXPLAINED_TO: Final = 0.2
+_FILTER_TO: Final = 0.3
 _SIDEBANDS: Final = 0.03
 _SIDEBAND_TURNS: Final = 3.0
 _BESIDE_A_LINE: Final = 0.15
@@ -62,20 +63,27 @@ class Part:
         return self.high_hz - self.low_hz <= _LINE_HZ
 
 
-def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray) -> list[Part]:
+def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, level: FloatArray) -> list[Part]:
     """Return what stands out of one group.
 
     Args:
         site: the group.
         group: its index.
         density: (3, m) of the fitted model.
-        noise: (3, m) of it that is white noise.
+        noise: (3, m) of it that is the sensor's noise.
+        level: (3,) of the noise before any low-pass.
     """
     spectra = site.spectra
     power = spectra.mean_power()
     explained = np.maximum(density - noise, 0.0)
     reach = max(1, round(_SIDEBAND_TURNS * spectra.wheel_hz / spectra.step_hz))
-    allowed = density + _EXPLAINED_TO * explained + _SIDEBANDS * _running_max(explained, reach)
+    filtered = np.maximum(level[:, None] - noise, 0.0)
+    allowed = (
+        density
+        + _FILTER_TO * np.minimum(filtered, noise)
+        + _EXPLAINED_TO * explained
+        + _SIDEBANDS * _running_max(explained, reach)
+    )
     found: list[Part] = []
     for axis in np.flatnonzero(spectra.present).tolist():
         found += _parts(site, group, axis, power[axis], density[axis], allowed[axis])

@@ -198,3 +198,18 @@ class TestNoNames:
     def test_a_radial_axis_alone_is_enough(self) -> None:
         rng = np.random.default_rng(6)
         assert not diagnose_time_locked([noisy_group(60.0, rng, axes="r")]).findings
+
+    def test_sensor_noise_behind_a_low_pass_is_no_road(self) -> None:
+        two = diagnose_time_locked(simulated_groups("[sensor]\nbandwidth_hz = 700"))
+        assert not two.findings
+        assert not two.unexplained
+        assert any("low-pass" in note for note in two.notes)
+        one = diagnose_time_locked(simulated_groups("[sensor]\nbandwidth_hz = 700", (80.0,)))
+        assert not named(one)
+        assert not one.unexplained
+
+    def test_beside_something_broad_one_speed_names_nothing(self) -> None:
+        tables = "[road]\nrms_mps2 = 0.9\nbandwidth_hz = 800\n[defect]\nloose_hz = 208.98486\nloose_q = 11.33815"
+        result = diagnose_time_locked(simulated_groups(tables, (80.0,), 30.0, 7))
+        assert named(result) <= {"road vibration"}
+        assert result.unexplained
