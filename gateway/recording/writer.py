@@ -31,11 +31,30 @@ from gateway.recording.schemas import TopicSchema, schema_of
 FLUSH_INTERVAL_NS: Final = 100_000_000
 
 
+class _Pace:
+    """When a flush is due by one time base. Items and the clock have one each: they need not run together."""
+
+    def __init__(self, start_ns: int) -> None:
+        self._seen_ns = start_ns
+        self._flushed_ns = start_ns
+
+    def due(self, now_ns: int) -> bool:
+        """Return whether so much time has passed since the last flush."""
+        self._seen_ns = now_ns
+        # Links' clocks never differ by a second; a bigger step back is a new time base.
+        return not -1_000_000_000 < now_ns - self._flushed_ns < FLUSH_INTERVAL_NS
+
+    def flushed(self) -> None:
+        """Note a flush: what was seen last of this time base lies before it."""
+        self._flushed_ns = self._seen_ns
+
+
 class RecordingWriter:
     """Writes a recording. Safe to use from several threads.
 
-    Items are flushed to the operating system when 0.1 s of their own time has passed since the last flush; `tick`
-    does the same by the clock when nothing arrives.
+    All is flushed to the operating system when 0.1 s of the items' own time has passed since the last flush; `tick`
+    does the same by the clock when nothing arrives. Items may run ahead of the clock or behind it, as of a simulation
+    that is faster than real time: were both held against one mark, every item and every tick would end a chunk.
     """
 
     def __init__(
@@ -56,7 +75,7 @@ class RecordingWriter:
         self._output = McapOutput(_choose_path(Path(path), start_ns))
         self._raw_channels: dict[str, int] = {}
         self._topic_channels: dict[str, tuple[int, TopicSchema]] = {}
-        self._last_flush_ns = start_ns
+        self._item_pace, self._clock_pace = _Pace(start_ns), _Pace(start_ns)
         self._session = {
             "format": FORMAT_VERSION,
             "treadlink": __version__,
@@ -96,7 +115,7 @@ class RecordingWriter:
                 is_mark = item.kind is LinkEventKind.MARK
                 topic, link = (MARKS_TOPIC, "") if is_mark else (event_topic(item.link), item.link)
                 self._add_json(topic, item.host_ns, event_payload(item), link)
-            self._flush_when_due(item.host_ns)
+            self._flush_when_due(self._item_pace, item.host_ns)
 
     def write_topic(self, topic: str, host_ns: int, payload: Mapping[str, Any]) -> None:
         """Record a decoded quantity beside the bytes; topics and fields as in `schemas`.
@@ -106,8 +125,8 @@ class RecordingWriter:
             ValueError: an unknown topic, or a required field is missing.
         """
         with self._lock:
+            # No flush by its time: what was decoded may lag far behind the items; their next one or `tick` flushes.
             self._add_json(topic, host_ns, payload)
-            self._flush_when_due(host_ns)
 
     def tick(self, now_ns: int) -> None:
         """Flush when 0.1 s have passed since the last flush; nothing after `close`.
@@ -117,7 +136,7 @@ class RecordingWriter:
         """
         with self._lock:
             if not self._output.closed:
-                self._flush_when_due(now_ns)
+                self._flush_when_due(self._clock_pace, now_ns)
 
     def sync(self) -> None:
         """Hand what was written to the disk itself; may take as long as the disk does.
@@ -160,11 +179,11 @@ class RecordingWriter:
             raise ValueError(f"topic '{topic}' lacks {', '.join(missing)}")
         self._output.add_message(number, host_ns, encode_json(payload))
 
-    def _flush_when_due(self, now_ns: int) -> None:
-        # Links' clocks never differ by a second; a bigger step back is a new time base.
-        if not -1_000_000_000 < now_ns - self._last_flush_ns < FLUSH_INTERVAL_NS:
+    def _flush_when_due(self, pace: _Pace, now_ns: int) -> None:
+        if pace.due(now_ns):
             self._output.flush()
-            self._last_flush_ns = now_ns
+            self._item_pace.flushed()
+            self._clock_pace.flushed()
 
 
 def utc_text(ns: int) -> str:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -13,7 +15,9 @@ from mcap.writer import Writer
 
 from gateway.io.source import Chunk
 from gateway.recording.chunk_index import PackedIndexes
+from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
+from tools.reliability.soak import _TimeErrors
 
 U64 = st.integers(0, 2**63)
 
@@ -80,3 +84,59 @@ def test_the_stock_reader_finds_every_chunk_by_the_index(tmp_path) -> None:
 def test_mcap_still_keeps_its_indexes_where_they_are_replaced(tmp_path) -> None:
     # Should a later mcap rename the list, recording goes on but memory grows: then this must be looked at again.
     assert hasattr(Writer(str(tmp_path / "x.mcap")), "_Writer__chunk_indices")
+
+
+@pytest.mark.parametrize("speed", [0.2, 1.0, 5.0, 1000.0])
+@pytest.mark.parametrize("apart_s", [0, -3600, 3600])
+@pytest.mark.parametrize("lag_s", [0, 100])
+def test_chunks_are_a_tenth_of_a_second_long_whatever_runs_apart(tmp_path, speed, apart_s, lag_s) -> None:
+    """Items at `speed` times the clock, their clock elsewhere, what is decoded lagging: ten chunks a second still."""
+    begin_ns, second_ns = 1_700_000_000 * 10**9, 10**9
+    writer = RecordingWriter(tmp_path / "r.mcap", start_ns=begin_ns)
+    seconds, step_ns = 20.0, 20_000_000
+    for number in range(round(seconds * second_ns / step_ns)):
+        at_ns = begin_ns + number * step_ns
+        writer.write(Chunk("a:b", at_ns, bytes(100)))
+        writer.write_topic("/log", at_ns - lag_s * second_ns, {"level": "info", "text": "x"})
+        writer.tick(begin_ns + apart_s * second_ns + round(number * step_ns / speed))
+    clock_s = seconds / speed
+    # A chunk ends by either time base; in step with each other they share it, but for the 20 ms between looks.
+    assert len(writer._output._writer._Writer__chunk_indices) <= 10.0 / 0.8 * max(seconds, clock_s) + 5
+    writer.close()
+
+
+def test_what_arrives_is_in_the_file_within_a_tenth_of_a_second_and_a_look(tmp_path) -> None:
+    """As the recording's thread does it: a look every 20 ms, first what waits, then the clock; arrivals in bursts."""
+    rng = np.random.default_rng(1)
+    writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
+    arrivals_ns = np.unique(np.cumsum(rng.choice([1_000_000, 15_000_000, 90_000_000, 400_000_000], 150)))
+    waiting = [Chunk("a:b", int(at), bytes(50)) for at in arrivals_ns]
+    taken: list[Chunk] = []
+    last_look_ns = int(arrivals_ns[-1]) + 200_000_000
+    for now_ns in range(0, last_look_ns, 20_000_000):
+        while waiting and waiting[0].host_ns <= now_ns:
+            taken.append(waiting.pop(0))
+            writer.write(taken[-1])
+        writer.tick(now_ns)
+        held = sum(isinstance(item, Chunk) for item in RecordingReader(writer.path).items())
+        assert all(now_ns - item.host_ns < 120_000_000 for item in taken[held:])
+    assert held == len(arrivals_ns)
+    writer.close()
+
+
+def test_the_soak_measures_times_without_keeping_them() -> None:
+    truth = SimpleNamespace(bottom_times_s=lambda begin_s, end_s: np.arange(np.ceil(begin_s), np.ceil(end_s)))
+    measured = _TimeErrors({"W1": truth}, 10_000.0)  # type: ignore[dict-item]
+    rng = np.random.default_rng(2)
+    errors_s = rng.uniform(-0.004, 0.006, 10_000)
+    held = measured._counts.nbytes
+    for batch in np.array_split(np.arange(10_000) + errors_s, 37):
+        measured.add("W1", batch)
+    assert measured._counts.nbytes == held
+    assert measured._counts.sum() == 10_000
+    tenths = measured.by_tenth()
+    assert len(tenths) == 10
+    for (middle, spread), own in zip(tenths, errors_s.reshape(10, 1000), strict=True):
+        low, median, high = np.percentile(own, (1, 50, 99))
+        assert middle == pytest.approx(median, abs=1e-4)
+        assert spread == pytest.approx(high - low, abs=1e-4)

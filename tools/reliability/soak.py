@@ -8,7 +8,6 @@ import sys
 import tempfile
 import threading
 import time
-from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,9 +23,13 @@ from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
+from gateway.simulator.truth import WheelTruth
 from gateway.views.summary import ResultSummary
 
 START_NS = 1_700_000_000_000_000_000
+
+_BIN_S = 5e-6
+_BINS = 40_000
 
 
 @dataclass(slots=True)
@@ -54,6 +57,35 @@ class Soak:
     gaps: int = 0
     time_s: list[tuple[float, float]] = field(default_factory=list)
     lost_items: int = 0
+
+
+class _TimeErrors:
+    """Times of contacts less truth, counted in bins by tenth of the run: the measurement itself must not grow."""
+
+    def __init__(self, truth: dict[str, WheelTruth], seconds: float) -> None:
+        self._truth = truth
+        self._seconds = seconds
+        self._counts = np.zeros((10, _BINS), np.int32)
+
+    def add(self, position: str, found_s: np.ndarray) -> None:
+        """Count what is between each time and the nearest true one; what is further off than 0.1 s as 0.1 s."""
+        begin_s = max(0.0, float(found_s.min()) - 2.0)
+        bottoms_s = self._truth[position].bottom_times_s(begin_s, float(found_s.max()) + 2.0)
+        nearest = np.clip(np.searchsorted(bottoms_s, found_s), 1, len(bottoms_s) - 1)
+        before_s, after_s = found_s - bottoms_s[nearest - 1], found_s - bottoms_s[nearest]
+        errors_s = np.where(before_s < -after_s, before_s, after_s)
+        bins = np.clip(np.floor(errors_s / _BIN_S).astype(int) + _BINS // 2, 0, _BINS - 1)
+        tenths = np.clip((found_s / self._seconds * 10).astype(int), 0, 9)
+        np.add.at(self._counts, (tenths, bins), 1)
+
+    def by_tenth(self) -> list[tuple[float, float]]:
+        """Return median and central 98 % of each tenth that has any."""
+        told = []
+        for counts in self._counts[self._counts.any(axis=1)]:
+            below = np.cumsum(counts)
+            low, middle, high = np.searchsorted(below, np.array([0.01, 0.5, 0.99]) * below[-1])
+            told.append((float(middle - _BINS // 2 + 0.5) * _BIN_S, float(high - low) * _BIN_S))
+        return told
 
 
 class _Fast:
@@ -111,10 +143,10 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
     core = SessionCore(vehicle, recorder=writer, **options)
     live = LiveSession([source], core, SystemClock(), patient=[True], summary=ResultSummary())
     last_end_s: dict[str, float] = {}
-    # Packed, so that the measurement itself does not grow.
-    ends_ns: dict[str, array[int]] = {}
+    errors = _TimeErrors(simulation.truth, seconds)
 
     def look(results: list[RevolutionResult]) -> None:
+        ends_s: dict[str, list[float]] = {}
         for result in results:
             revolution = result.revolution
             begin = last_end_s.get(result.position)
@@ -122,7 +154,10 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
             if begin is not None and abs(revolution.start_s - begin) > 0.01:
                 soak.gaps += 1
             last_end_s[result.position] = revolution.start_s + revolution.period_s
-            ends_ns.setdefault(result.position, array("q")).append(result.host_ns - START_NS)
+            ends_s.setdefault(result.position, []).append((result.host_ns - START_NS) * 1e-9)
+        for position, found_s in ends_s.items():
+            soak.revolutions[position] = soak.revolutions.get(position, 0) + len(found_s)
+            errors.add(position, np.array(found_s))
 
     begin = time.perf_counter()
     live.start()
@@ -139,22 +174,10 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
     soak.recorded_bytes = snapshot.recorded_bytes
     soak.lost_items = sum(sum(link.queue_dropped.values()) for link in snapshot.links)
     (folder / "soak.mcap").unlink()
-    errors: list[np.ndarray] = []
-    times: list[np.ndarray] = []
     for position, truth in simulation.truth.items():
-        bottoms_s = truth.bottom_times_s(0.0, seconds)
-        found_s = np.array(ends_ns.get(position, []), np.float64) * 1e-9
-        soak.turns[position] = max(0, len(bottoms_s) - 1)
-        soak.revolutions[position] = len(found_s)
-        nearest = np.clip(np.searchsorted(bottoms_s, found_s), 1, len(bottoms_s) - 1)
-        before, after = bottoms_s[nearest - 1], bottoms_s[nearest]
-        errors.append(np.where(found_s - before < after - found_s, found_s - before, found_s - after))
-        times.append(found_s)
-    every, at = np.concatenate(errors), np.concatenate(times)
-    tenths = np.minimum((at / seconds * 10).astype(int), 9)
-    for tenth in range(10):
-        low, middle, high = np.percentile(every[tenths == tenth], (1, 50, 99))
-        soak.time_s.append((float(middle), float(high - low)))
+        soak.turns[position] = max(0, len(truth.bottom_times_s(0.0, seconds)) - 1)
+        soak.revolutions.setdefault(position, 0)
+    soak.time_s = errors.by_tenth()
     return soak
 
 
