@@ -48,7 +48,7 @@ def test_summary_counts_by_kind_and_size() -> None:
 
 def test_the_smallest_size_found() -> None:
     gain = next(line for line in by_effect(ALL) if line.startswith("gain"))
-    assert " 0/2   2/2   0/0  from 0.3 %" in gain
+    assert " 0/2   2/2   0/0  from 0.03 %" in gain
     assert "also named: run-out 1, yaw tilt 1" in gain or "also named: yaw tilt 1, run-out 1" in gain
 
 

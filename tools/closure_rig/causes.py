@@ -51,7 +51,7 @@ class Cause:
     Attributes:
         name: as the catalogue calls it.
         unit: of the sizes.
-        sizes: about the detection limit, three times that, and what tires and sensors really have.
+        sizes: about the detection limit of the campaign, three times that, and what tires and sensors really have.
         tables: what to change for a size.
         mirrored: (table, key) of phases that change sign when the tire rolls the other way round.
         per_load: (table, key) of what is in proportion to each run's load; their values are for 1 N.
@@ -186,39 +186,39 @@ def _radius(drawn: Drawing) -> Tables:
 
 
 CAUSES: Final[tuple[Cause, ...]] = (
-    Cause("mounting offset", "mm", (0.1, 0.3, 3.0), _offset),
-    Cause("roll tilt", "deg", (0.02, 0.06, 1.0), _tilt("roll_deg")),
-    Cause("pitch tilt", "deg", (0.02, 0.06, 1.0), _tilt("pitch_deg")),
+    Cause("mounting offset", "mm", (0.012, 0.036, 3.0), _offset),
+    Cause("roll tilt", "deg", (0.003, 0.01, 1.0), _tilt("roll_deg")),
+    Cause("pitch tilt", "deg", (0.003, 0.01, 1.0), _tilt("pitch_deg")),
     # Only gravity tells of it where the sensor sits on the neutral layer.
-    Cause("yaw tilt", "deg", (0.3, 1.0, 5.0), _yaw),
-    Cause("gain", "%", (0.1, 0.3, 2.0), _gain),
-    Cause("gain-temperature drift", "%/K", (0.002, 0.006, 0.03), _gain_temperature),
-    Cause("zero-g offset", "g", (0.03, 0.1, 1.0), _zero_g),
+    Cause("yaw tilt", "deg", (0.4, 1.2, 5.0), _yaw),
+    Cause("gain", "%", (0.01, 0.03, 2.0), _gain),
+    Cause("gain-temperature drift", "%/K", (0.0005, 0.0015, 0.03), _gain_temperature),
+    Cause("zero-g offset", "g", (0.006, 0.02, 1.0), _zero_g),
     Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac),
-    Cause("anti-alias filter", "Hz", (3500.0, 2000.0, 700.0), _low_pass),
-    Cause("sample clock error", "ppm", (100.0, 300.0, 1000.0), _clock),
-    Cause("clipping", "R Omega^2 of the fastest run", (1.42, 1.3, 1.1), _clip),
-    Cause("structural damping", "N s/m^2", (3.0, 10.0, 100.0), _tire("foundation_damping_nspm2")),
-    Cause("tread damping (shifted pressure)", "N s/m^2", (500.0, 1500.0, 20_000.0), _tire("tread_damping_nspm2")),
-    Cause("contact asymmetry", "% traction", (0.5, 1.5, 10.0), _traction, per_load=(("tire", "axle_torque_nm"),)),
-    Cause("belt extension", "MN (EA)", (30.0, 10.0, 3.0), _tire("extension_stiffness_mn")),
-    Cause("shear flexibility", "kN (GA)", (2000.0, 700.0, 150.0), _tire("shear_stiffness_kn")),
-    Cause("rotary inertia", "kg m", (1e-4, 3e-4, 9e-4), _tire("rotary_inertia_kgm")),
-    Cause("sidewall stiffening", "1/m", (0.5, 1.5, 5.0), _tire("sidewall_stiffening_pm")),
-    Cause("drum curvature", "m", (100.0, 30.0, 1.7), _drum),
-    Cause("tire-locked edge waves", "% of R Omega^2", (0.1, 0.3, 5.0), _edge_waves),
-    Cause("tread pitch", "% of R Omega^2", (0.1, 0.3, 3.0), _pitch),
-    Cause("torsional ripple", "%", (0.02, 0.06, 0.5), _ripple),
-    Cause("imbalance and hub motion", "m/s^2", (0.15, 0.5, 3.0), _imbalance, (("vibration", "imbalance_deg"),)),
-    Cause("run-out", "mm", (0.2, 0.5, 1.5), _runout, (("tire", "runout_deg"),)),
-    Cause("road vibration", "m/s^2", (0.5, 1.5, 5.0), _road),
-    Cause("hub vibration", "m/s^2", (0.1, 0.3, 2.0), _hub),
-    Cause("cavity resonance", "m/s^2", (0.2, 0.6, 5.0), _cavity),
-    Cause("ply steer", "mm (ply separation)", (0.02, 0.06, 1.2), _ply_steer),
-    Cause("conicity", "deg", (0.02, 0.06, 0.6), _tire("conicity_deg", signed=True)),
-    Cause("carcass compliance", "deg (slip angle)", (0.005, 0.015, 0.3), _slip),
-    Cause("contact edge scatter", "mm", (0.05, 0.15, 1.5), _scatter),
-    Cause("rolling radius", "%", (0.05, 0.15, 2.0), _radius),
+    Cause("anti-alias filter", "Hz", (1800.0, 1250.0, 600.0), _low_pass),
+    Cause("sample clock error", "ppm", (40.0, 120.0, 1000.0), _clock),
+    Cause("clipping", "R Omega^2 of the fastest run", (1.36, 1.28, 1.1), _clip),
+    Cause("structural damping", "N s/m^2", (1.5, 4.5, 100.0), _tire("foundation_damping_nspm2")),
+    Cause("tread damping (shifted pressure)", "N s/m^2", (180.0, 540.0, 20_000.0), _tire("tread_damping_nspm2")),
+    Cause("contact asymmetry", "% traction", (0.1, 0.3, 10.0), _traction, per_load=(("tire", "axle_torque_nm"),)),
+    Cause("belt extension", "MN (EA)", (20.0, 6.7, 3.0), _tire("extension_stiffness_mn")),
+    Cause("shear flexibility", "kN (GA)", (9000.0, 3000.0, 150.0), _tire("shear_stiffness_kn")),
+    Cause("rotary inertia", "kg m", (4e-5, 1.2e-4, 6e-4), _tire("rotary_inertia_kgm")),
+    Cause("sidewall stiffening", "1/m", (1.2, 3.6, 9.0), _tire("sidewall_stiffening_pm")),
+    Cause("drum curvature", "m", (700.0, 230.0, 1.7), _drum),
+    Cause("tire-locked edge waves", "% of R Omega^2", (0.015, 0.045, 5.0), _edge_waves),
+    Cause("tread pitch", "% of R Omega^2", (0.02, 0.06, 3.0), _pitch),
+    Cause("torsional ripple", "%", (0.002, 0.006, 0.5), _ripple),
+    Cause("imbalance and hub motion", "m/s^2", (0.08, 0.24, 3.0), _imbalance, (("vibration", "imbalance_deg"),)),
+    Cause("run-out", "mm", (0.025, 0.075, 1.5), _runout, (("tire", "runout_deg"),)),
+    Cause("road vibration", "m/s^2", (0.1, 0.3, 5.0), _road),
+    Cause("hub vibration", "m/s^2", (0.18, 0.54, 2.0), _hub),
+    Cause("cavity resonance", "m/s^2", (0.07, 0.2, 5.0), _cavity),
+    Cause("ply steer", "mm (ply separation)", (0.008, 0.024, 1.2), _ply_steer),
+    Cause("conicity", "deg", (0.01, 0.03, 0.6), _tire("conicity_deg", signed=True)),
+    Cause("carcass compliance", "deg (slip angle)", (0.008, 0.024, 0.3), _slip),
+    Cause("contact edge scatter", "mm", (0.3, 0.9, 2.5), _scatter),
+    Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
 )
 
 
