@@ -1,4 +1,4 @@
-"""How often `treadlink diagnose` is right about effects that nobody declared; docs/closing-the-loop.md explains.
+"""How often `treadlink diagnose` is right about effects that nobody declared.
 
 Seeds draw tires, sensors and what is wrong with them; the exact ring writes recordings; labels are sealed until the
 diagnosis is made. Run: python tools/bench_closure.py [--quick] [--seeds N] [--only EFFECT] [--jobs N] [--figure FILE]
@@ -17,7 +17,7 @@ from closure_rig.figure import draw_confusion
 from closure_rig.judge import CANNOT_TELL
 from closure_rig.outside import STRANGERS
 from closure_rig.run import default_jobs, run_all
-from closure_rig.score import by_effect, summary
+from closure_rig.score import ENOUGH, by_effect, summary
 
 
 def main() -> None:
@@ -31,7 +31,7 @@ def main() -> None:
         f"start model {options.model}, {len(trials)} cases, {sum(t.seconds for t in trials) / len(trials):.1f} s each"
     )
     print("\n".join(summary(judgements)))
-    print("\nright at " + ", ".join(SIZES) + f"; the smallest size found in {90} % of the cases")
+    print("\nright at " + ", ".join(SIZES) + f"; the smallest size found in {100 * ENOUGH:.0f} % of the cases")
     print("\n".join(by_effect(judgements)))
     pairs = [judgement for judgement in judgements if len(judgement.truth) > 1]
     for judgement in pairs:
