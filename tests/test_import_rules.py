@@ -35,7 +35,8 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.views": {"gateway.closure", "gateway.errors", "gateway.estimators", "gateway.pipeline"},
     "gateway.session": {
         "firmware_protocol", "gateway.clock", "gateway.closure", "gateway.config", "gateway.errors",
-        "gateway.estimators", "gateway.io", "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.views",
+        "gateway.estimators", "gateway.io", "gateway.pipeline", "gateway.recording", "gateway.security",
+        "gateway.views",
     },
     "gateway.figures": {"gateway.errors", "gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.cli": {"*"},

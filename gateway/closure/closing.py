@@ -86,7 +86,7 @@ def close_loop(
             reason = f"found in {times} of {len(errors)} folds only when one fold is left out"
             unsteady[step.effect.name] = refused(step, selection.final, reason)
     on_progress(_HELD_OUT, "comparing rivals")
-    findings = [*findings_of(selection, data, effects), *unsteady.values()]
+    findings = [*findings_of(selection, selection.data, effects), *unsteady.values()]
     return Closed(selection, errors, findings)
 
 

@@ -61,8 +61,8 @@ def diagnose(
     time_locked = diagnose_time_locked(campaign.groups)
     on_progress(0.97, "figures")
     before, _ = estimates_of(selection.start, data)
-    after, determined = estimates_of(selection.final, data)
-    left: tuple[Unexplained, ...] = (*unexplained(selection.final, data), *time_locked.unexplained)
+    after, determined = estimates_of(selection.final, selection.data)
+    left: tuple[Unexplained, ...] = (*unexplained(selection.final, selection.data), *time_locked.unexplained)
     on_progress(1.0, "done")
     return Diagnosis(
         model=str(model),

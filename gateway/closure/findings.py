@@ -18,7 +18,7 @@ from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect
 from gateway.closure.observation import ORDERS
 from gateway.closure.rivals import rivals_of
-from gateway.closure.selection import Selection, Step
+from gateway.closure.selection import Selection, Step, contribution_sizes
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def refused(step: Step, fit: Fit, reason: str) -> Finding:
         name=step.effect.name,
         verdict=Verdict.REFUSED,
         parameters=_parameters(fit, step.effect),
-        chi2=step.before.misfit - step.after.misfit,
+        chi2=step.fall,
         held_out_gain=float(step.gain.sum()),
         held_out_std=_spread(step.gain),
         rms_mps2=_size(fit, step.effect),
@@ -74,7 +74,7 @@ def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], deci
         name=step.effect.name,
         verdict=Verdict.INDISTINGUISHABLE if rivals else Verdict.NAMED,
         parameters=_parameters(final, step.effect),
-        chi2=step.before.misfit - step.after.misfit,
+        chi2=step.fall,
         held_out_gain=float(step.gain.sum()),
         held_out_std=_spread(step.gain),
         rms_mps2=_size(final, step.effect),
@@ -110,13 +110,9 @@ def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
 
 def _size(fit: Fit, effect: AngleEffect) -> float:
     """Return the rms of what an effect adds, over the groups, on the axis where it is largest."""
-    without = fit.vector.copy()
-    without[fit.model.layout.effect(effect.name)] = 0.0
-    total = np.zeros(3)
-    for index, there in enumerate(fit.predicted):
-        change = np.abs(there[0] - fit.model.predict_group(without, index)[0]) ** 2
-        total += (_SHARE * change).sum(axis=1)
-    return math.sqrt(float(total.max()) / len(fit.predicted))
+    sizes = contribution_sizes(fit, effect)
+    total = sum(np.asarray((_SHARE * np.square(size)).sum(axis=1)) for size in sizes)
+    return math.sqrt(float(np.max(total)) / len(sizes))
 
 
 def _rms(fit: Fit, data: Whitened) -> float:

@@ -40,6 +40,13 @@ def evidence_needed(effect: AngleEffect) -> float:
     return LEAST_EVIDENCE + PER_PARAMETER * (len(effect.parameters) - 1)
 
 
+def significance(fit: Fit, effect: AngleEffect) -> float:
+    """Return the chi-square of an effect's parameters against 0, by the linear fit."""
+    where = fit.model.layout.effect(effect.name)
+    values = fit.vector[where]
+    return float(values @ np.linalg.solve(fit.covariance()[where, where], values))
+
+
 def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = False) -> str:
     """Return which parameter lies outside its plausible range, in words; empty when none does.
 

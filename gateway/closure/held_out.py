@@ -111,7 +111,7 @@ def hold_out_fold(
     except FitFailedError:
         return None
     final = selection.final
-    added = _empirical(final, data.without(fold))
+    added = _empirical(final, selection.data)
     before, _, curves = _squares(selection.start.predicted, data, fold)
     after, noise, _ = _squares(final.predicted, data, fold)
     corrected = tuple(there + correction for there, correction in zip(final.predicted, added, strict=True))

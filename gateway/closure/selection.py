@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -19,6 +19,7 @@ from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Campaign
 from gateway.closure.rivals import fit_without
 from gateway.closure.trial import Trial, refit, try_effect
+from gateway.physics.rolling_ring import RingNotConvergedError
 
 FloatArray = NDArray[np.float64]
 
@@ -29,6 +30,8 @@ _WORTH: Final = 0.4
 # part of what is left, and what takes off less lives on errors of something bigger.
 _LEAST_SHARE: Final = 0.05
 _MOST_EFFECTS: Final = 10
+# Squared parameters over their errors, times what is needed, from which an effect is not tried without.
+_SURELY: Final = 10.0
 # Refused candidates that are tried with a second one beside them.
 _PAIRED: Final = 3
 
@@ -42,12 +45,14 @@ class Step:
         before: the fit without it.
         after: the fit with it.
         gain: (K,) fall of each fold's held-out misfit.
+        fall: of the misfit on all data.
     """
 
     effect: AngleEffect
     before: Fit
     after: Fit
     gain: FloatArray
+    fall: float = 0.0
 
 
 @dataclass(slots=True)
@@ -56,11 +61,13 @@ class Selection:
 
     Attributes:
         start: the starting model's fit.
+        data: with what the equations of the effects leave counted as uncertain.
         steps: effects added, in order.
         refused: effect -> (reason, fall of the misfit, gain by fold, fit with it).
     """
 
     start: Fit
+    data: Whitened
     steps: list[Step] = field(default_factory=list)
     refused: dict[str, tuple[str, float, FloatArray, Fit]] = field(default_factory=dict)
 
@@ -94,20 +101,49 @@ def select(
     """
     on_step("fitting the starting model")
     first = fit_model(ClosureModel(campaign, core), data, start, from_afar=start is None)
-    selection = Selection(first)
+    selection = Selection(first, data)
     while len(selection.steps) < _MOST_EFFECTS:
-        fit = selection.final
+        fit, judged = selection.final, selection.data
         on_step(f"looking for effect {len(selection.steps) + 1}")
         taken = {effect.name for effect in fit.model.effects}
         left = [effect for name, effect in effects.items() if name not in taken]
-        steps = _next_steps(fit, data, left, selection)
+        steps = _next_steps(fit, judged, left, selection)
         if not steps:
             break
         selection.steps.extend(steps)
         on_step("found " + " and ".join(step.effect.name for step in steps))
-        _prune(selection, data)
-    _judge_leftovers(selection, data)
+        _prune(selection, judged)
+        if not _doubt(selection, data):
+            break
+    _judge_leftovers(selection, selection.data)
     return selection
+
+
+def _doubt(selection: Selection, data: Whitened) -> bool:
+    """Count what the effects' equations leave as uncertain from now on; False where the fit does not stand that."""
+    final = selection.final
+    judged = data.doubting([contribution_sizes(final, effect) for effect in final.model.effects])
+    try:
+        refitted = fit_model(final.model, judged, final.vector)
+    except FitFailedError:
+        return False
+    selection.data = judged
+    selection.steps[-1] = replace(selection.steps[-1], after=refitted)
+    return True
+
+
+def contribution_sizes(fit: Fit, effect: AngleEffect) -> list[FloatArray]:
+    """Return the size of what an effect adds to the orders of every group, (3, ORDERS) each; 0 where not known."""
+    without = fit.vector.copy()
+    without[fit.model.layout.effect(effect.name)] = 0.0
+    sizes = []
+    for index, there in enumerate(fit.predicted):
+        try:
+            sizes.append(np.abs(there[0] - fit.model.predict_group(without, index)[0]))
+        except (RingNotConvergedError, ValueError):
+            # The ring does not stand without it at these parameters.
+            sizes.append(np.zeros(there[0].shape))
+    return sizes
 
 
 def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> list[Step]:
@@ -152,7 +188,7 @@ def _judged(
         reason = _reason_against(
             fit, after, trial.effect, gain, gates.overdispersion(after, data), _least_fall(fit, data)
         )
-        step = Step(trial.effect, fit, after, gain)
+        step = Step(trial.effect, fit, after, gain, fit.misfit - after.misfit)
         if reason == "":
             passed.append(step)
         elif reason is not None:
@@ -214,6 +250,9 @@ def _prune(selection: Selection, data: Whitened) -> None:
         final = selection.final
         needless = None
         for step in selection.steps[:-1]:
+            needed = gates.evidence_needed(step.effect) * gates.overdispersion(final, data)
+            if gates.significance(final, step.effect) > _SURELY * needed:
+                continue
             without = fit_without(final, step.effect, data)
             if without is None:
                 continue
@@ -226,7 +265,7 @@ def _prune(selection: Selection, data: Whitened) -> None:
         last = selection.steps[-1]
         selection.steps = [kept for kept in selection.steps if kept is not step]
         gain = last.before.held_out() - without.held_out()
-        selection.steps[-1] = Step(last.effect, last.before, without, gain)
+        selection.steps[-1] = Step(last.effect, last.before, without, gain, last.fall)
 
 
 def _judge_leftovers(selection: Selection, data: Whitened) -> None:
@@ -252,4 +291,4 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         if selection.steps:
             last = selection.steps[-1]
             gain = last.before.held_out() - without.held_out()
-            selection.steps[-1] = Step(last.effect, last.before, without, gain)
+            selection.steps[-1] = Step(last.effect, last.before, without, gain, last.fall)

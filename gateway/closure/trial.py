@@ -44,15 +44,15 @@ class Trial:
 def try_effect(fit: Fit, data: Whitened, effect: AngleEffect) -> Trial | None:
     """Return the best trial of an effect over its starts, by held-out misfit; None where it cannot be had."""
     conditions = tuple(group.conditions for group in fit.model.campaign.groups)
-    starts = effect.starts(conditions)
+    starts = tuple(effect.starts(conditions))
     if not isinstance(effect, SignalEffect):
         # The ring answers a large change of itself otherwise than a small one.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
     best, near = _best_of(fit, data, effect, starts)
     if best is not None and isinstance(effect, Scanned):
         for place, values in effect.scan:
-            starts = [(*near[:place], value, *near[place + 1 :]) for value in values]
-            trial, start = _best_of(fit, data, effect, starts)
+            varied = [(*near[:place], value, *near[place + 1 :]) for value in values]
+            trial, start = _best_of(fit, data, effect, varied)
             if trial is not None and trial.held_out.sum() < best.held_out.sum():
                 best, near = trial, start
     return best

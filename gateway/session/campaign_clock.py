@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 UNKNOWN: Final = (math.nan, math.nan)
 
 _WINDOW_S: Final = 1.0
-_LEAST_WINDOWS: Final = 12
+_LEAST_WINDOWS: Final = 6
 # A step of the two clocks against each other that is no delay: the hub has started again.
 _RESTART_S: Final = 5.0
 _ROUNDS: Final = 4

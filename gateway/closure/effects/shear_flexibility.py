@@ -20,7 +20,14 @@ class ShearFlexibility:
     # Below 1 mm the belt's own grid, and the grid of whatever made the data, look the same.
     parameters = (
         Parameter(
-            "length_squared_m2", "m^2", low=1e-6, high=1.6e-3, prior_std=4e-4, step=5e-6, factor=1e6, display_unit="mm^2"
+            "length_squared_m2",
+            "m^2",
+            low=1e-6,
+            high=1.6e-3,
+            prior_std=4e-4,
+            step=5e-6,
+            factor=1e6,
+            display_unit="mm^2",
         ),
     )
     seen_by = "radial axis, orders 20 and up at the contact edges; circumferential axis, which the section's turn tilts"
