@@ -26,6 +26,10 @@ _RARE: Final = 1e-4
 _BEYOND: Final = 2.0
 # What is left where the effect acts, as a share of what it explains, from which it is a stand-in for something else.
 _LEFT_SHARE: Final = 0.25
+# An axis with less than this share of an effect's evidence on its main one does not judge it.
+_MAIN_AXIS: Final = 0.3
+# On the whole of its axes as much may be left as it explains: that counts as the share above where it acts.
+_HALF_SHARE: Final = 0.25
 # Share of an effect's evidence that the orders hold in which it is judged.
 _WHERE: Final = 0.9
 
@@ -146,7 +150,12 @@ def explained_and_left(fit: Fit, without: Fit, data: Whitened) -> tuple[float, f
         return 0.0, 0.0
     inside = ranked[: int(np.searchsorted(np.cumsum(flat), _WHERE * flat.sum())) + 1]
     beyond = (left - expected).reshape(-1)[inside].sum()
-    return float(gained.reshape(-1)[inside].sum()), max(0.0, float(beyond))
+    # Also on the whole of its axes: what explains the smaller part of what stands out there is not what is wrong.
+    power = gained.sum(axis=1)
+    acts = power > _MAIN_AXIS * power.max()
+    share = max(0.0, float((left - expected)[acts].sum())) / max(float(gained[acts].sum()), 1e-300)
+    explained = float(gained.reshape(-1)[inside].sum())
+    return explained, max(0.0, float(beyond), _HALF_SHARE * share * explained)
 
 
 def stands_in(explained: float, left: float) -> str:
