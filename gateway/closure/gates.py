@@ -153,9 +153,9 @@ def explained_and_left(fit: Fit, without: Fit, data: Whitened) -> tuple[float, f
     # Also on the whole of its axes: what explains the smaller part of what stands out there is not what is wrong.
     power = gained.sum(axis=1)
     acts = power > _MAIN_AXIS * power.max()
-    share = max(0.0, float((left - expected)[acts].sum())) / max(float(gained[acts].sum()), 1e-300)
+    on_axes = max(0.0, float((left - expected)[acts].sum())) / max(float(gained[acts].sum()), 1e-300)
     explained = float(gained.reshape(-1)[inside].sum())
-    return explained, max(0.0, float(beyond), _HALF_SHARE * share * explained)
+    return explained, max(0.0, float(beyond), _HALF_SHARE * on_axes * explained)
 
 
 def stands_in(explained: float, left: float) -> str:
