@@ -13,7 +13,7 @@ from gateway.closure.decide import deciding_recording
 from gateway.closure.diagnosis import Finding, Fitted, Verdict
 from gateway.closure.effects.base import Parameter
 from gateway.closure.estimates import before_and_after, estimates_of
-from gateway.closure.fit import Fit
+from gateway.closure.fit import Fit, held_out_residuals
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect
 from gateway.closure.observation import ORDERS
@@ -78,8 +78,8 @@ def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], deci
         held_out_gain=float(step.gain.sum()),
         held_out_std=_spread(step.gain),
         rms_mps2=_size(final, step.effect),
-        rms_before_mps2=_rms(step.before, data),
-        rms_after_mps2=_rms(step.after, data),
+        rms_before_mps2=_rms(step.before),
+        rms_after_mps2=_rms(step.after),
         estimates=before_and_after(before, after),
         rivals=rivals,
         decide_with=decide_with,
@@ -115,11 +115,10 @@ def _size(fit: Fit, effect: AngleEffect) -> float:
     return math.sqrt(float(np.max(total)) / len(sizes))
 
 
-def _rms(fit: Fit, data: Whitened) -> float:
-    """Return the rms of a fit's own residual."""
+def _rms(fit: Fit) -> float:
+    """Return the rms of a fit's error on folds that it has not seen."""
     total, count = 0.0, 0
-    for there, orders, weight in zip(fit.predicted, data.orders, data.weights, strict=True):
-        used = weight > 0.0
-        total += float((_SHARE * np.abs(orders - there) ** 2 * used).sum())
-        count += int(used.any(axis=2).sum())
+    for error, rows in zip(held_out_residuals(fit), fit.rows, strict=True):
+        total += float((_SHARE * np.abs(error) ** 2).sum())
+        count += int((rows.weight > 0.0).any(axis=2).sum())
     return math.sqrt(total / max(count, 1))

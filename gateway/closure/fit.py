@@ -36,11 +36,19 @@ class FitFailedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Whitened derivatives of one group: places (k,), rows (k, blocks, 3, ORDERS), residual (blocks, 3, ORDERS)."""
+    """Whitened derivatives of one group.
+
+    Attributes:
+        places: (k,) in the vector of parameters.
+        rows: (k, blocks, 3, ORDERS).
+        residual: (blocks, 3, ORDERS).
+        weight: (blocks, 3, ORDERS) that made both white.
+    """
 
     places: NDArray[np.intp]
     rows: ComplexArray
     residual: ComplexArray
+    weight: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,16 +104,36 @@ def held_out_misfit(normal: Normal, from_prior: FloatArray, prior_std: FloatArra
         from_prior: (P,) that point less the priors' mean.
         prior_std: (P,).
     """
-    precision = prior_std**-2.0
-    matrix = normal.matrix.sum(axis=0) + np.diag(precision)
-    gradient = normal.gradient.sum(axis=0) - from_prior * precision
     result = np.empty(len(normal.misfit))
-    for fold in range(len(result)):
-        change = np.linalg.solve(matrix - normal.matrix[fold], gradient - normal.gradient[fold])
+    for fold, change in enumerate(_changes_without(normal, from_prior, prior_std)):
         result[fold] = (
             normal.misfit[fold] - 2.0 * change @ normal.gradient[fold] + change @ normal.matrix[fold] @ change
         )
     return result
+
+
+def held_out_residuals(fit: Fit) -> list[ComplexArray]:
+    """Return every group's residual (blocks, 3, ORDERS), m/s^2, each fold's under the linear fit of all others."""
+    changes = _changes_without(fit.normal, fit.vector - fit.prior_mean, fit.prior_std)
+    residuals = []
+    for rows in fit.rows:
+        residual = rows.residual.copy()
+        for fold in range(len(residual)):
+            residual[fold] -= np.tensordot(changes[fold][rows.places], rows.rows[:, fold], axes=1)
+        used = rows.weight > 0.0
+        residuals.append(np.where(used, residual / np.where(used, rows.weight, 1.0), 0.0))
+    return residuals
+
+
+def _changes_without(normal: Normal, from_prior: FloatArray, prior_std: FloatArray) -> list[FloatArray]:
+    """Return for every fold where the parameters go without it, less where they are."""
+    precision = prior_std**-2.0
+    matrix = normal.matrix.sum(axis=0) + np.diag(precision)
+    gradient = normal.gradient.sum(axis=0) - from_prior * precision
+    return [
+        np.linalg.solve(matrix - own, gradient - slope)
+        for own, slope in zip(normal.matrix, normal.gradient, strict=True)
+    ]
 
 
 def fit_model(model: ClosureModel, data: Whitened, start: FloatArray | None = None, *, from_afar: bool = False) -> Fit:
@@ -199,7 +227,7 @@ def _linearise(
     for index in range(len(model.campaign.groups)):
         places, base, derivatives = model.group_derivatives(vector, index)
         weight = data.weights[index]
-        whitened = Rows(places, derivatives * weight, (data.orders[index] - base) * weight)
+        whitened = Rows(places, derivatives * weight, (data.orders[index] - base) * weight, weight)
         add_rows(normal, whitened.places, whitened.rows, whitened.residual)
         predicted.append(base)
         rows.append(whitened)
