@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +15,11 @@ from gateway.closure.estimates import before_and_after, estimates_of
 from gateway.closure.fit import Fit, held_out_residuals
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect
-from gateway.closure.observation import ORDERS
+from gateway.closure.residual import POWER_SHARE
 from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import Selection, Step, contribution_sizes
 
 FloatArray = NDArray[np.float64]
-
-_SHARE: Final[FloatArray] = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 
 def refused(step: Step, fit: Fit, reason: str) -> Finding:
@@ -111,7 +108,7 @@ def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
 def _size(fit: Fit, effect: AngleEffect) -> float:
     """Return the rms of what an effect adds, over the groups, on the axis where it is largest."""
     sizes = contribution_sizes(fit, effect)
-    total = sum(np.asarray((_SHARE * np.square(size)).sum(axis=1)) for size in sizes)
+    total = sum(np.asarray((POWER_SHARE * np.square(size)).sum(axis=1)) for size in sizes)
     return math.sqrt(float(np.max(total)) / len(sizes))
 
 
@@ -119,6 +116,6 @@ def _rms(fit: Fit) -> float:
     """Return the rms of a fit's error on folds that it has not seen."""
     total, count = 0.0, 0
     for error, rows in zip(held_out_residuals(fit), fit.rows, strict=True):
-        total += float((_SHARE * np.abs(error) ** 2).sum())
+        total += float((POWER_SHARE * np.abs(error) ** 2).sum())
         count += int((rows.weight > 0.0).any(axis=2).sum())
     return math.sqrt(total / max(count, 1))

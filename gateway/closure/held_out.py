@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +16,13 @@ from gateway.closure.effects.base import StartModel
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.fit import Fit, FitFailedError
 from gateway.closure.likelihood import Whitened, whiten
-from gateway.closure.observation import ORDERS, Campaign
-from gateway.closure.residual import group_residuals, standing_out
+from gateway.closure.observation import Campaign
+from gateway.closure.residual import POWER_SHARE, group_residuals, standing_out
 from gateway.closure.selection import select
 from gateway.closure.starting import angle_effects, make_core
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-_SHARE: Final[FloatArray] = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +151,7 @@ def _squares(predicted: Sequence[ComplexArray], data: Whitened, fold: int) -> tu
         if fold >= len(orders):
             continue
         used = weight[fold] > 0.0
-        error += float((_SHARE * np.abs(orders[fold] - there[fold]) ** 2 * used).sum())
+        error += float((POWER_SHARE * np.abs(orders[fold] - there[fold]) ** 2 * used).sum())
         noise += float((1.0 / np.square(weight[fold][used])).sum())
         curves += int(used.any(axis=1).sum())
     return error, noise, curves

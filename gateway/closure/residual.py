@@ -21,6 +21,8 @@ from gateway.closure.observation import ORDERS, Campaign
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
+"""Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
 AXES: Final = ("circumferential", "lateral", "radial")
 # Chance at which noise alone in one band of one axis would be called a residual.
 _RARE: Final = 1e-6
@@ -74,9 +76,7 @@ def group_residuals(fit: Fit, data: Whitened) -> tuple[GroupResidual, ...]:
 def _excess(residual: GroupResidual) -> FloatArray:
     """Return the mean square beyond noise of each order, (3, ORDERS)."""
     square = np.abs(residual.orders_mps2) ** 2
-    share = np.full(ORDERS, 0.5)
-    share[0] = 1.0
-    result: FloatArray = share * square - residual.variance
+    result: FloatArray = POWER_SHARE * square - residual.variance
     return result
 
 

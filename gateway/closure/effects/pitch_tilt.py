@@ -14,8 +14,8 @@ from gateway.closure.effects.base import (
     Parameter,
     Stage,
     StartModel,
-    bare,
 )
+from gateway.closure.effects.leak import turned, turned_slope
 
 
 class PitchTilt:
@@ -46,24 +46,12 @@ class PitchTilt:
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return what the rotation changes."""
-        pitch = _sense(here) * float(parameters[0])
-        # cos - 1 without cancellation.
-        less, sine = -2.0 * math.sin(0.5 * pitch) ** 2, math.sin(pitch)
-        along, radial = here.signal_mps2[CIRCUMFERENTIAL], here.signal_mps2[RADIAL]
-        change = bare(here)
-        change[CIRCUMFERENTIAL] = less * along + sine * radial
-        change[RADIAL] = less * radial - sine * along
-        return change
+        return turned(here, CIRCUMFERENTIAL, _sense(here) * float(parameters[0]))
 
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return its derivative by the angle."""
         sense = _sense(here)
-        sine, cosine = math.sin(sense * parameters[0]), math.cos(parameters[0])
-        along, radial = here.signal_mps2[CIRCUMFERENTIAL], here.signal_mps2[RADIAL]
-        change = bare(here)
-        change[CIRCUMFERENTIAL] = cosine * radial - sine * along
-        change[RADIAL] = -cosine * along - sine * radial
-        return sense * change[None]
+        return sense * turned_slope(here, CIRCUMFERENTIAL, sense * float(parameters[0]))[None]
 
 
 def _sense(here: Here) -> float:

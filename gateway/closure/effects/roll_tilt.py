@@ -14,8 +14,8 @@ from gateway.closure.effects.base import (
     Parameter,
     Stage,
     StartModel,
-    bare,
 )
+from gateway.closure.effects.leak import turned, turned_slope
 
 
 class RollTilt:
@@ -46,23 +46,11 @@ class RollTilt:
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return what the rotation changes."""
-        roll = float(parameters[0])
-        # cos - 1 without cancellation.
-        less, sine = -2.0 * math.sin(0.5 * roll) ** 2, math.sin(roll)
-        lateral, radial = here.signal_mps2[LATERAL], here.signal_mps2[RADIAL]
-        change = bare(here)
-        change[LATERAL] = less * lateral + sine * radial
-        change[RADIAL] = less * radial - sine * lateral
-        return change
+        return turned(here, LATERAL, float(parameters[0]))
 
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return its derivative by the angle."""
-        sine, cosine = math.sin(parameters[0]), math.cos(parameters[0])
-        lateral, radial = here.signal_mps2[LATERAL], here.signal_mps2[RADIAL]
-        change = bare(here)
-        change[LATERAL] = cosine * radial - sine * lateral
-        change[RADIAL] = -cosine * lateral - sine * radial
-        return change[None]
+        return turned_slope(here, LATERAL, float(parameters[0]))[None]
 
 
 EFFECT = RollTilt()
