@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
     LATERAL,
@@ -22,11 +24,18 @@ _ROOT_2 = math.sqrt(2.0)
 
 
 class AntiAliasFilter:
-    """A two-pole Butterworth low-pass on all three axes; its parameter is 1 / corner, 0 for no filter."""
+    """A two-pole Butterworth low-pass on all three axes; its parameter is 1 / corner, 0 for no filter.
+
+    Its delay at low orders is the contact's as well: the contact's centre is found behind the filter. So what the
+    filter changes is taken from a signal that is as late, and a corner does not move the centre.
+    """
 
     name = "anti-alias filter"
     summary = "A low-pass in front of the converter, not declared: all axes are late and lose their highest orders."
-    equation = "order n times 1 / (1 + i sqrt(2) x - x^2), x = n omega / (2 pi corner), corner = 1 / inverse_corner_s"
+    equation = (
+        "order n times exp(i sqrt(2) x) / (1 + i sqrt(2) x - x^2), x = n omega / (2 pi corner), corner = "
+        "1 / inverse_corner_s; the centre is as late as the filter's delay"
+    )
     # Bandwidths of inner-liner elements: 400 Hz to 24 kHz; below 150 Hz no contact would be seen.
     parameters: tuple[Parameter, ...] = (
         Parameter("inverse_corner_s", "s", -1e-5, 1.0 / 150.0, 1e-3, 1e-6, factor=1e3, display_unit="ms"),
@@ -42,23 +51,30 @@ class AntiAliasFilter:
     linear = False
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
-        """Return corners of 2 kHz and 600 Hz: about 0 all that remains of it is a delay."""
-        return (5e-4,), (1.0 / 600.0,)
+        """Return corners of 2 kHz, 1 kHz and 500 Hz: beside its delay it goes with the inverse corner's cube."""
+        return (5e-4,), (1e-3,), (2e-3,)
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return what the filter changes."""
-        x = self._order_hz(here) * float(parameters[0])
-        return filtered(here.signal_mps2, x * (x - 1j * _ROOT_2) / (1.0 - x * (x - 1j * _ROOT_2)))
+        return filtered(here.signal_mps2, _passed(self._order_hz(here) * float(parameters[0])) - 1.0)
 
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return its derivative by the inverse corner."""
         per = self._order_hz(here)
         x = per * float(parameters[0])
-        return filtered(here.signal_mps2, per * (2.0 * x - 1j * _ROOT_2) / (1.0 - x * (x - 1j * _ROOT_2)) ** 2)[None]
+        # d/dx of ln: i sqrt(2) - (i sqrt(2) - 2 x) / (1 + i sqrt(2) x - x^2)
+        slope = 1j * _ROOT_2 - (1j * _ROOT_2 - 2.0 * x) / (1.0 + x * (1j * _ROOT_2 - x))
+        return filtered(here.signal_mps2, per * _passed(x) * slope)[None]
 
     @staticmethod
     def _order_hz(here: Here) -> ComplexArray:
         return ORDER * (here.conditions.omega_radps / (2.0 * math.pi))
+
+
+def _passed(x: ComplexArray) -> ComplexArray:
+    """Return the filter's gain without its delay, at frequencies over its corner."""
+    result: ComplexArray = np.exp(1j * _ROOT_2 * x) / (1.0 + x * (1j * _ROOT_2 - x))
+    return result
 
 
 EFFECT = AntiAliasFilter()
