@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Finding, Verdict
+from gateway.closure.effects.base import CIRCUMFERENTIAL
 from gateway.closure.fit import Fit
 from gateway.closure.model import ClosureModel
 from gateway.closure.observation import Block, Campaign, Group
@@ -29,7 +30,8 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
     """Return the table of the effects that were called by their name, for the state with the most revolutions.
 
     What other estimators measure (ply steer, conicity, carcass compliance) is left out. The table holds for that
-    state's load and pressure: with another contact the same effects add something else.
+    state's load and pressure: with another contact the same effects add something else; and for the way that a wheel
+    rolls on the car, forward, unless all was recorded in reverse.
     """
     named = {finding.name: finding for finding in findings if finding.verdict is Verdict.NAMED}
     effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - _MEASURED)
@@ -38,7 +40,8 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
     campaign = fit.model.campaign
     index = _reference(campaign)
     group = campaign.groups[index]
-    of_state = [other for other in campaign.groups if other.state == group.state]
+    way = group.conditions.reverse
+    of_state = [other for other in campaign.groups if (other.state, other.conditions.reverse) == (group.state, way)]
     seen = np.array([other.conditions.omega_radps for other in of_state])
     low, high = float(seen.min()) * (1.0 - _SPEED_MARGIN), float(seen.max()) * (1.0 + _SPEED_MARGIN)
     omegas = np.linspace(low, high, _SPEEDS)
@@ -55,11 +58,15 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
     for effect in effects:
         without[with_all.layout.effect(effect.name)] = 0.0
     change = [a[0] - b[0] for a, b in zip(with_all.predict(vector), with_all.predict(without), strict=True)]
+    orders = np.stack(change)
+    if way:
+        # A diagnosis turns the circumferential axis of reverse recordings to the rolling direction; nobody else does.
+        orders[:, CIRCUMFERENTIAL] *= -1.0
     load, pressure = group.conditions.load_n, group.conditions.pressure_pa
     return CorrectionTable(
         position=campaign.wheel,
         omega_radps=omegas,
-        orders_mps2=np.stack(change),
+        orders_mps2=orders,
         effects=tuple(CorrectedEffect(effect.name, _told(named[effect.name])) for effect in effects),
         radius_m=group.conditions.radius_m,
         omega_range_radps=(low, high),
@@ -72,8 +79,12 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
 
 
 def _reference(campaign: Campaign) -> int:
-    """Return a group of the state with the most revolutions: its own with the most."""
-    counts = [sum(block.count for block in group.blocks) for group in campaign.groups]
+    """Return a group of the state with the most revolutions: its own with the most; forward ones if there are any."""
+    forward = any(not group.conditions.reverse for group in campaign.groups)
+    counts = [
+        0 if forward and group.conditions.reverse else sum(block.count for block in group.blocks)
+        for group in campaign.groups
+    ]
     of_state = [0] * campaign.states
     for group, count in zip(campaign.groups, counts, strict=True):
         of_state[group.state] += count

@@ -1,0 +1,64 @@
+"""The table of what named effects add: made for the way that a wheel rolls on the car."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.closure.contribution import contribution_table
+from gateway.closure.diagnosis import Finding, Fitted, Verdict
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.exact_core import ExactCore
+from gateway.closure.model import ClosureModel
+from gateway.closure.observation import ORDERS, Block, Campaign, Group
+from gateway.signal.correction import CorrectionTable
+from tests.closure.belt_data import at
+
+PITCH_RAD = 0.02
+
+
+def group(speed_kmh: float, count: int, state: int = 0, *, reverse: bool = False) -> Group:
+    conditions = replace(at(speed_kmh), reverse=reverse)
+    block = Block(count, conditions, np.zeros((3, ORDERS), complex))
+    return Group(f"{speed_kmh}", 0, state, conditions, (block,), np.ones((3, ORDERS)), 0.24)
+
+
+def table(*groups: Group) -> CorrectionTable:
+    """Return the table of a pitched sensor on recordings of these conditions."""
+    campaign = Campaign("FL", ("synthetic",), groups, max(one.state for one in groups) + 1, {})
+    model = ClosureModel(campaign, ExactCore(), [catalogue()["pitch tilt"]])  # type: ignore[list-item]
+    vector, _ = model.layout.priors(model.core, model.effects)
+    vector[model.layout.effect("pitch tilt")] = PITCH_RAD
+    fit: Any = SimpleNamespace(model=model, vector=vector)
+    found = Finding("pitch tilt", Verdict.NAMED, {"pitch_rad": Fitted(PITCH_RAD, 1e-3, "rad")}, 100.0, 90.0, 9.0, 5.0)
+    made = contribution_table(fit, (found,))
+    assert made is not None
+    return made
+
+
+def leak(made: CorrectionTable) -> float:
+    """Return the mean that the radial axis leaves on the circumferential one, over R omega^2."""
+    return float((made.orders_mps2[0, 0, 0].real) / (made.radius_m * made.omega_radps[0] ** 2))
+
+
+def test_forward_recordings_are_preferred_however_few() -> None:
+    made = table(group(60.0, 20), group(80.0, 10), group(90.0, 500, reverse=True))
+    assert leak(made) == pytest.approx(np.sin(PITCH_RAD), rel=0.02)
+    # The reverse recording's speed has not been looked at forward.
+    assert made.omega_range_radps[1] == pytest.approx(1.1 * at(80.0).omega_radps)
+
+
+def test_a_state_seen_forward_is_preferred_to_one_seen_in_reverse_only() -> None:
+    made = table(group(60.0, 20, state=0), group(90.0, 500, state=1, reverse=True))
+    assert made.omega_range_radps[1] == pytest.approx(1.1 * at(60.0).omega_radps)
+    assert leak(made) > 0.0
+
+
+def test_the_axes_are_those_of_the_sensor_where_all_was_reverse() -> None:
+    made = table(group(60.0, 20, reverse=True))
+    # As glued, the radial axis leaks into +circumferential whichever way the wheel turns.
+    assert leak(made) == pytest.approx(np.sin(PITCH_RAD), rel=0.02)
