@@ -71,6 +71,12 @@ class Core(Protocol):
         """
         ...
 
+    def tangent(
+        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+    ) -> tuple[Shape, ...]:
+        """Return the derivatives of the shape by the state's parameters, K of them, of here or of very near."""
+        ...
+
     def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
         """Measure the error of the grid at these parameters; `shape` takes it off from now on. Nothing where exact."""
         ...
@@ -78,3 +84,32 @@ class Core(Protocol):
     def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts and what else the parameters stand for, at the load and pressure of `conditions`."""
         ...
+
+
+def moved(shape: Shape, tangent: Shape, step: float) -> Shape:
+    """Return a shape moved by a step along a tangent."""
+    return Shape(
+        SensorWaveform(*(field + step * slope for field, slope in zip(shape.waveform, tangent.waveform, strict=True))),
+        shape.leading_edge_rad + step * tangent.leading_edge_rad,
+        shape.trailing_edge_rad + step * tangent.trailing_edge_rad,
+    )
+
+
+def differences(
+    core: Core, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+) -> tuple[Shape, ...]:
+    """Return the derivatives of a core's shape by the state's parameters, by one-sided differences."""
+    base = core.shape(parameters, conditions, options, half_angle_rad)
+    tangents = []
+    for place, step in enumerate(core.steps):
+        there = parameters.copy()
+        there[place] += step
+        change = moved(core.shape(there, conditions, options, half_angle_rad), base, -1.0)
+        tangents.append(
+            Shape(
+                SensorWaveform(*(field / step for field in change.waveform)),
+                change.leading_edge_rad / step,
+                change.trailing_edge_rad / step,
+            )
+        )
+    return tuple(tangents)

@@ -39,7 +39,7 @@ def full_covariance(fit: Fit, data: Whitened) -> FloatArray:
     for rows, residual in zip(fit.rows, group_residuals(fit, data), strict=True):
         excess = np.maximum(0.5 * np.abs(residual.orders_mps2) ** 2 - residual.variance, 0.0)
         size = np.sqrt(np.stack([np.convolve(axis, kernel, mode="same") for axis in excess]))
-        response = (rows.rows * (rows.weight * size)).sum(axis=1).reshape(len(rows.rows), 3 * ORDERS)
+        response = (rows.rows * (rows.weight * size)[:, None]).sum(axis=0).reshape(-1, 3 * ORDERS)
         shift = covariance[:, rows.places] @ np.concatenate([response.real, response.imag], axis=1)
         total += shift @ shift.T
     return total

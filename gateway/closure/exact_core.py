@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.closure.cores import Shape
+from gateway.closure.cores import Shape, differences
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
 from gateway.closure.out_of_round import LOAD_STEP, LoadedShape, out_of_round
 from gateway.closure.ring_options import RingOptions
@@ -37,6 +37,9 @@ _NODES_PER_LAYER: Final = 8.0
 _FINER: Final = 2
 _EXTRAPOLATION: Final = 4.0 / 3.0
 _KEPT: Final = 512
+# A derivative holds as long as no parameter's logarithm has moved by more, and no option by a larger share of itself.
+_SAME: Final = 0.005
+_KEPT_TANGENTS: Final = 8
 
 
 class _Key(NamedTuple):
@@ -53,6 +56,12 @@ class _Key(NamedTuple):
 class _Solved:
     shape: Shape
     ring: RingSolution
+
+
+class _Tangent(NamedTuple):
+    parameters: FloatArray
+    options: FloatArray
+    slopes: tuple[Shape, ...]
 
 
 class ExactCore:
@@ -73,6 +82,7 @@ class ExactCore:
         self._near: dict[tuple[float, float, int, bool], RingSolution] = {}
         self._corrections: dict[tuple[float, float, float], tuple[FloatArray, float, float]] = {}
         self._nodes: dict[tuple[float, float, float], int] = {}
+        self._tangents: dict[tuple[float, float, float], list[_Tangent]] = {}
 
     def shape(
         self,
@@ -95,6 +105,23 @@ class ExactCore:
         )
         heights = options.runout_cosine_m, options.runout_sine_m
         return out_of_round(lighter, middle, heavier, conditions.radius_m, *heights)
+
+    def tangent(
+        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+    ) -> tuple[Shape, ...]:
+        """Return the derivatives of the shape by the state's parameters, of a point near by where one is known."""
+        load, pressure, omega = _place(conditions)
+        kept = self._tangents.setdefault((load, pressure, omega if options.depends_on_speed else _ANY_OMEGA_RADPS), [])
+        chosen = np.array(astuple(options))
+        for known in kept:
+            if np.abs(known.parameters - parameters).max() <= _SAME and np.all(
+                np.abs(known.options - chosen) <= _SAME * np.maximum(np.abs(known.options), np.abs(chosen))
+            ):
+                return known.slopes
+        slopes = differences(self, parameters, conditions, options, half_angle_rad)
+        kept.append(_Tangent(parameters.copy(), chosen, slopes))
+        del kept[:-_KEPT_TANGENTS]
+        return slopes
 
     def _round(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> Shape:
         """Return the shape of a round tire."""

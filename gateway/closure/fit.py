@@ -18,7 +18,7 @@ ComplexArray = NDArray[np.complex128]
 
 _MAX_STEPS: Final = 25
 _HALVINGS: Final = 6
-# Fall of the cost by which a fit counts as done.
+# Fall of the cost, over the misfit per degree of freedom, by which a fit counts as done.
 _DONE: Final = 0.05
 # Largest step of a state's logarithms.
 _REACH: Final = 0.5
@@ -40,7 +40,7 @@ class Rows:
 
     Attributes:
         places: (k,) in the vector of parameters.
-        rows: (k, blocks, 3, ORDERS).
+        rows: (blocks, k, 3, ORDERS).
         residual: (blocks, 3, ORDERS).
         weight: (blocks, 3, ORDERS) that made both white.
     """
@@ -59,6 +59,7 @@ class Fit:
         model: the model.
         vector: parameters.
         predicted: (blocks, 3, ORDERS) a group.
+        alone: (3, ORDERS) a group, at its mean conditions.
         rows: linearisation, a group each.
         normal: normal equations by fold, without priors.
         prior_mean: (P,).
@@ -68,6 +69,7 @@ class Fit:
     model: ClosureModel
     vector: FloatArray
     predicted: tuple[ComplexArray, ...]
+    alone: tuple[ComplexArray, ...]
     rows: tuple[Rows, ...]
     normal: Normal
     prior_mean: FloatArray
@@ -119,7 +121,7 @@ def held_out_residuals(fit: Fit) -> list[ComplexArray]:
     for rows in fit.rows:
         residual = rows.residual.copy()
         for fold in range(len(residual)):
-            residual[fold] -= np.tensordot(changes[fold][rows.places], rows.rows[:, fold], axes=1)
+            residual[fold] -= np.tensordot(changes[fold][rows.places], rows.rows[fold], axes=1)
         used = rows.weight > 0.0
         residuals.append(np.where(used, residual / np.where(used, rows.weight, 1.0), 0.0))
     return residuals
@@ -178,10 +180,11 @@ def _descend(
     precision = prior_std**-2.0
     fit = _linearise(model, data, vector, prior_mean, prior_std)
     for _ in range(_MAX_STEPS):
+        done = _DONE * _overdispersion(fit.misfit, data, model)
         matrix = fit.normal.matrix.sum(axis=0) + np.diag(precision)
         gradient = fit.normal.gradient.sum(axis=0) - (fit.vector - prior_mean) * precision
         change = np.linalg.solve(matrix, gradient)
-        if float(change @ gradient) < _DONE:
+        if float(change @ gradient) < done:
             break
         states = model.layout.states
         change = change / max(1.0, float(np.abs(change[states]).max()) / _REACH)
@@ -190,7 +193,7 @@ def _descend(
             break
         gained = fit.cost
         fit = _linearise(model, data, moved, prior_mean, prior_std)
-        if gained - fit.cost < _DONE:
+        if gained - fit.cost < done:
             break
     return fit
 
@@ -223,12 +226,14 @@ def _linearise(
     model: ClosureModel, data: Whitened, vector: FloatArray, prior_mean: FloatArray, prior_std: FloatArray
 ) -> Fit:
     normal = empty_normal(data.folds, model.layout.size)
-    predicted, rows = [], []
+    predicted, alone, rows = [], [], []
     for index in range(len(model.campaign.groups)):
-        places, base, derivatives = model.group_derivatives(vector, index)
+        base = model.predict_group(vector, index)
+        places, mean, derivatives = model.group_derivatives(vector, index)
         weight = data.weights[index]
-        whitened = Rows(places, derivatives * weight, (data.orders[index] - base) * weight, weight)
+        whitened = Rows(places, derivatives * weight[:, None], (data.orders[index] - base) * weight, weight)
         add_rows(normal, whitened.places, whitened.rows, whitened.residual)
         predicted.append(base)
+        alone.append(mean)
         rows.append(whitened)
-    return Fit(model, vector, tuple(predicted), tuple(rows), normal, prior_mean, prior_std)
+    return Fit(model, vector, tuple(predicted), tuple(alone), tuple(rows), normal, prior_mean, prior_std)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gateway.closure.fit import Fit
-from gateway.closure.likelihood import Whitened
+from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 # Fall of the misfit from which something is no chance find among some hundred trials (a chi-square of one degree
 # exceeds 25 once in two million), and what every further parameter adds.
@@ -88,9 +90,10 @@ def uneven(fit: Fit, effect: AngleEffect, scale: float) -> str:
         if index:
             inside = (places >= where.start) & (places < where.stop)
             places[inside] += size - where.start + own * (index - 1)
-        flat = rows.rows.reshape(len(rows.rows), -1)
-        matrix[np.ix_(places, places)] += (flat @ flat.conj().T).real
-        gradient[places] += (flat.conj() @ rows.residual.reshape(-1)).real
+        flat = as_real(rows.rows.swapaxes(0, 1))
+        flat = flat.reshape(len(flat), -1)
+        matrix[np.ix_(places, places)] += flat @ flat.T
+        gradient[places] += flat @ as_real(rows.residual).reshape(-1)
     prior = np.concatenate([fit.prior_std, np.tile(fit.prior_std[where], len(groups) - 1)])
     mean = np.concatenate([fit.vector - fit.prior_mean, np.tile((fit.vector - fit.prior_mean)[where], len(groups) - 1)])
     try:
@@ -127,8 +130,14 @@ def _verdict(values: FloatArray, spread: FloatArray, groups: list[str]) -> str:
     return f"it would have to be of another size in other recordings (most so in {groups[worst]})"
 
 
-def explained_and_left(fit: Fit, without: Fit, data: Whitened) -> tuple[float, float]:
-    """Return the misfit an effect explains in the orders where it acts, and the misfit beyond noise left there."""
+def explained_and_left(fit: Fit, without: Sequence[ComplexArray], data: Whitened) -> tuple[float, float]:
+    """Return the misfit an effect explains in the orders where it acts, and the misfit beyond noise left there.
+
+    Args:
+        fit: with the effect in.
+        without: (blocks, 3, ORDERS) a group, predicted without it.
+        data: whitened.
+    """
     gained = np.zeros((3, data.weights[0].shape[2]))
     left = np.zeros_like(gained)
     expected = np.zeros_like(gained)
@@ -138,7 +147,7 @@ def explained_and_left(fit: Fit, without: Fit, data: Whitened) -> tuple[float, f
         share = np.square(weight)
         total = np.sqrt(share.sum(axis=0))
         mean_left = np.abs((share * (orders - fit.predicted[index])).sum(axis=0)) ** 2
-        mean_before = np.abs((share * (orders - without.predicted[index])).sum(axis=0)) ** 2
+        mean_before = np.abs((share * (orders - without[index])).sum(axis=0)) ** 2
         used = total > 0.0
         scale = np.where(used, 1.0 / np.where(used, total, 1.0) ** 2, 0.0)
         left += mean_left * scale

@@ -165,10 +165,15 @@ def empty_normal(folds: int, size: int) -> Normal:
 
 
 def add_rows(normal: Normal, places: NDArray[np.intp], rows: ComplexArray, residual: ComplexArray) -> None:
-    """Add one group's whitened rows (k, blocks, 3, ORDERS) and residual (blocks, 3, ORDERS), in place."""
-    for fold in range(residual.shape[0]):
-        flat = rows[:, fold].reshape(len(rows), -1)
-        left = residual[fold].reshape(-1)
-        normal.matrix[fold][np.ix_(places, places)] += (flat @ flat.conj().T).real
-        normal.gradient[fold][places] += (flat.conj() @ left).real
-        normal.misfit[fold] += float(np.vdot(left, left).real)
+    """Add one group's whitened rows (blocks, k, 3, ORDERS) and residual (blocks, 3, ORDERS), in place."""
+    there, left = as_real(rows), as_real(residual)
+    blocks = np.arange(len(left))
+    normal.matrix[np.ix_(blocks, places, places)] += there @ there.swapaxes(1, 2)
+    normal.gradient[np.ix_(blocks, places)] += (there @ left[:, :, None])[..., 0]
+    normal.misfit[blocks] += np.square(left).sum(axis=1)
+
+
+def as_real(coefficients: ComplexArray) -> FloatArray:
+    """Return the last two axes (3, ORDERS) of complex coefficients as one of real numbers, without a copy."""
+    flat: FloatArray = np.ascontiguousarray(coefficients).reshape(*coefficients.shape[:-2], -1).view(np.float64)
+    return flat

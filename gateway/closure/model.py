@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.assembly import base_signal, field_orders, mounting_matrix, with_signal
-from gateway.closure.cores import Core, Shape
-from gateway.closure.effects.base import Here, RingEffect, SignalEffect, Stage
+from gateway.closure.cores import Core, Shape, moved
+from gateway.closure.effects.base import Conditions, Here, RingEffect, SignalEffect, Stage
 from gateway.closure.layout import Layout
 from gateway.closure.observation import ORDERS, Campaign, Group
 from gateway.closure.ring_options import RingOptions
@@ -99,8 +99,6 @@ class ClosureModel:
     def predict_group(self, vector: FloatArray, index: int) -> ComplexArray:
         """Return the orders of every block of one group, (blocks, 3, ORDERS)."""
         group = self.campaign.groups[index]
-        mount = _declared(group)
-        shape = self.shape(vector, index)
         # Blocks of a group differ by little: what the group reads, and how that answers speed and its change.
         there = group.conditions
         around = [there]
@@ -109,10 +107,8 @@ class ClosureModel:
                 replace(there, omega_radps=there.omega_radps * (1.0 + _SPEED_STEP)),
                 replace(there, omega_dot_radps2=there.omega_dot_radps2 + _DRIFT_STEP_RADPS2),
             ]
-        fields = np.stack(
-            [self._chain(vector, base_signal(self.core, shape, at), mount)[0].signal_mps2 for at in around]
-        )
-        orders = field_orders(fields) * self._turn(vector, index)
+        shape = self.shape(vector, index)
+        orders = np.stack([self._orders(vector, index, shape, at) for at in around])
         if len(around) == 1:
             return orders
         of_square = (orders[1] - orders[0]) / (around[1].omega_radps ** 2 - there.omega_radps**2)
@@ -121,10 +117,19 @@ class ClosureModel:
         result: ComplexArray = orders[0] + square * of_square + drift * of_drift
         return result
 
+    def group_orders(self, vector: FloatArray, index: int) -> ComplexArray:
+        """Return the orders of one group at its own mean conditions, (3, ORDERS)."""
+        return self._orders(vector, index, self.shape(vector, index), self.campaign.groups[index].conditions)
+
+    def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: Conditions) -> ComplexArray:
+        here = base_signal(self.core, shape, conditions)
+        here, _ = self._chain(vector, here, _declared(self.campaign.groups[index]))
+        return field_orders(here.signal_mps2) * self._turn(vector, index)
+
     def group_derivatives(
         self, vector: FloatArray, index: int, only: str | None = None
     ) -> tuple[NDArray[np.intp], ComplexArray, ComplexArray]:
-        """Return prediction and derivatives of one group.
+        """Return a group's prediction and derivatives at its mean conditions: nearly the same in every block.
 
         Args:
             vector: of parameters.
@@ -132,82 +137,91 @@ class ClosureModel:
             only: an effect whose parameters alone are wanted; None for all that matter to the group.
 
         Returns:
-            the places (k,) of the vector, the group's orders (blocks, 3, ORDERS), and their derivatives
-            (k, blocks, 3, ORDERS).
+            the places (k,) of the vector, the group's orders (3, ORDERS), and their derivatives (k, 3, ORDERS).
         """
         group, layout = self.campaign.groups[index], self.layout
-        base = self.predict_group(vector, index)
-        moves: list[tuple[int, float]] = []
-        if only is None:
-            state = layout.state(group.state)
-            moves += zip(range(state.start, state.stop), (float(step) for step in self.core.steps), strict=True)
-        for effect in self._ring:
-            if only in (None, effect.name):
-                first = layout.effect(effect.name).start
-                moves += [(first + i, parameter.step) for i, parameter in enumerate(effect.parameters)]
-        places, rows = [], []
-        for place, step in moves:
-            moved = vector.copy()
-            moved[place] += step
+        shape, options = self.shape(vector, index), self.options(vector, index)
+        here = base_signal(self.core, shape, group.conditions)
+        end, seen = self._chain(vector, here, _declared(group))
+        turn = self._turn(vector, index)
+        base: ComplexArray = field_orders(end.signal_mps2) * turn
+        places: list[int] = []
+        rows: list[ComplexArray] = []
+
+        def add(place: int, step: float, there: Shape, at: FloatArray) -> None:
             places.append(place)
-            rows.append((self.predict_group(moved, index) - base) / step)
+            rows.append((self._orders(at, index, there, group.conditions) - base) / step)
+
         if only is None:
+            where = layout.state(group.state)
+            tangents = self.core.tangent(vector[where], group.conditions, options, group.half_angle_rad)
+            for place, step, tangent in zip(range(where.start, where.stop), self.core.steps, tangents, strict=True):
+                add(place, float(step), moved(shape, tangent, float(step)), vector)
             places.append(layout.centre(index))
             rows.append(-1j * _ORDER * base)
+        for effect in self._ring:
+            if only in (None, effect.name):
+                for place, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
+                    there = vector.copy()
+                    there[place] += parameter.step
+                    add(place, parameter.step, self.shape(there, index), there)
         wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
         if wanted:
-            here = base_signal(self.core, self.shape(vector, index), group.conditions)
-            of_group = field_orders(self._signal_rows(vector, here, _declared(group), wanted))
-            # Nearly the same in every block of the group.
-            each = np.ones((len(group.blocks), 1, 1))
-            rows.extend((of_group * self._turn(vector, index))[:, None] * each)
+            rows.extend(field_orders(self._signal_rows(vector, seen, _declared(group), wanted)) * turn)
             for name in wanted:
                 where = layout.effect(name)
                 places.extend(range(where.start, where.stop))
         return np.array(places, dtype=np.intp), base, np.stack(rows)
 
     def _signal_rows(
-        self, vector: FloatArray, start: Here, mount: FloatArray | None, wanted: Sequence[str]
+        self,
+        vector: FloatArray,
+        seen: Sequence[tuple[Here, FloatArray]],
+        mount: FloatArray | None,
+        wanted: Sequence[str],
     ) -> FloatArray:
         """Return the derivatives by the wanted effects' parameters, through the stages behind them, (k, 3, n)."""
-        _, before = self._chain(vector, start, mount)
         rows = []
         for at, effect in enumerate(self._signal):
             if effect.name not in wanted:
                 continue
-            for row in effect.derivative(before[at], vector[self.layout.effect(effect.name)]):
+            for row in effect.derivative(seen[at][0], vector[self.layout.effect(effect.name)]):
                 pushed = row
                 if mount is not None and effect.stage < Stage.MOUNTING:
                     # Between here and the mounting the belt's own directions hold; effects there hardly answer.
                     pushed = mount @ pushed
                 for behind in range(at + 1, len(self._signal)):
-                    pushed = pushed + self._response(vector, before[behind], self._signal[behind], pushed)
+                    pushed = pushed + self._response(vector, *seen[behind], self._signal[behind], pushed)
                 rows.append(pushed)
         return np.stack(rows)
 
-    def _response(self, vector: FloatArray, here: Here, effect: SignalEffect, change: FloatArray) -> FloatArray:
-        """Return how an effect's contribution answers a change of the signal before it."""
+    def _response(
+        self, vector: FloatArray, here: Here, added: FloatArray, effect: SignalEffect, change: FloatArray
+    ) -> FloatArray:
+        """Return how an effect's contribution, `added`, answers a change of the signal before it."""
         size = float(np.abs(change).max())
         if not size > 0.0:
             return np.zeros_like(change)
         scale = _NUDGE * max(float(np.abs(here.signal_mps2).max()), 1.0) / size
         parameters = vector[self.layout.effect(effect.name)]
         there = with_signal(here, here.signal_mps2 + scale * change)
-        result: FloatArray = (effect.contribution(there, parameters) - effect.contribution(here, parameters)) / scale
+        result: FloatArray = (effect.contribution(there, parameters) - added) / scale
         return result
 
-    def _chain(self, vector: FloatArray, here: Here, mount: FloatArray | None) -> tuple[Here, list[Here]]:
-        """Return the signal with every effect in, and what each effect saw."""
-        before = []
+    def _chain(
+        self, vector: FloatArray, here: Here, mount: FloatArray | None
+    ) -> tuple[Here, list[tuple[Here, FloatArray]]]:
+        """Return the signal with every effect in, and what each effect saw and added."""
+        seen = []
         for effect in self._signal:
             if mount is not None and effect.stage >= Stage.MOUNTING:
                 here, mount = with_signal(here, mount @ here.signal_mps2), None
-            before.append(here)
             added = effect.contribution(here, vector[self.layout.effect(effect.name)])
+            seen.append((here, added))
             here = with_signal(here, here.signal_mps2 + added)
         if mount is not None:
             here = with_signal(here, mount @ here.signal_mps2)
-        return here, before
+        return here, seen
 
     def _turn(self, vector: FloatArray, index: int) -> ComplexArray:
         """Return the turn of each order: the waveform is that of theta - centre."""

@@ -17,7 +17,7 @@ from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Campaign
-from gateway.closure.rivals import fit_without
+from gateway.closure.rivals import fit_without, predicted_without
 from gateway.closure.trial import Trial, refit, try_effect
 from gateway.physics.rolling_ring import RingNotConvergedError
 
@@ -32,6 +32,10 @@ _LEAST_SHARE: Final = 0.05
 _MOST_EFFECTS: Final = 10
 # Squared parameters over their errors, times what is needed, from which an effect is not tried without.
 _SURELY: Final = 10.0
+# What an effect explains is fitted in earnest where a linear estimate, times this, does not suffice to acquit it.
+_SUSPECT: Final = 0.5
+# Misfit over degrees of freedom at which nothing is left for effects not yet added.
+_AT_NOISE: Final = 1.2
 # Refused candidates that are tried with a second one beside them.
 _PAIRED: Final = 3
 
@@ -154,6 +158,8 @@ def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Se
         step = min(passed, key=lambda step: _price(step.after, step.effect, data))
         selection.refused.pop(step.effect.name, None)
         return [step]
+    if gates.overdispersion(fit, data) <= _AT_NOISE:
+        return []
     refused.sort(key=lambda step: step.after.misfit)
     pairs = []
     for first in refused[:_PAIRED]:
@@ -241,7 +247,8 @@ def _reason_against(
         return None
     if fit.misfit - after.misfit < least:
         return None
-    return gates.implausible(after, effect, scale, for_now=True) or gates.uneven(after, effect, scale)
+    # What other effects may still distort is forgiven as long as there is something left for them.
+    return gates.implausible(after, effect, scale, for_now=scale > _AT_NOISE) or gates.uneven(after, effect, scale)
 
 
 def _prune(selection: Selection, data: Whitened) -> None:
@@ -272,23 +279,32 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
     """Refuse effects that leave too much where they act: stand-ins for something the catalogue does not have."""
     while selection.steps:
         final = selection.final
-        worst: tuple[float, Step, str, Fit] | None = None
+        scale = gates.overdispersion(final, data)
+        suspects: list[tuple[float, Step, str]] = []
         for step in selection.steps:
-            without = fit_without(final, step.effect, data)
-            if without is None:
-                continue
-            explained, left = gates.explained_and_left(final, without, data)
-            scale = gates.overdispersion(final, data)
-            reason = gates.stands_in(explained, left) or gates.implausible(final, step.effect, scale)
-            share = left / max(explained, 1e-300)
-            if reason and (worst is None or share > worst[0]):
-                worst = (share, step, reason, without)
+            explained, left = gates.explained_and_left(final, predicted_without(final, step.effect), data)
+            reason = gates.implausible(final, step.effect, scale)
+            if reason or gates.stands_in(_SUSPECT * explained, left):
+                suspects.append((left / max(explained, 1e-300), step, reason))
+        worst = _worst(sorted(suspects, key=lambda suspect: -suspect[0]), final, data)
         if worst is None:
             return
-        _, step, reason, without = worst
+        step, reason, without = worst
         selection.refused[step.effect.name] = (reason, without.misfit - final.misfit, step.gain, final)
         selection.steps = [kept for kept in selection.steps if kept is not step]
         if selection.steps:
             last = selection.steps[-1]
             gain = last.before.held_out() - without.held_out()
             selection.steps[-1] = Step(last.effect, last.before, without, gain, last.fall)
+
+
+def _worst(suspects: list[tuple[float, Step, str]], final: Fit, data: Whitened) -> tuple[Step, str, Fit] | None:
+    """Return the first of the effects under suspicion that a fit without it condemns, why, and that fit."""
+    for _, step, implausible in suspects:
+        without = fit_without(final, step.effect, data)
+        if without is None:
+            continue
+        reason = implausible or gates.stands_in(*gates.explained_and_left(final, without.predicted, data))
+        if reason:
+            return step, reason, without
+    return None

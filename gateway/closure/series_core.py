@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import spherical_jn
 
-from gateway.closure.cores import Shape
+from gateway.closure.cores import Shape, differences
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
@@ -83,6 +83,12 @@ class SeriesCore:
         if options.tension_loss:
             orders += options.tension_loss * self._turning(parameters)
         return Shape(self._waveform(orders, conditions.radius_m, options.sensor_offset_m), -half_angle, half_angle)
+
+    def tangent(
+        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+    ) -> tuple[Shape, ...]:
+        """Return the derivatives of the shape by the state's parameters."""
+        return differences(self, parameters, conditions, options, half_angle_rad)
 
     def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
         """Do nothing: a series has no grid."""
