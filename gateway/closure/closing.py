@@ -15,9 +15,10 @@ from gateway.closure.diagnosis import Finding
 from gateway.closure.effects.base import StartModel
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.findings import findings_of, refused
-from gateway.closure.fit import FitFailedError
-from gateway.closure.held_out import FoldError, agreement, hold_out
+from gateway.closure.fit import FitFailedError, fit_model
+from gateway.closure.held_out import FoldError, HoldOut, agreement
 from gateway.closure.likelihood import Whitened
+from gateway.closure.model import ClosureModel
 from gateway.closure.observation import Campaign
 from gateway.closure.selection import Selection, select
 from gateway.closure.starting import angle_effects
@@ -55,28 +56,20 @@ def close_loop(
     """Select, and hold out; an effect that most folds do not come to by themselves is taken out, and all done again."""
     every = angle_effects(candidates(model))
     unsteady: dict[str, Finding] = {}
-    start: FloatArray | None = None
+    try:
+        start = fit_model(ClosureModel(campaign, core), data, from_afar=True).vector
+    except FitFailedError as error:
+        raise _cannot_be_fitted(model, error) from error
+    folds = range(min(data.folds, _OUTER_FOLDS))
     for attempt in range(_ATTEMPTS):
         effects = {name: effect for name, effect in every.items() if name not in unsteady}
-        told = _Steps(on_progress)
-        try:
-            selection = select(campaign, core, data, effects, start=start, on_step=told)
-        except FitFailedError as error:
-            raise TreadlinkError(
-                f"the starting model '{model}' cannot be fitted to these recordings: {error}",
-                "Check belt radius, load and pressure in the configuration.",
-            ) from error
-        start = selection.start.vector
-        folds = range(min(data.folds, _OUTER_FOLDS))
-        errors = hold_out(
-            campaign,
-            model,
-            start,
-            folds,
-            without=frozenset(unsteady),
-            jobs=jobs,
-            on_fold=partial(_held, on_progress, len(folds)),
-        )
+        without = frozenset(unsteady)
+        with HoldOut(campaign, model, start, folds, without=without, jobs=jobs) as held_out:
+            try:
+                selection = select(campaign, core, data, effects, start=start, on_step=_Steps(on_progress))
+            except FitFailedError as error:
+                raise _cannot_be_fitted(model, error) from error
+            errors = held_out.errors(partial(_held, on_progress, len(folds)))
         found_in = agreement(errors)
         doubtful = [s for s in selection.steps if found_in.get(s.effect.name, 0) < _AGREEING * len(errors)]
         if not doubtful or attempt == _ATTEMPTS - 1:
@@ -88,6 +81,13 @@ def close_loop(
     on_progress(_HELD_OUT, "comparing rivals")
     findings = [*findings_of(selection, selection.data, effects), *unsteady.values()]
     return Closed(selection, errors, findings)
+
+
+def _cannot_be_fitted(model: StartModel, error: FitFailedError) -> TreadlinkError:
+    return TreadlinkError(
+        f"the starting model '{model}' cannot be fitted to these recordings: {error}",
+        "Check belt radius, load and pressure in the configuration.",
+    )
 
 
 class _Steps:

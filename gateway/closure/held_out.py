@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
@@ -48,6 +49,71 @@ class FoldError:
     effects: tuple[str, ...]
 
 
+class HoldOut:
+    """The nested hold-out of some folds, in other processes while the caller does something else.
+
+    A context manager: what has not begun when it is left is given up.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        model: StartModel,
+        start: FloatArray,
+        folds: Sequence[int],
+        *,
+        without: frozenset[str] = frozenset(),
+        jobs: int = 1,
+    ) -> None:
+        """Begin, in `jobs` - 1 processes.
+
+        Args:
+            campaign: the data.
+            model: starting model.
+            start: its vector to begin from.
+            folds: which ones.
+            without: effects that are no candidates.
+            jobs: processes, the caller's own among them.
+        """
+        self._folds = tuple(folds)
+        # The time-locked part's own samples are not needed there, and are most of a campaign's size.
+        light = replace(campaign, groups=tuple(replace(group, deviations_mps2=()) for group in campaign.groups))
+        self._fold = partial(hold_out_fold, light, model, start, without=without)
+        others = min(jobs - 1, len(self._folds))
+        self._pool = ProcessPoolExecutor(others, get_context("spawn")) if others > 0 else None
+        self._waiting = {fold: self._pool.submit(self._fold, fold) for fold in self._folds} if self._pool else {}
+
+    def __enter__(self) -> HoldOut:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give up what has not begun."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def errors(self, on_fold: Callable[[int], None] = lambda _: None) -> list[FoldError]:
+        """Do in this process what no other has begun, and wait for the rest.
+
+        Args:
+            on_fold: told how many folds are done.
+
+        Returns:
+            the folds' errors in their order; a fold without which nothing can be fitted is missing.
+        """
+        found: dict[int, FoldError | None] = {}
+        for fold in reversed(self._folds):
+            if fold not in self._waiting or self._waiting[fold].cancel():
+                self._waiting.pop(fold, None)
+                found[fold] = self._fold(fold)
+                on_fold(len(found) + sum(future.done() for future in self._waiting.values()))
+        for future in as_completed(self._waiting.values()):
+            future.result()
+            on_fold(len(found) + sum(future.done() for future in self._waiting.values()))
+        found.update((fold, future.result()) for fold, future in self._waiting.items())
+        return [error for fold in self._folds if (error := found[fold]) is not None]
+
+
 def hold_out(
     campaign: Campaign,
     model: StartModel,
@@ -58,34 +124,9 @@ def hold_out(
     jobs: int = 1,
     on_fold: Callable[[int], None] = lambda _: None,
 ) -> list[FoldError]:
-    """Run the nested hold-out of some folds, in other processes where `jobs` is more than 1.
-
-    Args:
-        campaign: the data.
-        model: starting model.
-        start: its vector to begin from.
-        folds: which ones.
-        without: effects that are no candidates.
-        jobs: processes.
-        on_fold: told how many folds are done.
-
-    Returns:
-        the folds' errors in their order; a fold without which nothing can be fitted is missing.
-    """
-    found: dict[int, FoldError | None] = {}
-    if jobs <= 1 or len(folds) == 1:
-        for fold in folds:
-            found[fold] = hold_out_fold(campaign, model, start, fold, without)
-            on_fold(len(found))
-    else:
-        # The time-locked part's own samples are not needed there, and are most of a campaign's size.
-        light = replace(campaign, groups=tuple(replace(group, deviations_mps2=()) for group in campaign.groups))
-        with ProcessPoolExecutor(max_workers=min(jobs, len(folds)), mp_context=get_context("spawn")) as pool:
-            waiting = {pool.submit(hold_out_fold, light, model, start, fold, without): fold for fold in folds}
-            for done in as_completed(waiting):
-                found[waiting[done]] = done.result()
-                on_fold(len(found))
-    return [error for fold in folds if (error := found[fold]) is not None]
+    """Run the nested hold-out of some folds and wait for it; see `HoldOut`."""
+    with HoldOut(campaign, model, start, folds, without=without, jobs=jobs) as held_out:
+        return held_out.errors(on_fold)
 
 
 def hold_out_fold(

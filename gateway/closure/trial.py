@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.effects.base import Scanned, SignalEffect
 from gateway.closure.fit import Fit, fit_model, held_out_misfit
-from gateway.closure.likelihood import Normal, Whitened
+from gateway.closure.likelihood import Normal, Whitened, as_real
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.physics.rolling_ring import RingNotConvergedError
 
@@ -101,20 +101,16 @@ def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) 
         for index, known in enumerate(fit.rows):
             places, base, derivatives = model.group_derivatives(there, index, only=effect.name)
             weight = data.weights[index]
-            columns = derivatives * weight
-            residual = known.residual - (base - fit.predicted[index]) * weight
-            before = old[known.places]
-            for fold in range(len(weight)):
-                flat = columns[:, fold].reshape(len(columns), -1)
-                rows = known.rows[:, fold].reshape(len(known.rows), -1)
-                left = residual[fold].reshape(-1)
-                cross = (rows @ flat.conj().T).real
-                matrix[fold][np.ix_(before, places)] += cross
-                matrix[fold][np.ix_(places, before)] += cross.T
-                matrix[fold][np.ix_(places, places)] += (flat @ flat.conj().T).real
-                gradient[fold][places] += (flat.conj() @ left).real
-                gradient[fold][before] += (rows.conj() @ left).real
-                misfit[fold] += float(np.vdot(left, left).real)
+            rows, columns = as_real(known.rows), as_real(derivatives * weight[:, None])
+            left = as_real(known.residual - (base - fit.alone[index]) * weight)
+            blocks, before = np.arange(len(weight)), old[known.places]
+            cross = rows @ columns.swapaxes(1, 2)
+            matrix[np.ix_(blocks, before, places)] += cross
+            matrix[np.ix_(blocks, places, before)] += cross.swapaxes(1, 2)
+            matrix[np.ix_(blocks, places, places)] += columns @ columns.swapaxes(1, 2)
+            gradient[np.ix_(blocks, places)] += (columns @ left[:, :, None])[..., 0]
+            gradient[np.ix_(blocks, before)] += (rows @ left[:, :, None])[..., 0]
+            misfit[blocks] += np.square(left).sum(axis=1)
     except (RingNotConvergedError, ValueError):
         return None
     if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
