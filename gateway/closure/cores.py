@@ -16,6 +16,10 @@ from gateway.physics.rolling_ring_waveform import SensorWaveform
 FloatArray = NDArray[np.float64]
 
 
+class NoShapeError(Exception):
+    """No equilibrium at these parameters, or a stiffness out of range."""
+
+
 @dataclass(frozen=True, slots=True)
 class Shape:
     """A belt's shape on the angle grid of FIELD_SIZE points.

@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.closure.cores import NoShapeError
 from gateway.closure.effects.base import Conditions
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Block, Campaign, Group
 from gateway.closure.witness import CLOCK
-from gateway.physics.rolling_ring import RingNotConvergedError
 
 FloatArray = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def _told_apart(
         imagined = Whitened(tuple(predicted), weights, (*data.variance, data.variance[reference]))
         old = _misfit(imagined, rivals, truth, vector, size)
         new = fit_model(rivals, imagined, truth.layout.moved(vector, rivals.layout)).misfit
-    except (FitFailedError, RingNotConvergedError, ValueError):
+    except (FitFailedError, NoShapeError):
         return None
     return new - old
 

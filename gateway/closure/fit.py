@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.closure.cores import NoShapeError
 from gateway.closure.likelihood import Normal, Whitened, add_rows, empty_normal
 from gateway.closure.model import ClosureModel
-from gateway.physics.rolling_ring import RingNotConvergedError
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -166,7 +166,7 @@ def fit_model(model: ClosureModel, data: Whitened, start: FloatArray | None = No
             if scale > _SETTLED * was:
                 break
         return _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale))
-    except (RingNotConvergedError, ValueError, np.linalg.LinAlgError) as error:
+    except (NoShapeError, np.linalg.LinAlgError) as error:
         raise FitFailedError(str(error)) from error
 
 
@@ -204,7 +204,7 @@ def _better(model: ClosureModel, data: Whitened, fit: Fit, change: FloatArray) -
         moved: FloatArray = fit.vector + change
         try:
             cost = misfit_of(data, model.predict(moved))
-        except (RingNotConvergedError, ValueError):
+        except (NoShapeError, np.linalg.LinAlgError):
             change = 0.25 * change
             continue
         cost += float(np.sum(np.square((moved - fit.prior_mean) / fit.prior_std)))

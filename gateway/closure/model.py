@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final
 
@@ -10,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.assembly import base_signal, field_orders, mounting_matrix, with_signal
-from gateway.closure.cores import Core, Shape, moved
+from gateway.closure.cores import Core, NoShapeError, Shape, moved
 from gateway.closure.effects.base import Conditions, Here, RingEffect, SignalEffect, Stage
 from gateway.closure.layout import Layout
 from gateway.closure.observation import ORDERS, Campaign, Group
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.witness import witnesses
+from gateway.physics.rolling_ring import RingNotConvergedError
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -72,7 +74,8 @@ class ClosureModel:
         """Return the belt's shape of one group."""
         group = self.campaign.groups[index]
         state = vector[self.layout.state(group.state)]
-        return self.core.shape(state, group.conditions, self.options(vector, index), group.half_angle_rad)
+        with _standing():
+            return self.core.shape(state, group.conditions, self.options(vector, index), group.half_angle_rad)
 
     def options(self, vector: FloatArray, index: int) -> RingOptions:
         """Return what the ring of one group is solved for."""
@@ -85,14 +88,14 @@ class ClosureModel:
     def refine(self, vector: FloatArray) -> None:
         """Measure the error of the core's grid at these parameters, where it has one."""
         for index, group in enumerate(self.campaign.groups):
-            self.core.refine(vector[self.layout.state(group.state)], group.conditions, self.options(vector, index))
+            with _standing():
+                self.core.refine(vector[self.layout.state(group.state)], group.conditions, self.options(vector, index))
 
     def predict(self, vector: FloatArray) -> list[ComplexArray]:
         """Return the orders of every block, a (blocks, 3, ORDERS) array a group.
 
         Raises:
-            RingNotConvergedError: no equilibrium.
-            ValueError: a stiffness is out of range.
+            NoShapeError: no equilibrium, or a stiffness out of range.
         """
         return [self.predict_group(vector, index) for index in range(len(self.campaign.groups))]
 
@@ -154,7 +157,8 @@ class ClosureModel:
 
         if only is None:
             where = layout.state(group.state)
-            tangents = self.core.tangent(vector[where], group.conditions, options, group.half_angle_rad)
+            with _standing():
+                tangents = self.core.tangent(vector[where], group.conditions, options, group.half_angle_rad)
             for place, step, tangent in zip(range(where.start, where.stop), self.core.steps, tangents, strict=True):
                 add(place, float(step), moved(shape, tangent, float(step)), vector)
             places.append(layout.centre(index))
@@ -227,6 +231,15 @@ class ClosureModel:
         """Return the turn of each order: the waveform is that of theta - centre."""
         turn: ComplexArray = np.exp(-1j * vector[self.layout.centre(index)] * _ORDER)
         return turn
+
+
+@contextmanager
+def _standing() -> Iterator[None]:
+    """Give the ways in which a ring fails to stand one name, so that no other error is taken for them."""
+    try:
+        yield
+    except (RingNotConvergedError, ValueError) as error:
+        raise NoShapeError(str(error)) from error
 
 
 def _apart(group: Group) -> tuple[FloatArray, FloatArray]:

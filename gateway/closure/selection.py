@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure import gates
-from gateway.closure.cores import Core
+from gateway.closure.cores import Core, NoShapeError
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Campaign
 from gateway.closure.rivals import fit_without, predicted_without
 from gateway.closure.trial import Trial, refit, try_effect
-from gateway.physics.rolling_ring import RingNotConvergedError
 
 FloatArray = NDArray[np.float64]
 
@@ -144,7 +143,7 @@ def contribution_sizes(fit: Fit, effect: AngleEffect) -> list[FloatArray]:
     for index, there in enumerate(fit.predicted):
         try:
             sizes.append(np.abs(there[0] - fit.model.predict_group(without, index)[0]))
-        except (RingNotConvergedError, ValueError):
+        except (NoShapeError, np.linalg.LinAlgError):
             # The ring does not stand without it at these parameters.
             sizes.append(np.zeros(there[0].shape))
     return sizes

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.closure.cores import NoShapeError
 from gateway.closure.effects.base import Scanned, SignalEffect
 from gateway.closure.fit import Fit, fit_model, held_out_misfit
 from gateway.closure.likelihood import Normal, Whitened, as_real
 from gateway.closure.model import AngleEffect, ClosureModel
-from gateway.physics.rolling_ring import RingNotConvergedError
 
 FloatArray = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) 
             gradient[np.ix_(blocks, places)] += (columns @ left[:, :, None])[..., 0]
             gradient[np.ix_(blocks, before)] += (rows @ left[:, :, None])[..., 0]
             misfit[blocks] += np.square(left).sum(axis=1)
-    except (RingNotConvergedError, ValueError):
+    except (NoShapeError, np.linalg.LinAlgError):
         return None
     if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
         return None
