@@ -19,7 +19,7 @@ ComplexArray = NDArray[np.complex128]
 # Rivals whose misfit is no further from the effect's own than this, times the overdispersion, explain the same.
 _ALIKE: Final = 10.0
 # A linear trial that recovers less than this share of what the effect explains is not worth a fit.
-_WORTH: Final = 0.5
+_WORTH: Final = 0.7
 
 
 def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect], data: Whitened) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -25,6 +24,8 @@ FloatArray = NDArray[np.float64]
 # Trials refitted in earnest at a step, and the share of the best promise that makes a trial worth it.
 _REFITTED: Final = 4
 _WORTH: Final = 0.4
+# Beside one that leaves nothing but noise, a trial must promise this share of what that one does.
+_NEARLY: Final = 0.8
 # Share of the misfit beyond noise that an effect must take off to be added: best first, the true one takes off a good
 # part of what is left, and what takes off less lives on errors of something bigger.
 _LEAST_SHARE: Final = 0.05
@@ -151,8 +152,7 @@ def contribution_sizes(fit: Fit, effect: AngleEffect) -> list[FloatArray]:
 
 def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> list[Step]:
     """Return the best candidate that passes; where none does by itself, the best two that pass together."""
-    fitted = _fitted(fit, data, left)
-    passed, refused = _judged(fit, data, fitted, selection)
+    passed, refused = _judged(fit, data, left, selection)
     if passed:
         step = min(passed, key=lambda step: _price(step.after, step.effect, data))
         selection.refused.pop(step.effect.name, None)
@@ -163,7 +163,7 @@ def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Se
     pairs = []
     for first in refused[:_PAIRED]:
         others = [effect for effect in left if effect.name != first.effect.name]
-        second, _ = _judged(first.after, data, _fitted(first.after, data, others), None)
+        second, _ = _judged(first.after, data, others, None)
         pairs += [(first, step) for step in second if _stands(step.after, first.effect, data)]
     if not pairs:
         return []
@@ -173,33 +173,33 @@ def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Se
     return [first, second_step]
 
 
-def _fitted(fit: Fit, data: Whitened, left: list[AngleEffect]) -> list[tuple[Trial, Fit]]:
-    """Return the promising candidates' fits."""
-    fitted = []
-    for trial in _promising(fit, data, left, fit.held_out())[:_REFITTED]:
-        with contextlib.suppress(FitFailedError):
-            fitted.append((trial, refit(trial, data)))
-    return fitted
-
-
 def _judged(
-    fit: Fit, data: Whitened, fitted: list[tuple[Trial, Fit]], selection: Selection | None
+    fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection | None
 ) -> tuple[list[Step], list[Step]]:
-    """Part candidates into those that pass and those that are refused for a reason; note the reasons."""
-    before = fit.held_out()
-    passed, refused = [], []
-    for trial, after in fitted:
-        gain = before - after.held_out()
-        reason = _reason_against(
-            fit, after, trial.effect, gain, gates.overdispersion(after, data), _least_fall(fit, data)
-        )
+    """Fit promising candidates; part them into those that pass and those refused for a reason; note the reasons."""
+    before, least = fit.held_out(), _least_fall(fit, data)
+    passed: list[Step] = []
+    refused: list[Step] = []
+    enough = math.inf
+    for trial in _promising(fit, data, left, before)[:_REFITTED]:
+        if trial.misfit > enough:
+            continue
+        try:
+            after = refit(trial, data)
+        except FitFailedError:
+            continue
+        gain, scale = before - after.held_out(), gates.overdispersion(after, data)
+        reason = _reason_against(fit, after, trial.effect, gain, scale, least)
         step = Step(trial.effect, fit, after, gain, fit.misfit - after.misfit)
         if reason == "":
             passed.append(step)
+            if scale <= _AT_NOISE:
+                # Nothing can do better than this one by much; only what promises nearly as much is fitted as well.
+                enough = min(enough, after.misfit + (1.0 - _NEARLY) * step.fall)
         elif reason is not None:
             refused.append(step)
             if selection is not None:
-                selection.refused[trial.effect.name] = (reason, fit.misfit - after.misfit, gain, after)
+                selection.refused[trial.effect.name] = (reason, step.fall, gain, after)
     return passed, refused
 
 
