@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gateway.closure.closing import close_loop
 from gateway.closure.contribution import contribution_table
 from gateway.closure.diagnosis import Diagnosis, Unexplained, Verdict
+from gateway.closure.edge_finding import edge_findings
 from gateway.closure.effects.base import StartModel
 from gateway.closure.estimates import estimates_of
 from gateway.closure.held_out import summary
@@ -73,7 +74,12 @@ def diagnose(
         rejected=sum(campaign.rejected.values()),
         noise_floor_mps2=noise,
         held_out=held_out,
-        findings=tuple(sorted((*findings, *time_locked.findings), key=lambda finding: _RANK[finding.verdict])),
+        findings=tuple(
+            sorted(
+                (*findings, *edge_findings(campaign.groups), *time_locked.findings),
+                key=lambda finding: _RANK[finding.verdict],
+            )
+        ),
         unexplained=tuple(sorted(left, key=lambda entry: -entry.rms_mps2)),
         estimates_before=before,
         estimates_after=after,

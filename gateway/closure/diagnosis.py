@@ -66,7 +66,7 @@ class Finding:
         reason: why it was refused; empty otherwise.
         summary: what it is.
         equation: its contribution.
-        lock: "angle" or "time".
+        lock: "angle", "time", or "contact" for what scatters from one contact to the next.
     """
 
     name: str

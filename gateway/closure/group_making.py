@@ -13,11 +13,12 @@ from scipy.ndimage import median_filter
 
 from gateway.closure.collecting import RevolutionTable, carried_order
 from gateway.closure.deviations import deviation_rate_hz, deviations
+from gateway.closure.edge_timing import TERMS, bent_back, compare_edges, orders_bent_back
 from gateway.closure.effects.base import Conditions
 from gateway.closure.grouping import alike, folded
-from gateway.closure.observation import Block, Group
+from gateway.closure.observation import ORDERS, Block, Group
 from gateway.closure.scatter import settle
-from gateway.signal.resample import GRID_SIZE
+from gateway.signal.resample import GRID_SIZE, angle_grid
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -34,6 +35,8 @@ ENOUGH: Final = f"beyond the first {MOST_ALIKE} of the same speed, load, pressur
 
 _DEVIATIONS_S: Final = 30.0
 _DRIFT_OVER: Final = 9
+# Order 0 is real, of the others cosine and sine share the power.
+_ONE_COEFFICIENT: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +113,34 @@ def _group(
 ) -> Group:
     rate_hz = float(np.median(table["rate_hz"][places]))
     highest = carried_order(rate_hz * float(table["period_s"][places].min()))
-    orders = table.orders_mps2[places]
+    orders = table.orders_mps2[places].astype(np.complex128)
     orders[..., highest + 1 :] = complex(math.nan, math.nan)
     if declared.ac_coupled:
         orders[..., 0] = complex(math.nan, math.nan)
     settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
     usual = np.flatnonzero(~settled.wild)
+    half_angle_rad = float(np.nanmean(table["half_angle_rad"][places[usual]]))
+    edges = compare_edges(
+        orders[usual],
+        index=table["index"][places[usual]].astype(np.intp),
+        period_s=table["period_s"][places[usual]],
+        omega_radps=table["omega_radps"][places[usual]],
+        omega_dot_radps2=table["omega_dot_radps2"][places[usual]],
+        half_angle_rad=half_angle_rad,
+        folds=folds,
+    )
+    early = np.zeros((len(places), TERMS))
+    variance = settled.variance
+    if edges.evident:
+        # Edges that move smear the mean and are most of the scatter.
+        early[usual] = edges.early_rad
+        bent = orders_bent_back(orders, early, half_angle_rad)
+        taken = (orders - bent)[usual]
+        orders = bent
+        settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
+        usual = np.flatnonzero(~settled.wild)
+        # Where the edges are on average is known no better than they scatter.
+        variance = settled.variance + _ONE_COEFFICIENT * taken.var(axis=0)
     if settled.wild.any():
         reject(WILD, int(settled.wild.sum()))
     used = places[usual]
@@ -124,15 +149,15 @@ def _group(
         mean = settled.orders_mps2[usual[part]].mean(axis=0)
         blocks.append(Block(len(used[part]), _conditions(table, used[part], declared), mean))
     conditions = _conditions(table, used, declared)
-    left, left_hz = _deviations(table, used, settled.shift_rad[usual], rate_hz)
+    left, left_hz = _deviations(table, used, settled.shift_rad[usual], early[usual], half_angle_rad, rate_hz)
     return Group(
         label=label(declared.name, conditions),
         recording=declared.recording,
         state=0,
         conditions=conditions,
         blocks=tuple(blocks),
-        variance=settled.variance,
-        half_angle_rad=float(np.nanmean(table["half_angle_rad"][used])),
+        variance=variance,
+        half_angle_rad=half_angle_rad,
         load_known=bool(np.isfinite(table["load_n"][used]).all()),
         pressure_known=bool(np.isfinite(table["pressure_pa"][used]).all()),
         declared_offset_m=declared.offset_m,
@@ -141,6 +166,7 @@ def _group(
         declared_pitch_rad=-declared.pitch_rad if declared.reverse else declared.pitch_rad,
         deviations_mps2=left,
         deviation_rate_hz=left_hz,
+        edges=edges.timing,
     )
 
 
@@ -178,7 +204,12 @@ def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) ->
 
 
 def _deviations(
-    table: RevolutionTable, places: IntArray, shift_rad: FloatArray, rate_hz: float
+    table: RevolutionTable,
+    places: IntArray,
+    shift_rad: FloatArray,
+    early_rad: FloatArray,
+    half_angle_rad: float,
+    rate_hz: float,
 ) -> tuple[tuple[FloatArray, ...], float]:
     kept, duration_s = [], 0.0
     for at, place in enumerate(places.tolist()):
@@ -190,8 +221,9 @@ def _deviations(
     rows = places[kept]
     period_s = table["period_s"][rows]
     left_hz = deviation_rate_hz(rate_hz, GRID_SIZE / float(period_s.max()))
+    waveforms = np.stack([table.waveforms_mps2[place] for place in rows.tolist()]).astype(np.float64)
     runs = deviations(
-        np.stack([table.waveforms_mps2[place] for place in rows.tolist()]),
+        bent_back(waveforms, angle_grid(waveforms.shape[-1]), early_rad[kept], half_angle_rad).astype(np.float32),
         index=table["index"][rows].astype(np.intp),
         shift_rad=shift_rad[kept],
         period_s=period_s,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -34,6 +35,55 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
+class EdgeTiming:
+    """How the two edges of the contact move against each other from one contact to the next, in one group.
+
+    Of the contact's edges that come b (leading) and a (trailing) early, mean squares of b - a from contact to contact.
+
+    Attributes:
+        freedom: independent values behind each fold's mean square; empty where it could not be told.
+        power_rad2: (folds) mean square of b - a, what noise makes included.
+        noise_rad2: what noise and all that is not at the edges makes of it.
+        leading_share: of the leading edge in the mean square of b - a.
+        leading_share_std: one standard error.
+        explained_m2ps4: mean square of the signal near the contact that moving edges make, all axes.
+        left_m2ps4: mean square that still stands out there when they are put back.
+    """
+
+    freedom: tuple[float, ...] = ()
+    power_rad2: tuple[float, ...] = ()
+    noise_rad2: float = 0.0
+    leading_share: float = 0.5
+    leading_share_std: float = 0.5
+    explained_m2ps4: float = 0.0
+    left_m2ps4: float = 0.0
+
+    @property
+    def scatter_rad2(self) -> float:
+        """Mean square of b - a beyond what noise makes, not below zero."""
+        total = sum(self.freedom)
+        if not total > 0.0:
+            return 0.0
+        mean = sum(f * p for f, p in zip(self.freedom, self.power_rad2, strict=True)) / total
+        return max(0.0, mean - self.noise_rad2)
+
+    def deviances(self, scatter_rad2: float) -> tuple[float, ...]:
+        """Return for every fold -2 ln likelihood of normal scatter of a mean square, up to a constant of the data."""
+        expected = self.noise_rad2 + scatter_rad2
+        return tuple(
+            f * (math.log(expected) + p / expected) if f > 0.0 else 0.0
+            for f, p in zip(self.freedom, self.power_rad2, strict=True)
+        )
+
+    @property
+    def chi2(self) -> float:
+        """Fall of the deviance that scatter brings."""
+        if not (self.freedom and self.noise_rad2 > 0.0):
+            return 0.0
+        return sum(self.deviances(0.0)) - sum(self.deviances(self.scatter_rad2))
+
+
+@dataclass(frozen=True, slots=True)
 class Group:
     """Revolutions of one recording under one set of conditions (speed within 3 %).
 
@@ -53,6 +103,7 @@ class Group:
         deviations_mps2: for every uninterrupted run of revolutions: (3, k) what is left when the group's mean waveform
             (scaled with omega^2 where the speed drifts) is taken off, evenly sampled in time; NaN rows for absent axes.
         deviation_rate_hz: its rate.
+        edges: how the contact's edges move; blocks and deviations have them put back where that is evident.
     """
 
     label: str
@@ -69,6 +120,7 @@ class Group:
     declared_pitch_rad: float = 0.0
     deviations_mps2: tuple[FloatArray, ...] = ()
     deviation_rate_hz: float = 0.0
+    edges: EdgeTiming = EdgeTiming()
 
 
 @dataclass(frozen=True, slots=True)

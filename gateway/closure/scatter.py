@@ -71,7 +71,7 @@ def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, om
     shift = np.zeros(count)
     for _ in range(_ROUNDS):
         fitted, _ = regress(orders, rows, usual)
-        weight = np.where(present, 1.0 / _robust(orders - fitted, usual), 0.0)
+        weight = np.where(present, 1.0 / robust_variance(orders - fitted, usual), 0.0)
         turn = _turns(orders, fitted, weight)
         turn -= np.median(turn)
         shift += turn
@@ -93,9 +93,9 @@ def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, om
 def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatArray:
     """Return what a revolution's waveform is linear in, (n, k): omega^2 and, with many revolutions, 1 and domega/dt.
 
-    What a steady wheel's measured speed does from one revolution to the next is error of the contacts' timing, and
-    follows whatever disturbs a contact, a tone for instance: as it is, it would take the disturbance off, or add its
-    own. So small changes come as they are over some revolutions.
+    What a wheel's measured speed does from one revolution to the next is error of the contacts' timing, and follows
+    whatever disturbs a contact, a tone for instance: as it is, it would take the disturbance off, or add its own. So
+    small changes come as they are over some revolutions.
     """
     square: FloatArray = np.square(omega_radps) / np.square(omega_radps).mean()
     if len(square) < _REGRESSED_FROM:
@@ -103,14 +103,15 @@ def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatAr
     drift = omega_dot_radps2 / max(float(np.abs(omega_dot_radps2).max()), 1e-12)
     if float(np.std(omega_dot_radps2)) * 2.0 * np.pi / float(np.square(omega_radps).mean()) < _STEADY:
         drift = _over_revolutions(drift)
-    if float(np.std(square)) < 2.0 * _STEADY:
-        square = _over_revolutions(square)
+    smooth = _over_revolutions(square)
+    if float(np.std(square - smooth)) < 2.0 * _STEADY:
+        square = smooth
     return np.column_stack((square, np.ones(len(square)), drift))
 
 
 def _over_revolutions(values: FloatArray) -> FloatArray:
-    """Return the running mean over some revolutions."""
-    padded = np.pad(values, _OVER // 2, mode="edge")
+    """Return the running mean over some revolutions; a steady change stays."""
+    padded = np.pad(values, _OVER // 2, mode="reflect", reflect_type="odd")
     result: FloatArray = np.convolve(padded, np.full(_OVER, 1.0 / _OVER), mode="valid")
     return result
 
@@ -135,7 +136,7 @@ def _turns(orders: ComplexArray, fitted: ComplexArray, weight: FloatArray) -> Fl
     return turns
 
 
-def _robust(residual: ComplexArray, usual: BoolArray) -> FloatArray:
+def robust_variance(residual: ComplexArray, usual: BoolArray) -> FloatArray:
     """Return the variance of one coefficient by the median of the revolutions' powers, over neighbouring orders."""
     power = np.median(np.square(np.abs(residual[usual])), axis=0) / (2.0 * np.log(2.0))
     smooth = _smoothed(power, _WIDEST)
@@ -149,7 +150,7 @@ def _usual(residual: ComplexArray, present: BoolArray, before: BoolArray) -> Boo
     count = len(residual)
     if count < _TRIMMED_FROM:
         return before
-    weight = np.where(present, 1.0 / _robust(residual, before), 0.0)
+    weight = np.where(present, 1.0 / robust_variance(residual, before), 0.0)
     power = (weight * np.square(np.abs(residual))).sum(axis=(1, 2))
     usual: BoolArray = power <= _WILD * np.median(power)
     return usual if (~usual).sum() <= max(1.0, _RARE * count) else np.ones(count, dtype=bool)

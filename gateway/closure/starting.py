@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gateway.closure.cores import Core
-from gateway.closure.effects.base import Effect, SpectrumEffect, StartModel
+from gateway.closure.effects.base import Effect, RingEffect, SignalEffect, StartModel
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.model import AngleEffect
 from gateway.closure.series_core import SeriesCore
@@ -20,4 +20,4 @@ def make_core(model: StartModel) -> Core:
 
 def angle_effects(effects: Mapping[str, Effect]) -> dict[str, AngleEffect]:
     """Return the effects that are locked to the wheel's angle."""
-    return {name: effect for name, effect in effects.items() if not isinstance(effect, SpectrumEffect)}
+    return {name: effect for name, effect in effects.items() if isinstance(effect, SignalEffect | RingEffect)}

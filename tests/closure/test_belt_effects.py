@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from gateway.closure.assembly import base_signal
 from gateway.closure.effects.base import (
@@ -35,7 +34,6 @@ from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
-from gateway.simulator.edge_jitter import EdgeJitter
 from tests.closure.belt_data import CONDITIONS, EXTENSION_N, OMEGA, RADIUS_M, THETA, at, averaged, here_of, limited
 
 FloatArray = NDArray[np.float64]
@@ -48,7 +46,6 @@ AT = {
     "tire-locked edge waves": (0.02, -0.01, 83.3, 2.2, 0.015, 0.02, 47.7, 0.8, 61.0, 0.01, 0.02, 31.0, 0.21, 0.08),
     "tread pitch": (0.01, -0.02, 71.3, 0.3),
     "torsional ripple": (0.004, -0.003, 2.3),
-    "contact edge scatter": (1.3e-4, 4e-5),
 }
 ABSENT = {
     "tire-locked edge waves": (0.0, 0.0, 40.0, 1.0, 0.0, 0.0, 40.0, 1.0, 60.0, 0.0, 0.0, 30.0, 0.2, 0.1),
@@ -125,7 +122,7 @@ def test_the_corrected_models_have_gravity_and_drift_already() -> None:
     assert own <= set(candidates(StartModel.PAPER))
     for model in CORRECTED:
         assert not own & set(candidates(model))
-        assert {"torsional ripple", "tread pitch", "contact edge scatter"} <= set(candidates(model))
+        assert {"torsional ripple", "tread pitch"} <= set(candidates(model))
     assert "run-out" not in candidates(StartModel.SERIES)
 
 
@@ -262,27 +259,3 @@ def test_run_out_is_the_simulators(height_mm: float, high_spot_deg: float) -> No
     assert unlike(change, ours, here_of(), axes=(RADIAL,)) < 0.05
     reverse = effect.options(plain, parameters, replace(CONDITIONS, reverse=True))
     assert reverse.runout_sine_m == -effect.options(plain, parameters, CONDITIONS).runout_sine_m
-
-
-def test_scatter_is_the_mean_over_edges_that_move() -> None:
-    here = here_of()
-    variances = np.square(np.array([3e-3, 1e-3]) / RADIUS_M)
-    jitter = EdgeJitter(*np.sqrt(variances).tolist(), np.random.default_rng(5))
-    closed = np.append(here.signal_mps2, here.signal_mps2[:, :1], axis=1)
-    curve = CubicSpline(np.append(THETA, math.pi), closed, axis=1, bc_type="periodic")
-    total, turns = np.zeros_like(here.signal_mps2), 3000
-    for first in range(0, turns, 50):
-        angles = (THETA + 2.0 * math.pi * np.arange(first, first + 50)[:, None]).reshape(-1)
-        moved = jitter.place(angles, (here.leading_edge_rad, here.trailing_edge_rad))
-        total += curve((moved + math.pi) % (2.0 * math.pi) - math.pi).reshape(3, 50, -1).sum(axis=1)
-    smeared = total / turns - here.signal_mps2
-    # So few turns leave a mean shift of either edge.
-    slope = slopes(here.signal_mps2)[0]
-    derivative = effect_of("contact edge scatter").derivative(here, variances)
-    columns = np.stack([*derivative, slope * (THETA < 0.0), slope * (THETA >= 0.0)])
-    ours = effect_of("contact edge scatter").contribution(here, variances)
-    rows = limited(columns).reshape(4, -1).T
-    change = np.linalg.lstsq(rows, limited(smeared - ours).reshape(-1), rcond=None)[0][:2]
-    # The simulator's edges take less of their surroundings along.
-    assert variances + change == pytest.approx(variances, rel=0.25)
-    assert ours[RADIAL][np.abs(THETA) < 0.6].std() > 5.0 * ours[RADIAL][np.abs(THETA) > 1.5].std()

@@ -61,7 +61,6 @@ def campaign(effect: AngleEffect, values: FloatArray, seed: int, speeds: tuple[f
         ("torsional ripple", (4e-4, 1e-4, 2.0), 7),
         ("imbalance and hub motion", (8e-5, 1e-4), 8),
         ("run-out", (3e-4, -2e-4), 9),
-        ("contact edge scatter", (2.2e-5, 3e-6), 10),
         ("anti-alias filter", (1.0 / 500.0,), 11),
         ("anti-alias filter", (1.0 / 800.0,), 12),
     ],

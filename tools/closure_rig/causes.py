@@ -217,7 +217,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("ply steer", "mm (ply separation)", (0.008, 0.024, 1.2), _ply_steer),
     Cause("conicity", "deg", (0.01, 0.03, 0.6), _tire("conicity_deg", signed=True)),
     Cause("carcass compliance", "deg (slip angle)", (0.008, 0.024, 0.3), _slip),
-    Cause("contact edge scatter", "mm", (0.3, 0.9, 2.5), _scatter),
+    Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
 )
 

@@ -1,8 +1,9 @@
 """What an effect is: something physical that a starting model lacks, with parameters that have units and bounds.
 
-Three kinds, by where they act. A `RingEffect` changes what the exact ring is solved for. A `SignalEffect` adds to what
+Four kinds, by where they act. A `RingEffect` changes what the exact ring is solved for. A `SignalEffect` adds to what
 the sensor reads, locked to the wheel's angle, and is applied in the order of its `stage`. A `SpectrumEffect` adds to
-the density of what is not locked to the wheel. All parameters are 0 where the effect is absent.
+the density of what is not locked to the wheel. A `ScatterEffect` is how revolutions differ. All parameters are 0 where
+the effect is absent.
 """
 
 from __future__ import annotations
@@ -231,7 +232,22 @@ class SpectrumEffect(Described, Protocol):
         ...
 
 
-Effect = SignalEffect | RingEffect | SpectrumEffect
+@runtime_checkable
+class ScatterEffect(Described, Protocol):
+    """Moves parts of the waveform, by another amount in each revolution; taken off before revolutions are averaged.
+
+    Attributes:
+        axes: those it acts on.
+    """
+
+    axes: tuple[int, ...]
+
+    def windows(self, theta_rad: FloatArray, half_angle_rad: float) -> FloatArray:
+        """Return how much of each of its movements is felt at angles, (terms, ...), 1 at most."""
+        ...
+
+
+Effect = SignalEffect | RingEffect | SpectrumEffect | ScatterEffect
 
 NOWHERE: Final[frozenset[StartModel]] = frozenset()
 CORRECTED: Final = frozenset({StartModel.SERIES, StartModel.EXACT})

@@ -35,9 +35,8 @@ MODULES: Final[tuple[str, ...]] = (
     "carcass_compliance",
     "rolling_radius",
     "clock_error",
-    # these two act on all that the belt does
+    # this one acts on all that the belt does
     "torsional_ripple",
-    "edge_scatter",
     # MOUNTING
     "yaw_tilt",
     "roll_tilt",
@@ -54,6 +53,8 @@ MODULES: Final[tuple[str, ...]] = (
     "road_vibration",
     "hub_vibration",
     "cavity_resonance",
+    # how revolutions differ
+    "edge_scatter",
 )
 
 

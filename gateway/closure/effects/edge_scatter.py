@@ -1,97 +1,58 @@
-"""Contact edge scatter: edges that come a little early or late each time are smeared by averaging."""
+"""Contact edge scatter: edges that come a little early or late, another amount each time."""
 
 from __future__ import annotations
 
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gateway.closure.effects.base import (
-    CIRCUMFERENTIAL,
-    FIELD_SIZE,
-    LATERAL,
-    NOWHERE,
-    RADIAL,
-    Conditions,
-    Here,
-    Parameter,
-    Stage,
-)
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, NOWHERE, RADIAL, FloatArray, Parameter
 
-FloatArray = NDArray[np.float64]
-
-_ORDER: Final[FloatArray] = np.arange(FIELD_SIZE // 2 + 1, dtype=np.float64)
-# A measured leading edge scatters by 1.9 mm on a drum, a trailing one by 0.5; 8 mm on 0.32 m are 25 mrad.
-_LARGEST_RAD2: Final = 6e-4
-# Below zero edges would be sharper than each is. Half a mrad of 0.16 mm is what the ring's own edges are good to.
-_SMALLEST_RAD2: Final = -1e-6
-_START_RAD2: Final = 3e-5
-_MRAD2: Final = 1e6
-# The two edges' shares change over within this part of the half contact about its middle, where the signal is flat.
+# An edge takes its surroundings along, fading over this angle to either side.
+REACH_RAD: Final = 0.5
+# One edge takes over from the other within this part of the half contact about its middle, where the signal is flat.
 _CHANGE: Final = 0.5
 
 
-def _variance(side: str) -> Parameter:
-    return Parameter(
-        f"{side}_rad2", "rad^2", _SMALLEST_RAD2, _LARGEST_RAD2, 2e-4, 1e-9, factor=_MRAD2, display_unit="mrad^2"
-    )
+def _rms(side: str) -> Parameter:
+    # A measured leading edge scatters by 1.9 mm on a drum, a trailing one by 0.5; of 8 mm no contact is known.
+    return Parameter(f"{side}_m", "m", 0.0, 8e-3, 2e-3, 1e-6, factor=1e3, display_unit="mm")
 
 
 class EdgeScatter:
-    """Mean over revolutions whose edges are normally scattered, each edge by its own variance."""
+    """Normal scatter of where the contact begins and ends, root mean squares along the belt.
+
+    It is seen in how revolutions differ. Means of revolutions have their edges put back one by one, so nothing of it is
+    left in them.
+    """
 
     name = "contact edge scatter"
-    summary = (
-        "The contact's edges (or their detection) move from revolution to revolution, so that averaging smears them."
+    summary = "The contact's edges move from revolution to revolution; that scatters the signal where it is steepest."
+    equation = "a(theta) = s(theta + early(theta)), early that of the nearer edge, fading 0.5 rad away from it"
+    parameters: tuple[Parameter, ...] = (_rms("leading"), _rms("trailing"))
+    seen_by = (
+        "Revolutions one by one: pulses of the waveform's slope at the edges, of a size of their own each time; the "
+        "period, which is short where a contact comes early, tells which edge it is."
     )
-    equation = "orders about either edge fall by exp(-n^2 sigma^2 / 2), sigma^2 of its own for each"
-    parameters = (_variance("leading"), _variance("trailing"))
-    seen_by = "High orders of all axes at the edges, alike at every speed in order; the scatter of revolutions there."
     confused_with = (
-        "A low-pass filter (0.99 alike at one speed, 0.9 at 40 and 100 km/h), which falls in Hz and delays; tread "
-        "damping, where the edges differ (0.8); shear flexibility (0.6), which widens each single revolution's edges "
-        "too: the scatter of revolutions there decides."
+        "Noise and vibration, which are as strong where there is no contact; a load that drifts, which does not "
+        "scatter from one contact to the next."
     )
     already_in = NOWHERE
-    stage = Stage.BELT
-    axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
-    linear = False
+    axes: tuple[int, ...] = (CIRCUMFERENTIAL, LATERAL, RADIAL)
 
-    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
-        """Return one start."""
-        return ((_START_RAD2, _START_RAD2),)
+    def windows(self, theta_rad: FloatArray, half_angle_rad: float) -> FloatArray:
+        """Return by how much the edges' places are felt at angles from -pi to pi, (4, ...).
 
-    def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
-        """Return the smeared signal less the signal, each edge's on its own side."""
-        falls = np.expm1(-0.5 * np.outer(parameters, np.square(_ORDER)))
-        smeared = _filtered(here, falls)
-        result: FloatArray = np.einsum("pk,pak->ak", _sides(here), smeared)
-        return result
-
-    def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
-        """Return the derivatives by both variances."""
-        square = -0.5 * np.square(_ORDER)
-        result: FloatArray = _sides(here)[:, np.newaxis] * _filtered(
-            here, square * np.exp(np.outer(parameters, square))
-        )
-        return result
-
-
-def _filtered(here: Here, gains: FloatArray) -> FloatArray:
-    """Return the signal with its orders weighted, (2, 3, FIELD_SIZE), by gains (2, orders)."""
-    spectrum = np.fft.rfft(here.signal_mps2, axis=-1)
-    result: FloatArray = np.fft.irfft(gains[:, np.newaxis] * spectrum, n=FIELD_SIZE, axis=-1)
-    return result
-
-
-def _sides(here: Here) -> FloatArray:
-    """Return the shares of leading and trailing edge, (2, FIELD_SIZE)."""
-    middle = 0.5 * (here.leading_edge_rad + here.trailing_edge_rad)
-    half = 0.5 * (here.trailing_edge_rad - here.leading_edge_rad)
-    place = np.clip((here.theta_rad - middle) / (_CHANGE * half), -1.0, 1.0)
-    trailing = 0.5 * (1.0 + np.sin(0.5 * np.pi * place))
-    return np.stack([1.0 - trailing, trailing])
+        Leading and trailing edge, then the same growing away from the contact's middle. Angles below 0 belong to the
+        next contact, those above to the one before, so either side has its own edge alone.
+        """
+        side = np.array([-1.0, 1.0]).reshape(2, *(1,) * theta_rad.ndim)
+        from_edge = side * theta_rad - half_angle_rad
+        felt = 0.5 * (1.0 + np.cos(np.pi * np.minimum(np.abs(from_edge) / REACH_RAD, 1.0)))
+        inside = np.clip(side * theta_rad / (_CHANGE * half_angle_rad), -1.0, 1.0)
+        felt = felt * 0.5 * (1.0 + np.sin(0.5 * np.pi * inside))
+        return np.concatenate((felt, felt * from_edge / REACH_RAD))
 
 
 EFFECT = EdgeScatter()

@@ -1,0 +1,122 @@
+"""From what single revolutions say of the contact's edges to the finding: is it scatter of edges, and how much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.diagnosis import Finding, Fitted, Verdict
+from gateway.closure.effects.edge_scatter import EFFECT
+from gateway.closure.observation import Group
+
+FloatArray = NDArray[np.float64]
+
+# Fall of the deviance that is no chance find, as for effects that are locked to the wheel.
+_LEAST_EVIDENCE: Final = 25.0
+# What stands out near the edges when they are put back, over what that took off, from which it is something else.
+_LEFT_SHARE: Final = 0.25
+# By how much the rms of one group may differ from that of all, beyond its errors: on a short contact one edge takes
+# the other along.
+_ALIKE: Final = 2.5
+_SIGMAS: Final = 3.0
+
+
+def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
+    """Return the finding of `contact edge scatter`; none where the data do not speak of it."""
+    seen = [group for group in groups if group.edges.freedom and group.edges.noise_rad2 > 0.0]
+    if not seen:
+        return ()
+    gains = _gains(seen)
+    chi2 = sum(group.edges.chi2 for group in seen)
+    gain = float(gains.sum())
+    spread = float(np.std(gains, ddof=1)) * math.sqrt(len(gains)) if len(gains) > 1 else math.inf
+    if chi2 < _LEAST_EVIDENCE or gain <= spread:
+        return ()
+    weight = np.array([sum(group.edges.freedom) for group in seen])
+    square = np.array([group.edges.scatter_rad2 * group.conditions.radius_m**2 for group in seen])
+    std = np.array([_square_std(group) for group in seen])
+    mean = float(weight @ square / weight.sum())
+    mean_std = math.sqrt(float(np.square(weight * std).sum())) / float(weight.sum())
+    reason = _objection(seen, square, std, mean)
+    explained = sum(group.edges.explained_m2ps4 for group in seen)
+    return (
+        Finding(
+            name=EFFECT.name,
+            verdict=Verdict.REFUSED if reason else Verdict.NAMED,
+            parameters=_parameters(seen, mean, mean_std),
+            chi2=chi2,
+            held_out_gain=gain,
+            held_out_std=spread,
+            rms_mps2=math.sqrt(max(0.0, explained) / len(seen)),
+            reason=reason,
+            summary=EFFECT.summary,
+            equation=EFFECT.equation,
+            lock="contact",
+        ),
+    )
+
+
+def _gains(groups: Sequence[Group]) -> FloatArray:
+    """Return by how much each fold's deviance falls with the scatter that the group's other folds ask for."""
+    folds = max(len(group.edges.freedom) for group in groups)
+    gains = np.zeros(folds)
+    for group in groups:
+        edges = group.edges
+        freedom, power = np.array(edges.freedom), np.array(edges.power_rad2)
+        none = edges.deviances(0.0)
+        for fold in range(len(freedom)):
+            others = np.arange(len(freedom)) != fold
+            known = float(freedom[others].sum())
+            if known > 0.0:
+                rest = max(0.0, float(freedom[others] @ power[others]) / known - edges.noise_rad2)
+                gains[fold] += none[fold] - edges.deviances(rest)[fold]
+    return gains[gains != 0.0] if gains.any() else gains
+
+
+def _square_std(group: Group) -> float:
+    """Return the standard error of the mean square of b - a, m^2."""
+    edges = group.edges
+    total = edges.scatter_rad2 + edges.noise_rad2
+    return total * math.sqrt(2.0 / sum(edges.freedom)) * group.conditions.radius_m**2
+
+
+def _objection(groups: Sequence[Group], square: FloatArray, std: FloatArray, mean: float) -> str:
+    explained = sum(group.edges.explained_m2ps4 for group in groups)
+    left = sum(group.edges.left_m2ps4 for group in groups)
+    if left > _LEFT_SHARE * explained > 0.0:
+        return f"it leaves {left / (left + explained):.0%} of what scatters at the edges: a stand-in for something else"
+    for group, own, error in zip(groups, square.tolist(), std.tolist(), strict=True):
+        if own + _SIGMAS * error < mean / _ALIKE**2 or own - _SIGMAS * error > mean * _ALIKE**2:
+            return f"it would have to be of another size in other recordings (most so in {group.label})"
+    for parameter, value in zip(EFFECT.parameters, _sizes(groups, mean), strict=True):
+        if value > parameter.high:
+            high = 1e3 * parameter.high
+            return f"{parameter.name} would be {1e3 * value:.3g} mm, which is not plausible (0 to {high:g})"
+    return ""
+
+
+def _leading_share(groups: Sequence[Group]) -> tuple[float, float]:
+    """Return the leading edge's share of the mean square, and its standard error."""
+    share = np.array([group.edges.leading_share for group in groups])
+    weight = np.array([group.edges.leading_share_std for group in groups]) ** -2.0
+    return float(weight @ share / weight.sum()), float(weight.sum()) ** -0.5
+
+
+def _sizes(groups: Sequence[Group], mean: float) -> tuple[float, float]:
+    share, _ = _leading_share(groups)
+    return math.sqrt(mean * share), math.sqrt(mean * (1.0 - share))
+
+
+def _parameters(groups: Sequence[Group], mean: float, mean_std: float) -> dict[str, Fitted]:
+    share, share_std = _leading_share(groups)
+    found = {}
+    for parameter, value, part in zip(EFFECT.parameters, _sizes(groups, mean), (share, 1.0 - share), strict=True):
+        # Of the square: share times mean.
+        error = math.hypot(part * mean_std, mean * share_std)
+        std = error / (2.0 * max(value, math.sqrt(error)))
+        found[parameter.name] = Fitted(value, std, parameter.unit, parameter.factor, parameter.display_unit)
+    return found

@@ -1,0 +1,256 @@
+"""Edges of the contact that come early or late: seen in single revolutions, put back, and told from all else."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+
+from closure_rig.draw import Kind, Order, draw
+from closure_rig.record import record
+
+from gateway.closure.collecting import waveform_orders
+from gateway.closure.diagnosis import Verdict
+from gateway.closure.edge_finding import edge_findings
+from gateway.closure.edge_timing import TERMS, Edges, bent_back, compare_edges, orders_bent_back
+from gateway.closure.effects.base import ScatterEffect, StartModel
+from gateway.closure.effects.catalogue import candidates, catalogue
+from gateway.closure.observation import ORDERS, Block, EdgeTiming, Group
+from gateway.closure.scatter import regressors
+from gateway.closure.starting import angle_effects
+from gateway.session.campaign import read_campaign
+from tests.closure.belt_data import CONDITIONS, OMEGA, RADIUS_M, THETA, here_of
+
+FloatArray = NDArray[np.float64]
+
+HALF_RAD = 0.5 * (here_of().trailing_edge_rad - here_of().leading_edge_rad)
+NOISE_MPS2 = 0.5
+PER_MM = 1e-3 / RADIUS_M
+
+
+def wheel(
+    count: int, leading_mm: float, trailing_mm: float, seed: int, ahead: float = 0.3
+) -> tuple[FloatArray, FloatArray]:
+    """Return waveforms (count, 3, n) of a wheel whose edges scatter, as the pipeline cuts them, and the periods.
+
+    The pipeline puts angle 0 of contact k at a + ahead (b - a), as early as that is.
+    """
+    rng = np.random.default_rng(seed)
+    early = rng.standard_normal((count + 1, 2)) * (leading_mm * PER_MM, trailing_mm * PER_MM)
+    centre = early[:, 1] + ahead * (early[:, 0] - early[:, 1])
+    signal = here_of().signal_mps2
+    curve = CubicSpline(np.append(THETA, math.pi), np.append(signal, signal[:, :1], axis=1), axis=1, bc_type="periodic")
+    # Wide enough not to fade where the signal is steep.
+    felt = np.clip(np.abs(THETA) / (0.3 * HALF_RAD), 0.0, 1.0) * (np.abs(THETA) < HALF_RAD + 0.3)
+    waves = np.empty((count, 3, len(THETA)))
+    for at in range(count):
+        moved = np.where(THETA < 0.0, early[at + 1, 0] - centre[at + 1], early[at, 1] - centre[at])
+        waves[at] = curve(THETA + moved * felt)
+    waves += NOISE_MPS2 * rng.standard_normal(waves.shape)
+    period_s = (2.0 * math.pi - np.diff(centre)) / OMEGA
+    return waves, period_s
+
+
+def compared(waves: FloatArray, period_s: FloatArray | None = None) -> Edges:
+    count = len(waves)
+    return compare_edges(
+        waveform_orders(waves),
+        index=np.arange(count),
+        period_s=np.full(count, 2.0 * math.pi / OMEGA) if period_s is None else period_s,
+        omega_radps=np.full(count, OMEGA),
+        omega_dot_radps2=np.zeros(count),
+        half_angle_rad=HALF_RAD,
+        folds=5,
+    )
+
+
+@pytest.mark.parametrize(("leading_mm", "trailing_mm"), [(0.3, 0.1), (0.2, 0.4), (2.0, 0.5)])
+def test_scatter_is_measured_and_told_to_its_edge(leading_mm: float, trailing_mm: float) -> None:
+    edges = compared(*wheel(150, leading_mm, trailing_mm, 1))
+    assert edges.evident
+    assert edges.timing.chi2 > 100.0
+    length_mm = math.hypot(leading_mm, trailing_mm)
+    assert math.sqrt(edges.timing.scatter_rad2) == pytest.approx(length_mm * PER_MM, rel=0.2)
+    error = abs(edges.timing.leading_share - (leading_mm / length_mm) ** 2)
+    assert error < max(0.1, 3.0 * edges.timing.leading_share_std)
+    assert edges.timing.left_m2ps4 < 0.1 * edges.timing.explained_m2ps4
+
+
+def test_edges_are_put_back() -> None:
+    waves, period_s = wheel(600, 3.0, 0.5, 2)
+    orders = waveform_orders(waves)
+    edges = compared(waves, period_s)
+    bent = orders_bent_back(orders, edges.early_rad, HALF_RAD)
+    still = waveform_orders(wheel(600, 0.0, 0.0, 2)[0])
+    noise, moving, left = (o[:, 2].var(axis=0)[:60].mean() for o in (still, orders, bent))
+    # The wheel's edges take their surroundings along otherwise than the model's do.
+    assert left - noise < 0.05 * (moving - noise)
+    # The mean is sharp again.
+    high = slice(30, 60)
+    power, smeared, sharp = (np.square(np.abs(o[:, 2].mean(axis=0)))[high].sum() for o in (still, orders, bent))
+    assert abs(sharp / power - 1.0) < 0.4 * abs(smeared / power - 1.0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_is_no_scatter(seed: int) -> None:
+    edges = compared(*wheel(100, 0.0, 0.0, seed))
+    assert not edges.evident
+    assert edges.timing.chi2 < 12.0
+
+
+@pytest.mark.parametrize("hz", [4.3, 11.3, 24.9, 212.0])
+def test_what_is_not_at_the_contact_is_no_scatter(hz: float) -> None:
+    """A tone goes on through the revolutions, and stands still in space as a hub does."""
+    count = 100
+    waves, _ = wheel(count, 0.0, 0.0, 3)
+    # In time a revolution runs from angle 0 over pi to 0.
+    turned = np.where(THETA < 0.0, THETA + 2.0 * math.pi, THETA) + 2.0 * math.pi * np.arange(count)[:, None]
+    tone = 5.0 * np.cos(2.0 * math.pi * hz / OMEGA * turned)
+    waves[:, 2] += tone * np.cos(THETA)
+    waves[:, 0] -= tone * np.sin(THETA)
+    assert compared(waves).timing.chi2 < 12.0
+
+
+def test_a_contact_that_grows_slowly_is_no_scatter() -> None:
+    count = 100
+    grown = np.linspace(-1.0, 1.0, count)[:, None] * PER_MM
+    signal = here_of().signal_mps2
+    curve = CubicSpline(np.append(THETA, math.pi), np.append(signal, signal[:, :1], axis=1), axis=1, bc_type="periodic")
+    near = np.clip(THETA / (0.3 * HALF_RAD), -1.0, 1.0) * (np.abs(THETA) < HALF_RAD + 0.3)
+    places = THETA + grown * near
+    waves = np.moveaxis(curve(places), 0, 1)
+    waves += NOISE_MPS2 * np.random.default_rng(4).standard_normal(waves.shape)
+    assert not compared(waves).evident
+
+
+def test_few_revolutions_and_gaps_say_nothing() -> None:
+    waves, period_s = wheel(10, 2.0, 0.5, 5)
+    assert compared(waves, period_s).timing == EdgeTiming()
+    waves, _ = wheel(40, 2.0, 0.5, 5)
+    edges = compare_edges(
+        waveform_orders(waves),
+        index=2 * np.arange(40),
+        period_s=np.full(40, 0.1),
+        omega_radps=np.full(40, OMEGA),
+        omega_dot_radps2=np.zeros(40),
+        half_angle_rad=HALF_RAD,
+        folds=5,
+    )
+    assert edges.timing == EdgeTiming()
+    assert not edges.evident
+
+
+def test_absent_axes_stay_unknown() -> None:
+    waves, period_s = wheel(60, 1.0, 0.3, 6)
+    waves[:, 1] = np.nan
+    edges = compared(waves, period_s)
+    assert edges.evident
+    bent = orders_bent_back(waveform_orders(waves), edges.early_rad, HALF_RAD)
+    assert np.isnan(bent[:, 1]).all()
+    assert np.isfinite(bent[:, [0, 2]]).all()
+
+
+def test_bending_back_undoes_a_movement() -> None:
+    early = np.zeros((1, TERMS))
+    early[0] = 4e-3, -2e-3, 1e-3, 0.0
+    plain = np.cos(3.0 * THETA) + 0.3 * np.cos(40.0 * THETA)
+    effect = catalogue()["contact edge scatter"]
+    assert isinstance(effect, ScatterEffect)
+    place = THETA + early[0] @ effect.windows(THETA, HALF_RAD)
+    moved = np.cos(3.0 * place) + 0.3 * np.cos(40.0 * place)
+    assert np.abs(moved - plain).max() > 0.03
+    back = bent_back(moved[None, None], THETA, early, HALF_RAD)[0, 0]
+    assert np.abs(back - plain).max() < 1e-3
+
+
+def test_the_mean_waveform_is_not_asked_for_it() -> None:
+    for model in StartModel:
+        assert "contact edge scatter" in candidates(model)
+        assert "contact edge scatter" not in angle_effects(candidates(model))
+
+
+def test_a_speed_that_changes_steadily_is_no_timing() -> None:
+    rng = np.random.default_rng(7)
+    true = OMEGA * np.linspace(0.995, 1.005, 100)
+    timed = true * (1.0 + 4e-4 * rng.standard_normal(100))
+    square = regressors(timed, np.zeros(100))[:, 0]
+    truth = np.square(true) / np.square(true).mean()
+    assert np.std(square - truth) < 0.5 * np.std(np.square(timed) / np.square(timed).mean() - truth)
+    # No bend at the ends.
+    assert regressors(true, np.zeros(100))[:, 0] == pytest.approx(truth, abs=1e-5)
+
+
+def group(timing: EdgeTiming, label: str = "run") -> Group:
+    block = Block(50, CONDITIONS, np.zeros((3, ORDERS), complex))
+    return Group(label, 0, 0, CONDITIONS, (block,) * 5, np.ones((3, ORDERS)), HALF_RAD, edges=timing)
+
+
+def timing(scatter_mm: float, noise_mm: float = 0.05, *, left: float = 0.0) -> EdgeTiming:
+    square, noise = np.square(np.array([scatter_mm, noise_mm]) * PER_MM).tolist()
+    spread = np.array([0.9, 1.1, 1.0, 0.95, 1.05])
+    return EdgeTiming((14.0,) * 5, tuple((spread * (square + noise)).tolist()), noise, 0.8, 0.05, 100.0, left)
+
+
+def test_a_finding_has_sizes_evidence_and_a_held_out_gain() -> None:
+    (found,) = edge_findings([group(timing(0.5)), group(timing(0.4)), group(EdgeTiming())])
+    assert found.verdict is Verdict.NAMED
+    assert found.name == "contact edge scatter"
+    mean = math.sqrt(0.5 * (0.25 + 0.16))
+    assert found.parameters["leading_m"].value == pytest.approx(1e-3 * mean * math.sqrt(0.8), rel=0.02)
+    assert found.parameters["trailing_m"].value == pytest.approx(1e-3 * mean * math.sqrt(0.2), rel=0.02)
+    assert 0.0 < found.parameters["leading_m"].std < 0.2 * found.parameters["leading_m"].value
+    assert 0.9 * found.chi2 < found.held_out_gain < found.chi2
+    assert found.held_out_std > 0.0
+
+
+def test_nothing_is_said_without_evidence() -> None:
+    assert edge_findings([]) == ()
+    assert edge_findings([group(EdgeTiming())]) == ()
+    assert edge_findings([group(timing(0.01)), group(timing(0.0))]) == ()
+
+
+@pytest.mark.parametrize(
+    ("groups", "why"),
+    [
+        ([group(timing(0.5)), group(timing(0.0)), group(timing(0.5))], "another size in other recordings"),
+        ([group(timing(0.5, left=60.0))], "leaves"),
+        ([group(timing(40.0))], "not plausible"),
+    ],
+)
+def test_what_does_not_behave_as_edges_do_is_refused(groups: list[Group], why: str) -> None:
+    (found,) = edge_findings(groups)
+    assert found.verdict is Verdict.REFUSED
+    assert why in found.reason
+
+
+@pytest.mark.parametrize(("size", "seed"), [(1, 21), (2, 22)])
+def test_recordings_of_a_wheel_whose_edges_scatter(tmp_path: Path, size: int, seed: int) -> None:
+    case = draw(Order(Kind.EFFECT, seed, ("contact edge scatter",), size))
+    given = record(case, tmp_path, 5.0)
+    campaign = read_campaign(given.paths, jobs=1, reverse=given.reverse)
+    (found,) = edge_findings(campaign.groups)
+    assert found.verdict is Verdict.NAMED
+    truth = case.tables["road"]["leading_jitter_mm"]
+    # Where the contact is short each edge takes the other along.
+    assert 0.5 * truth < 1e3 * found.parameters["leading_m"].value < 1.3 * truth
+
+
+def test_where_the_edges_are_on_average_is_known_no_better_than_they_scatter(tmp_path: Path) -> None:
+    case = draw(Order(Kind.EFFECT, 23, ("contact edge scatter",), 2))
+    variances = []
+    for name, tables in (("moving", case.tables), ("still", {})):
+        folder = tmp_path / name
+        folder.mkdir()
+        given = record(replace(case, tables=tables), folder, 4.0)
+        (seen,) = read_campaign(given.paths[1:2], jobs=1).groups
+        assert bool(seen.edges.explained_m2ps4) == (name == "moving")
+        variances.append(seen.variance[2, 5:30].mean())
+    assert variances[0] > 3.0 * variances[1]
