@@ -7,8 +7,8 @@ import os
 import sys
 import tempfile
 import traceback
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
@@ -77,15 +77,19 @@ def run_all(orders: list[Order], jobs: int, model: str, keep: Path | None) -> li
     """Run cases on several processes, in the order given; progress goes to the terminal's error stream."""
     found: dict[int, Trial] = {}
     # Fresh interpreters: the diagnosis starts processes of its own, which forks of threads would not survive.
-    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=_CASES_A_PROCESS) as pool:
-        waiting = {pool.submit(run, order, model, keep): place for place, order in enumerate(orders)}
-        for done in as_completed(waiting):
-            trial = found[waiting[done]] = done.result()
+    with get_context("spawn").Pool(jobs, maxtasksperchild=_CASES_A_PROCESS) as pool:
+        numbered = partial(_numbered, model=model, keep=keep)
+        for place, trial in pool.imap_unordered(numbered, list(enumerate(orders))):
+            found[place] = trial
             what = " + ".join(trial.order.names) or "nothing"
             said = " + ".join(trial.judgement.named) or "no name"
             line = f"{len(found)}/{len(orders)} {what} ({trial.judgement.size}, seed {trial.order.seed}): {said}"
             print(f"{line}: {trial.fault or trial.judgement.outcome}, {trial.seconds:.0f} s", file=sys.stderr)
     return [found[place] for place in range(len(orders))]
+
+
+def _numbered(case: tuple[int, Order], model: str, keep: Path | None) -> tuple[int, Trial]:
+    return case[0], run(case[1], model, keep)
 
 
 def default_jobs() -> int:
