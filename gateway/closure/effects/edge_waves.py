@@ -22,8 +22,10 @@ from gateway.closure.effects.belt_packets import Packet, decaying, free_part, pu
 
 FloatArray = NDArray[np.float64]
 
-# A short packet answers to orders two or three off its own, so that a scan of every sixth finds any.
-_ORDERS: Final = tuple(float(order) for order in range(20, 105, 6))
+# A short packet answers to orders two or three off its own, so that a scan of every sixth finds any. Behind the contact
+# they are below the tread's own order.
+_ORDERS_BEFORE: Final = tuple(float(order) for order in range(20, 105, 6))
+_ORDERS_AFTER: Final = _ORDERS_BEFORE[:10]
 _DECAYS: Final = (5.0, 1.4, 0.7)
 # A linear fit from here sees slopes by shape through these amplitudes: with small ones it would leap.
 _START: Final = (0.3, 0.3, 40.0, 2.5)
@@ -88,8 +90,8 @@ class EdgeWaves:
     stage = Stage.BELT
     axes = (CIRCUMFERENTIAL, RADIAL)
     linear = False
-    # Before, after, and before again now that the packet after is known.
-    scan = ((2, _ORDERS), (6, _ORDERS), (8, (70.0,)), (2, _ORDERS), (3, _DECAYS), (7, _DECAYS))
+    # After, before, and after again now that the packet before is known.
+    scan = ((6, _ORDERS_AFTER), (2, _ORDERS_BEFORE), (8, (70.0,)), (6, _ORDERS_AFTER), (3, _DECAYS), (7, _DECAYS))
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
         """Return one start, from which `scan` goes on."""
