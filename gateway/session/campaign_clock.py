@@ -19,6 +19,9 @@ _LEAST_WINDOWS: Final = 6
 # A step of the two clocks against each other that is no delay: the hub has started again.
 _RESTART_S: Final = 5.0
 _ROUNDS: Final = 4
+# Frames at the beginning from which slots of the link are told, and the share that arrives together where it has any.
+_LOOKED_AT: Final = 1000
+_TOGETHER: Final = 0.3
 
 
 class HubClockError:
@@ -31,6 +34,8 @@ class HubClockError:
         # (link, hub, start) -> window -> (hub time, delay) of its earliest arrival
         self._earliest: dict[tuple[str, int, int], dict[int, tuple[float, float]]] = {}
         self._starts: dict[tuple[str, int], int] = {}
+        # (link, hub) -> hub time and arrival of its first frames, s
+        self._first: dict[tuple[str, int], list[FloatArray]] = {}
 
     def take(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         """Look at a block of frames and when they arrived."""
@@ -47,6 +52,9 @@ class HubClockError:
             step = int(np.array([(int(tick_us[0]) - before) & 0xFFFFFFFF], np.uint32).view(np.int32)[0])
             ticks += before + step - int(tick_us[0])
         hub_s = ticks * 1e-6
+        begun = self._first.setdefault(key, [])
+        if sum(part.shape[1] for part in begun) < _LOOKED_AT:
+            begun.append(np.stack((hub_s - ticks[0] * 1e-6, (arrivals_ns - arrivals_ns[0]) * 1e-9)))
         delay_s = (arrivals_ns - ticks * 1000) * 1e-9
         previous = self._last[key][1] if key in self._last else float(delay_s[0])
         start = self._starts.get(key, 0) + np.cumsum(np.abs(np.diff(delay_s, prepend=previous)) > _RESTART_S)
@@ -64,8 +72,32 @@ class HubClockError:
 
     def error(self, hub: int) -> tuple[float, float]:
         """Return the share by which a hub's clock runs fast, and its standard error; NaN when not known."""
-        found = [line for key, known in self._earliest.items() if key[1] == hub and (line := _line(known)) is not None]
+        found = []
+        for (link, number, _), known in self._earliest.items():
+            if number == hub and (line := _line(known)) is not None:
+                # Clocks that part by less than a slot's step leave no trace.
+                span_s = _WINDOW_S * (len(known) - 2)
+                found.append((line[0], math.hypot(line[1], _slot_step_s(self._first[link, number]) / span_s)))
         return combined(found)
+
+
+def _slot_step_s(parts: list[FloatArray]) -> float:
+    """Return by how much the clocks must part until another frame is the last to reach its slot of the link.
+
+    A link that hands its frames over in slots of host time tells no arrivals but those. How close to the end of a slot
+    frames come is the same again and again where frames and slots have a common measure, and then tells nothing of a
+    clock that is a little off. 0 for a link without slots.
+    """
+    hub_s, arrival_s = max(parts, key=lambda part: part.shape[1])
+    slots = np.unique(arrival_s)
+    if len(slots) < _LEAST_WINDOWS or 1.0 - len(slots) / len(arrival_s) < _TOGETHER:
+        return 0.0
+    steps = np.diff(slots)
+    slot_s = float(np.median(steps))
+    slot_s = float(steps.sum() / np.maximum(np.round(steps / slot_s), 1.0).sum())
+    place = np.sort(np.mod(hub_s, slot_s))
+    gaps = np.diff(np.append(place, place[0] + slot_s))
+    return float(gaps.max())
 
 
 def combined(errors: list[tuple[float, float]]) -> tuple[float, float]:

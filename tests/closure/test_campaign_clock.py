@@ -71,3 +71,33 @@ def test_recordings_are_weighed_and_their_spread_told():
     assert value == pytest.approx(2e-5)
     assert std == pytest.approx(1e-5, rel=0.01)
     assert all(map(math.isnan, combined([])))
+
+
+def slotted(error, frame_ms, *, seconds, seed=1):
+    """Frames at even times of the hub that a link hands over at the ends of slots of 10 ms of the host's time."""
+    rng = np.random.default_rng(seed)
+    ticks_ms = np.arange(frame_ms, 1e3 * seconds, frame_ms)
+    slots = np.ceil(ticks_ms / (1 + error) / 10.0)
+    late = 0.3 * rng.exponential(size=int(slots.max()) + 1)
+    arrivals = ((10.0 * slots + late[slots.astype(int)]) * 1e6).astype(np.int64)
+    clock = HubClockError()
+    clock.take("link", batch(np.round(1e3 * ticks_ms)), np.maximum.accumulate(arrivals))
+    return clock.error(0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("error", [-1e-3, -1.2e-4, 0.0, 4e-5, 1.2e-4, 3e-4])
+def test_a_link_with_slots_tells_no_more_than_its_steps(error, seed):
+    # 3.75 ms and 10 ms have 1.25 ms in common: in 8 s, clocks may part by 150 ppm and leave no trace.
+    found, std = slotted(error, 3.75, seconds=8.0, seed=seed)
+    assert abs(found - error) < 2.5 * std
+    assert 5e-5 < std < 3e-4
+    found, std = slotted(error, 3.75, seconds=80.0, seed=seed)
+    assert abs(found - error) < 2.5 * std
+    assert std < 3e-5
+
+
+def test_frames_that_reach_slots_at_all_times_tell_more():
+    found, std = slotted(1.2e-4, 3.77, seconds=20.0)
+    assert found == pytest.approx(1.2e-4, abs=4 * std)
+    assert std < 3e-5

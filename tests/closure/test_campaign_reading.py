@@ -121,7 +121,8 @@ class TestOneRecording:
 
     def test_the_hubs_clock_is_known(self, campaign):
         error, std = campaign.clock_error
-        assert abs(error) < 6 * std < 1e-4
+        # The link's slots hide what the clocks part by less than their step.
+        assert abs(error) < 3 * std < 1e-3
 
     def test_progress_tells_every_byte_once(self, slow):
         told = []
