@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
@@ -15,7 +16,7 @@ from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Block, Campaign, Group
-from gateway.closure.witness import CLOCK
+from gateway.closure.witness import CLOCK, HOST_CLOCK
 
 FloatArray = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data
     place of the effect is fitted to both.
     """
     if CLOCK in (effect.name, rival.name):
-        return "a recording made live, with the host's own time stamps, would decide"
+        return _clock_decides(final.model.campaign)
     others = tuple(other for other in final.model.effects if other.name != effect.name)
     best: tuple[float, str] | None = None
     for words, change in _OTHERS:
@@ -51,6 +52,16 @@ def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data
     if best is None:
         return NOTHING
     return f"one more recording {best[1]} would decide"
+
+
+def _clock_decides(campaign: Campaign) -> str:
+    """Return what the hub's clock would have to be compared with."""
+    _, std = campaign.clock_error
+    if not math.isfinite(std):
+        return "a recording made live, with the host's own time stamps, would decide"
+    if std > HOST_CLOCK:
+        return f"a longer recording made live would decide: the hub's clock is known to {1e6 * std:.0f} ppm so far"
+    return f"the hub's clock against one that is better than a host's {1e6 * HOST_CLOCK:.0f} ppm would decide"
 
 
 def _told_apart(

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 from gateway.closure.observation import Campaign
 
 CLOCK: Final = "sample clock error"
-# Crystals of hosts are good to this.
-_HOST_CLOCK: Final = 5e-5
+HOST_CLOCK: Final = 5e-5
+"""Crystals of hosts are good to this."""
 
 
 class Witness(NamedTuple):
@@ -35,4 +35,4 @@ def witnesses(campaign: Campaign) -> tuple[Witness, ...]:
     share, std = campaign.clock_error
     if not (math.isfinite(share) and math.isfinite(std)):
         return ()
-    return (Witness(CLOCK, share, math.hypot(std, _HOST_CLOCK)),)
+    return (Witness(CLOCK, share, math.hypot(std, HOST_CLOCK)),)
