@@ -28,8 +28,12 @@ _ORDERS_BEFORE: Final = tuple(float(order) for order in range(20, 105, 6))
 _ORDERS_AFTER: Final = _ORDERS_BEFORE[:10]
 _DECAYS: Final = (5.0, 1.4, 0.7)
 # A linear fit from here sees slopes by shape through these amplitudes: with small ones it would leap.
-_START: Final = (0.3, 0.3, 40.0, 2.5)
 _START_AHEAD: Final = (0.3, 0.3, 30.0, 0.25, 0.09)
+_STARTS: Final = (
+    # Standing on the road, and those of a tread of 67 pitches, which travel.
+    (0.3, 0.3, 40.0, 2.5, 0.3, 0.3, 40.0, 2.5, 0.0, *_START_AHEAD),
+    (0.3, 0.3, 92.0, 4.0, 0.3, 0.3, 52.0, 1.4, 67.0, *_START_AHEAD),
+)
 _ORDER: Final = np.arange(FIELD_SIZE // 2 + 1)
 # Orders that the curvature of a closed belt has, and their slope.
 _CLOSED: Final = np.where(_ORDER > 1, 1.0, 0.0)
@@ -91,11 +95,11 @@ class EdgeWaves:
     axes = (CIRCUMFERENTIAL, RADIAL)
     linear = False
     # After, before, and after again now that the packet before is known.
-    scan = ((6, _ORDERS_AFTER), (2, _ORDERS_BEFORE), (8, (70.0,)), (6, _ORDERS_AFTER), (3, _DECAYS), (7, _DECAYS))
+    scan = ((6, _ORDERS_AFTER), (2, _ORDERS_BEFORE), (6, _ORDERS_AFTER), (3, _DECAYS), (7, _DECAYS))
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
-        """Return one start, from which `scan` goes on."""
-        return ((*_START, *_START, 0.0, *_START_AHEAD),)
+        """Return waves that stand and waves that travel; `scan` goes on from the better."""
+        return _STARTS
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the packets; nothing without amplitude, whatever the orders."""
