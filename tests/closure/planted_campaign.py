@@ -1,0 +1,247 @@
+"""Campaigns of an exact ring with something planted in its signal; nothing in them comes from the closure's own model.
+
+The ring is solved with numbers, a belt and a grid of its own; speed, gravity, orders and noise are written out here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import (
+    CIRCUMFERENTIAL,
+    LATERAL,
+    NOWHERE,
+    RADIAL,
+    Conditions,
+    Here,
+    Parameter,
+    Stage,
+    StartModel,
+)
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.fit import Fit, fit_model
+from gateway.closure.likelihood import Whitened, whiten
+from gateway.closure.model import AngleEffect, ClosureModel
+from gateway.closure.observation import ORDERS, Block, Campaign, Group
+from gateway.closure.starting import angle_effects, make_core
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Plant = Callable[[FloatArray, FloatArray, Conditions], FloatArray]
+
+RADIUS_M, PRESSURE_PA, LOAD_N, G = 0.31, 2.2e5, 4500.0, 9.80665
+NODES, BLOCKS, REVOLUTIONS = 1440, 5, 20
+PLANE = (CIRCUMFERENTIAL, RADIAL)
+ALL_AXES = (CIRCUMFERENTIAL, LATERAL, RADIAL)
+
+
+def conditions(speed_kmh: float = 60.0, **others: float | bool) -> Conditions:
+    """Return what is declared of a group."""
+    plain = Conditions(speed_kmh / 3.6 / RADIUS_M, 0.0, RADIUS_M, LOAD_N, PRESSURE_PA, 25.0, 25.0, 9600.0, 0.0)
+    return replace(plain, **others)
+
+
+WARM = (conditions(temperature_degc=45.0), conditions(temperature_degc=47.5))
+COLD_AND_WARM = (conditions(temperature_degc=25.0), conditions(temperature_degc=47.5))
+ONE_SPEED = (conditions(60.0),)
+TWO_SPEEDS = (conditions(60.0), conditions(30.0))
+
+
+@lru_cache(maxsize=8)
+def ring(load_n: float = LOAD_N, radius_m: float = RADIUS_M, rs: float = 2.6) -> RingSolution:
+    """Return a tire of other numbers than the closure begins with."""
+    tire = RingParameters.from_numbers(
+        2.6e-3, 0.21, rs, 2.2, radius_m=radius_m, pressure_pa=PRESSURE_PA, tread_stiffness_npm2=6e7
+    )
+    return solve_rolling_ring(tire, load_n, PRESSURE_PA, 55.0, nodes=NODES)
+
+
+def signal_of(here: Conditions, radius_m: float = RADIUS_M) -> FloatArray:
+    """Return what the sensor reads over the ring's angles, (3, NODES); the lateral axis reads nothing."""
+    wave, square = ring(here.load_n, radius_m).sensor, here.omega_radps**2
+    signal = np.zeros((3, NODES))
+    signal[RADIAL] = square * wave.radial_m + G * wave.gravity_radial
+    signal[CIRCUMFERENTIAL] = square * wave.circumferential_m + G * wave.gravity_circumferential
+    return signal
+
+
+def nothing(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    return signal
+
+
+def turned(axis: int, angle_rad: float) -> Plant:
+    """Return a sensor turned so that the radial axis leaks into another one."""
+
+    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        read = signal.copy()
+        read[axis] = math.cos(angle_rad) * signal[axis] + math.sin(angle_rad) * signal[RADIAL]
+        read[RADIAL] = math.cos(angle_rad) * signal[RADIAL] - math.sin(angle_rad) * signal[axis]
+        return read
+
+    return plant
+
+
+def gain(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    return signal * np.array([[1.0], [1.0], [1.01]])
+
+
+def drift(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    """A gain that is right at 25 degC and goes with temperature."""
+    return signal * np.array([[1.0], [1.0], [1.0 + 5e-4 * (here.temperature_degc - 25.0)]])
+
+
+def fast_clock(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    """The wheel turns faster than it is timed."""
+    return signal_of(replace(here, omega_radps=1.008 * here.omega_radps))
+
+
+def larger_belt(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    return signal_of(here, 1.016 * RADIUS_M)
+
+
+def orders_of(signal: FloatArray) -> ComplexArray:
+    """Return c - i s of orders 0 to 110 of curves over theta = -pi + 2 pi k / n, (..., ORDERS)."""
+    n = signal.shape[-1]
+    theta = -math.pi + 2.0 * math.pi / n * np.arange(n)
+    orders: ComplexArray = 2.0 / n * signal @ np.exp(-1j * np.outer(theta, np.arange(ORDERS)))
+    orders[..., 0] *= 0.5
+    return orders
+
+
+def campaign_of(
+    groups: Sequence[Conditions],
+    plant: Plant = nothing,
+    *,
+    noise_mps2: float = 1.0,
+    axes: Sequence[int] = PLANE,
+    clock_error: tuple[float, float] = (math.nan, math.nan),
+    seed: int = 1,
+) -> Campaign:
+    """Return a campaign of five blocks for each of the conditions.
+
+    Args:
+        groups: conditions, each a recording.
+        plant: makes what is read of the signal (3, NODES), the angles and the conditions.
+        noise_mps2: standard deviation of one real coefficient of one revolution.
+        axes: that the sensor has.
+        clock_error: as measured beside the waveforms.
+        seed: of the noise.
+    """
+    rng = np.random.default_rng(seed)
+    states = sorted({(here.load_n, here.pressure_pa) for here in groups})
+    absent = [axis for axis in range(3) if axis not in axes]
+    variance = np.full((3, ORDERS), noise_mps2**2, dtype=np.float64)
+    variance[absent] = math.nan
+    made = []
+    for index, here in enumerate(groups):
+        solved = ring(here.load_n)
+        truth = orders_of(plant(signal_of(here), solved.theta_rad, here))
+        blocks = []
+        for _ in range(BLOCKS):
+            real, imaginary = rng.normal(0.0, noise_mps2 / math.sqrt(REVOLUTIONS), (2, 3, ORDERS))
+            imaginary[:, 0] = 0.0
+            orders = truth + real + 1j * imaginary
+            orders[absent] = complex(math.nan, math.nan)
+            blocks.append(Block(REVOLUTIONS, here, orders))
+        half_angle = 0.5 * (solved.trailing_edge_rad - solved.leading_edge_rad)
+        state = states.index((here.load_n, here.pressure_pa))
+        made.append(Group(f"run {index + 1}", index, state, here, tuple(blocks), variance, half_angle))
+    return Campaign("W", tuple(group.label for group in made), tuple(made), len(states), {}, clock_error)
+
+
+def with_blocks(campaign: Campaign, change: Callable[[int, ComplexArray], ComplexArray]) -> Campaign:
+    """Return the campaign with the data of its blocks changed, told the number of the block."""
+    groups = []
+    for group in campaign.groups:
+        blocks = [replace(b, orders_mps2=change(k, b.orders_mps2)) for k, b in enumerate(group.blocks)]
+        groups.append(replace(group, blocks=tuple(blocks)))
+    return replace(campaign, groups=tuple(groups))
+
+
+def with_lateral_means(campaign: Campaign, means_mps2: Sequence[float]) -> Campaign:
+    """Return the campaign with a mean for each block, and nothing else, on the lateral axis: not even noise."""
+    only_mean = (np.arange(3) == LATERAL)[:, None] * (np.arange(ORDERS) == 0)
+    lateral = np.repeat((np.arange(3) == LATERAL)[:, None], ORDERS, axis=1)
+    return with_blocks(campaign, lambda k, orders: np.where(lateral, means_mps2[k] * only_mean, orders))
+
+
+def among(*names: str) -> dict[str, AngleEffect]:
+    """Return effects of the catalogue."""
+    every = angle_effects(catalogue())
+    return {name: every[name] for name in names}
+
+
+def fitted(campaign: Campaign, *effects: AngleEffect) -> tuple[Fit, Whitened]:
+    """Return the exact ring with effects, fitted, and the data."""
+    core = make_core(StartModel.EXACT)
+    data = whiten(campaign, with_mean=core.mean)
+    model = ClosureModel(campaign, core, effects)
+    start, _ = model.priors()
+    for effect in effects:
+        start[model.layout.effect(effect.name)] = effect.starts(tuple(g.conditions for g in campaign.groups))[0]
+    return fit_model(model, data, start, from_afar=True), data
+
+
+class Sideways:
+    """An effect of the tests: the lateral axis reads too much, by an amount that may go with the conditions."""
+
+    equation = "lateral += size_mps2 * (what it goes with)"
+    seen_by = "lateral axis"
+    confused_with = "its like"
+    already_in = NOWHERE
+    stage = Stage.ELEMENT
+    axes = (LATERAL,)
+    linear = True
+
+    def __init__(
+        self,
+        name: str,
+        goes_with: Callable[[Conditions], float] = lambda _: 1.0,
+        *,
+        bent: float = 0.0,
+        high: float = 300.0,
+    ) -> None:
+        """Take a name and what the size goes with.
+
+        Args:
+            name: of the effect.
+            goes_with: the factor under given conditions.
+            bent: angle by which its curve, a constant, is turned towards another one of the same size.
+            high: largest plausible size.
+        """
+        self.name = name
+        self.summary = name
+        self.parameters = (Parameter("size_mps2", "m/s^2", -high, high, 50.0, 1e-3),)
+        self.goes_with = goes_with
+        self._bent = bent
+
+    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
+        return ((1.0,),)
+
+    def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
+        return float(parameters[0]) * self.derivative(here, parameters)[0]
+
+    def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
+        row = np.zeros((1, *here.signal_mps2.shape))
+        # Chi-square counts a constant c as c^2, a wave of order 9 as its amplitude squared.
+        curve = math.cos(self._bent) + math.sin(self._bent) * np.cos(9.0 * here.theta_rad)
+        row[0, LATERAL] = self.goes_with(here.conditions) * curve
+        return row
+
+
+def sideways(size_mps2: float, goes_with: Callable[[Conditions], float] = lambda _: 1.0) -> Plant:
+    """Return a constant on the lateral axis that goes with the conditions."""
+
+    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        read = signal.copy()
+        read[LATERAL] += size_mps2 * goes_with(here)
+        return read
+
+    return plant

@@ -1,0 +1,113 @@
+"""Which effects would do in the place of one: pairs that one condition cannot tell, and two can."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.base import LATERAL, Conditions
+from gateway.closure.model import AngleEffect
+from gateway.closure.observation import Campaign
+from gateway.closure.rivals import rivals_of
+from tests.closure.planted_campaign import (
+    ALL_AXES,
+    BLOCKS,
+    COLD_AND_WARM,
+    ONE_SPEED,
+    REVOLUTIONS,
+    TWO_SPEEDS,
+    WARM,
+    Plant,
+    Sideways,
+    among,
+    campaign_of,
+    conditions,
+    drift,
+    fast_clock,
+    fitted,
+    gain,
+    larger_belt,
+    sideways,
+    turned,
+    with_lateral_means,
+)
+
+NOISY = 7.0
+# What each pair is judged among: the two, and some that are neither.
+SENSOR = among("gain", "gain-temperature drift", "zero-g offset", "pitch tilt", "clipping")
+SIDE = among("roll tilt", "zero-g offset", "yaw tilt", "ply steer", "conicity", "gain")
+SPEED = among("rolling radius", "sample clock error", "pitch tilt", "zero-g offset", "clipping")
+
+
+def rivals(campaign: Campaign, name: str, effects: Mapping[str, AngleEffect]) -> tuple[str, ...]:
+    fit, data = fitted(campaign, effects[name])
+    assert fit.misfit < 1.05 * data.used
+    return rivals_of(fit, effects[name], effects, data)
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "rival"), [(gain, "gain", "gain-temperature drift"), (drift, "gain-temperature drift", "gain")]
+)
+def test_gain_and_its_drift_need_two_temperatures(plant: Plant, name: str, rival: str) -> None:
+    assert rivals(campaign_of(WARM, plant, noise_mps2=NOISY), name, SENSOR) == (rival,)
+    assert rivals(campaign_of(COLD_AND_WARM, plant, noise_mps2=NOISY), name, SENSOR) == ()
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "rival"),
+    [(turned(LATERAL, 0.004), "roll tilt", "zero-g offset"), (sideways(4.0), "zero-g offset", "roll tilt")],
+)
+def test_a_weak_tilt_and_an_offset_need_two_speeds(plant: Plant, name: str, rival: str) -> None:
+    """So weak that all but the mean of the radial axis is lost in the noise."""
+    assert rivals(campaign_of(ONE_SPEED, plant, noise_mps2=NOISY, axes=ALL_AXES), name, SIDE) == (rival,)
+    assert rivals(campaign_of(TWO_SPEEDS, plant, noise_mps2=NOISY, axes=ALL_AXES), name, SIDE) == ()
+
+
+class TestClock:
+    @pytest.mark.parametrize("speeds", [ONE_SPEED, TWO_SPEEDS])
+    def test_no_speed_tells_it_from_the_radius(self, speeds: tuple[Conditions, ...]) -> None:
+        for plant, name, rival in (
+            (fast_clock, "sample clock error", "rolling radius"),
+            (larger_belt, "rolling radius", "sample clock error"),
+        ):
+            assert rivals(campaign_of(speeds, plant), name, SPEED) == (rival,)
+
+    def test_the_hosts_time_stamps_do(self) -> None:
+        for plant, name, measured in ((fast_clock, "sample clock error", 0.008), (larger_belt, "rolling radius", 0.0)):
+            assert rivals(campaign_of(ONE_SPEED, plant, clock_error=(measured, 1e-6)), name, SPEED) == ()
+
+
+class TestMadeUp:
+    """On the lateral axis, of which the ring says nothing: what is left of one by the other is known beforehand."""
+
+    STD = 1.0 / np.sqrt(REVOLUTIONS * BLOCKS)
+
+    def alike(self, explained: float, bent: float, **of_rival: float) -> bool:
+        """Return whether a rival turned by `bent` from the true one is alike; the noise has no part in either."""
+        true, rival = Sideways("true"), Sideways("rival", bent=bent, **of_rival)
+        size = np.sqrt(explained) * self.STD
+        campaign = with_lateral_means(campaign_of(ONE_SPEED, axes=ALL_AXES), [size] * BLOCKS)
+        fit, data = fitted(campaign, true)
+        found = rivals_of(fit, true, {"true": true, "rival": rival}, data)
+        assert set(found) <= {"rival"}
+        return bool(found)
+
+    @pytest.mark.parametrize(("left", "expected"), [(0.0, True), (8.0, True), (13.0, False), (100.0, False)])
+    def test_alike_is_what_leaves_less_than_ten(self, left: float, expected: bool) -> None:
+        explained = 400.0
+        assert self.alike(explained, np.arcsin(np.sqrt(left / explained))) is expected
+
+    def test_an_implausible_one_is_no_rival(self) -> None:
+        assert self.alike(400.0, 0.0, high=1.2 * 20.0 * self.STD)
+        assert not self.alike(400.0, 0.0, high=0.5 * 20.0 * self.STD)
+
+    def test_what_is_in_the_model_already_is_no_rival(self) -> None:
+        both = Sideways("constant"), Sideways("with speed", lambda c: (c.omega_radps / conditions().omega_radps) ** 2)
+        third = Sideways("third")
+        campaign = campaign_of(TWO_SPEEDS, sideways(2.0, lambda c: 1.0 + both[1].goes_with(c)), axes=ALL_AXES)
+        fit, data = fitted(campaign, *both)
+        effects = {effect.name: effect for effect in (*both, third)}
+        assert rivals_of(fit, both[0], effects, data) == ("third",)
+        assert rivals_of(fit, both[1], effects, data) == ()
