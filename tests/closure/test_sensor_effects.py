@@ -1,134 +1,40 @@
-"""Effects of mounting, element, clock and electronics against the independent simulator, and their derivatives."""
+"""Effects of mounting, element, clock and electronics against the independent simulator."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
     FIELD_SIZE,
-    LATERAL,
     RADIAL,
-    Conditions,
     Here,
     RingEffect,
-    SignalEffect,
-    Stage,
 )
-from gateway.closure.effects.catalogue import MODULES, catalogue
+from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.ring_options import RingOptions
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2, SensorWaveform
-from gateway.simulator.plan import WheelPlan, wheel_plans
-from gateway.simulator.scenario import parse_scenario
-from gateway.simulator.tire_table import LATERAL as LATERAL_COLUMN
+from gateway.physics.rolling_ring_waveform import SensorWaveform
 from gateway.simulator.tire_table import look_up
-from gateway.simulator.wheel import WheelSimulator
-
-G = STANDARD_GRAVITY_MPS2
-# High, so that the simulated digital filters are close to analogue ones.
-RATE = 25600.0
-THETA = -math.pi + 2.0 * math.pi / FIELD_SIZE * np.arange(FIELD_SIZE)
-OMEGA = 65.0 / 3.6 / 0.32
-CONDITIONS = Conditions(OMEGA, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, RATE, 0.0)
-NAMES = (
-    "rolling radius",
-    "sample clock error",
-    "roll tilt",
-    "pitch tilt",
-    "gain",
-    "gain-temperature drift",
-    "zero-g offset",
-    "clipping",
-    "anti-alias filter",
-    "AC coupling",
+from tests.closure.sensor_data import (
+    CONDITIONS,
+    OMEGA,
+    RATE,
+    THETA,
+    G,
+    applied,
+    at_angles,
+    effect_of,
+    here_of,
+    plan_of,
+    rms,
+    samples,
+    tail,
 )
-
-
-def plan_of(wheel: str = "", sensor: str = "", speed_kmh: float = 65.0, hub: str = "") -> WheelPlan:
-    text = f"""
-[motion]
-speed_kmh = {speed_kmh}
-[sensor]
-rate_hz = {RATE}
-noise_mg_rthz = 0.0
-range_g = 250.0
-{sensor}
-[[hub]]
-hub = 0
-{hub}
-[[wheel]]
-position = "W"
-wheel = 0
-phase_deg = 0.0
-{wheel}
-"""
-    return wheel_plans(parse_scenario(text, "test"))[0]
-
-
-def samples(plan: WheelPlan, until_s: float = 0.5) -> np.ndarray:
-    """Return what the simulated sensor says, (n, 3) m/s^2."""
-    simulator = WheelSimulator(plan, np.random.default_rng(1))
-    blocks = [simulator.advance(end).counts for end in np.arange(0.25, until_s + 1e-9, 0.25)]
-    return np.concatenate(blocks) * np.array(simulator.chain.scale_mps2)
-
-
-@lru_cache(maxsize=8)
-def here_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str = "") -> Here:
-    """Return a block of the simulator's tire as the closure's model would have it, without any effect."""
-    plan = plan_of(wheel)
-    omega = speed_kmh / 3.6 / plan.radius_m
-    columns = look_up(plan.table().waveform(5000.0, 2.1e5, OMEGA), THETA).astype(np.float64)
-    shape = SensorWaveform(*(columns[:, i] for i in range(6)))
-    signal = np.zeros((3, FIELD_SIZE))
-    signal[RADIAL], signal[CIRCUMFERENTIAL] = shape.specific_force(omega, omega_dot_radps2)
-    signal[LATERAL] = omega**2 * columns[:, LATERAL_COLUMN]
-    conditions = replace(CONDITIONS, omega_radps=omega, omega_dot_radps2=omega_dot_radps2)
-    return Here(conditions, THETA, signal, shape, *plan.table().edges_rad(5000.0, 2.1e5, OMEGA))
-
-
-def at_angles(field: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
-    """Return a curve on the grid at any angles, (n, 3)."""
-    spectrum = np.fft.rfft(field) / FIELD_SIZE
-    spectrum[:, 1:] *= 2.0
-    order = np.arange(230)
-    turn = np.exp(1j * np.outer(angle_rad + math.pi, order))
-    return (turn @ spectrum[:, :230].T).real
-
-
-def tail(values: np.ndarray, omega_radps: float = OMEGA, rate_hz: float = RATE) -> tuple[np.ndarray, np.ndarray]:
-    """Return the last 4000 samples and their angles."""
-    place = np.arange(len(values) - 4000, len(values))
-    return values[-4000:], omega_radps * place / rate_hz
-
-
-def effect_of(name: str) -> SignalEffect:
-    effect = catalogue()[name]
-    assert isinstance(effect, SignalEffect)
-    return effect
-
-
-def applied(here: Here, **parameters: tuple[float, ...]) -> Here:
-    """Return the block with effects in, as the engine applies them: by stage, then in the catalogue's order."""
-    by_name = {name.replace("_", " "): np.array(values) for name, values in parameters.items()}
-    effects = sorted((e for e in catalogue().values() if isinstance(e, SignalEffect)), key=lambda e: e.stage)
-    for effect in effects:
-        key = effect.name.replace("-", " ")
-        if key in by_name:
-            here = replace(here, signal_mps2=here.signal_mps2 + effect.contribution(here, by_name.pop(key)))
-    assert not by_name
-    return here
-
-
-def rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 @pytest.mark.parametrize(
@@ -282,98 +188,3 @@ def test_a_lower_sensor_is_solved_lower() -> None:
     coarse = np.interp(THETA, -math.pi + 2.0 * math.pi / 720 * np.arange(720), wave.circumferential_m)
     assert rms(coarse - truth[:, 1]) < 0.02 * rms(truth[:, 1])
     assert rms(truth[:, 1]) > 0.005
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_nothing_at_zero_parameters(name: str) -> None:
-    effect, here = effect_of(name), here_of(65.0, 5.0)
-    zero = np.zeros(len(effect.parameters))
-    assert not effect.contribution(here, zero).any()
-    assert np.isfinite(effect.derivative(here, zero)).all()
-
-
-def values_of(effect: SignalEffect, draw: float) -> np.ndarray:
-    """Return parameters within their ranges, away from where they are 0."""
-    if effect.name == "clipping":
-        return np.array([1.0 / (800.0 + 900.0 * draw), 0.002 + 0.05 * draw])
-    low = [max(p.low, p.prior_mean - 1.5 * p.prior_std) for p in effect.parameters]
-    high = [min(p.high, p.prior_mean + 1.5 * p.prior_std) for p in effect.parameters]
-    return np.array([a + (b - a) * (0.02 + 0.96 * draw) for a, b in zip(low, high, strict=True)])
-
-
-@settings(max_examples=12, deadline=None)
-@given(draw=st.floats(0.0, 1.0), omega_dot=st.sampled_from([-9.0, 0.0, 9.0]), reverse=st.booleans())
-@pytest.mark.parametrize("name", NAMES)
-def test_derivatives_are_those_of_differences(name: str, draw: float, omega_dot: float, reverse: bool) -> None:
-    effect, here = effect_of(name), here_of(65.0, omega_dot)
-    here = replace(here, conditions=replace(here.conditions, temperature_degc=50.0, reverse=reverse))
-    at = values_of(effect, draw)
-    rows = effect.derivative(here, at)
-    assert rows.shape == (len(at), 3, FIELD_SIZE)
-    for place, (row, parameter) in enumerate(zip(rows, effect.parameters, strict=True)):
-        step = np.zeros(len(at))
-        step[place] = parameter.step
-        if abs(at[place]) < 3.0 * parameter.step:
-            at = at + 5.0 * step
-            row = effect.derivative(here, at)[place]
-        # Fourth-order differences.
-        near = effect.contribution(here, at + step) - effect.contribution(here, at - step)
-        far = effect.contribution(here, at + 2.0 * step) - effect.contribution(here, at - 2.0 * step)
-        numeric = (8.0 * near - far) / (12.0 * parameter.step)
-        assert np.abs(row - numeric).max() <= 1e-5 * max(np.abs(row).max(), 1.0)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_they_act_where_they_say_and_start_within_range(name: str) -> None:
-    effect, here = effect_of(name), here_of(65.0, 5.0)
-    here = replace(here, conditions=replace(here.conditions, temperature_degc=50.0))
-    starts = effect.starts((CONDITIONS, here.conditions))
-    assert starts
-    for start in starts:
-        assert any(start)
-        for value, parameter in zip(start, effect.parameters, strict=True):
-            assert parameter.low <= value <= parameter.high
-        change = effect.contribution(here, np.array(start))
-        assert change.shape == here.signal_mps2.shape
-        assert set(np.flatnonzero(np.abs(change).max(axis=1) > 1e-9)) <= set(effect.axes)
-        if effect.linear:
-            assert effect.contribution(here, 2.0 * np.array(start)) == pytest.approx(2.0 * change, rel=1e-12)
-            assert np.tensordot(np.array(start), effect.derivative(here, np.array(start)), 1) == pytest.approx(change)
-
-
-def test_an_ac_coupled_sensor_passes_no_constant() -> None:
-    here = here_of()
-    ac = replace(here, conditions=replace(here.conditions, ac_coupled=True))
-    effect = effect_of("zero-g offset")
-    values = np.array([1.0, 2.0, 3.0])
-    assert not effect.contribution(ac, values).any()
-    assert not effect.derivative(ac, values).any()
-    passed = applied(here, AC_coupling=(0.3,)).signal_mps2
-    assert np.abs(passed.mean(axis=1)).max() < 1e-9
-
-
-def test_the_electronics_come_behind_the_element() -> None:
-    order = {effect.name: at for at, effect in enumerate(catalogue().values())}
-    assert order["roll tilt"] < order["pitch tilt"]
-    assert order["gain"] < order["zero-g offset"]
-    assert order["clipping"] < order["anti-alias filter"] < order["AC coupling"]
-    assert len(MODULES) == len(catalogue())
-    stages = [effect_of(name).stage for name in NAMES]
-    assert stages == sorted(stages)
-    assert effect_of("rolling radius").stage is Stage.BELT
-
-
-def test_the_filter_leaves_its_delay_to_the_contacts_centre() -> None:
-    here = here_of()
-    effect = effect_of("anti-alias filter")
-    before = np.fft.rfft(here.signal_mps2[RADIAL])[1:6]
-
-    def turned(inverse_corner_s: float) -> np.ndarray:
-        added = effect.contribution(here, np.array([inverse_corner_s]))[RADIAL]
-        return np.angle(np.fft.rfft(here.signal_mps2[RADIAL] + added)[1:6] / before)
-
-    order_hz = np.arange(1, 6) * here.conditions.omega_radps / (2.0 * math.pi)
-    x = order_hz / 600.0
-    # A delay would be sqrt(2) x; what is left of the phase begins with the cube.
-    assert turned(1.0 / 600.0) == pytest.approx(-math.sqrt(2.0) / 3.0 * x**3, rel=0.05)
-    assert turned(1.0 / 300.0) == pytest.approx(8.0 * turned(1.0 / 600.0), rel=0.2)

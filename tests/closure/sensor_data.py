@@ -1,0 +1,124 @@
+"""What the independent simulator's sensor says, and the same block as the closure's model has it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from gateway.closure.effects.base import (
+    CIRCUMFERENTIAL,
+    FIELD_SIZE,
+    LATERAL,
+    RADIAL,
+    Conditions,
+    Here,
+    SignalEffect,
+)
+from gateway.closure.effects.catalogue import catalogue
+from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2, SensorWaveform
+from gateway.simulator.plan import WheelPlan, wheel_plans
+from gateway.simulator.scenario import parse_scenario
+from gateway.simulator.tire_table import LATERAL as LATERAL_COLUMN
+from gateway.simulator.tire_table import look_up
+from gateway.simulator.wheel import WheelSimulator
+
+G = STANDARD_GRAVITY_MPS2
+# High, so that the simulated digital filters are close to analogue ones.
+RATE = 25600.0
+THETA = -math.pi + 2.0 * math.pi / FIELD_SIZE * np.arange(FIELD_SIZE)
+OMEGA = 65.0 / 3.6 / 0.32
+CONDITIONS = Conditions(OMEGA, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, RATE, 0.0)
+NAMES = (
+    "rolling radius",
+    "sample clock error",
+    "roll tilt",
+    "pitch tilt",
+    "gain",
+    "gain-temperature drift",
+    "zero-g offset",
+    "clipping",
+    "anti-alias filter",
+    "AC coupling",
+)
+
+
+def plan_of(wheel: str = "", sensor: str = "", speed_kmh: float = 65.0, hub: str = "") -> WheelPlan:
+    text = f"""
+[motion]
+speed_kmh = {speed_kmh}
+[sensor]
+rate_hz = {RATE}
+noise_mg_rthz = 0.0
+range_g = 250.0
+{sensor}
+[[hub]]
+hub = 0
+{hub}
+[[wheel]]
+position = "W"
+wheel = 0
+phase_deg = 0.0
+{wheel}
+"""
+    return wheel_plans(parse_scenario(text, "test"))[0]
+
+
+def samples(plan: WheelPlan, until_s: float = 0.5) -> np.ndarray:
+    """Return what the simulated sensor says, (n, 3) m/s^2."""
+    simulator = WheelSimulator(plan, np.random.default_rng(1))
+    blocks = [simulator.advance(end).counts for end in np.arange(0.25, until_s + 1e-9, 0.25)]
+    return np.concatenate(blocks) * np.array(simulator.chain.scale_mps2)
+
+
+@lru_cache(maxsize=8)
+def here_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str = "") -> Here:
+    """Return a block of the simulator's tire as the closure's model would have it, without any effect."""
+    plan = plan_of(wheel)
+    omega = speed_kmh / 3.6 / plan.radius_m
+    columns = look_up(plan.table().waveform(5000.0, 2.1e5, OMEGA), THETA).astype(np.float64)
+    shape = SensorWaveform(*(columns[:, i] for i in range(6)))
+    signal = np.zeros((3, FIELD_SIZE))
+    signal[RADIAL], signal[CIRCUMFERENTIAL] = shape.specific_force(omega, omega_dot_radps2)
+    signal[LATERAL] = omega**2 * columns[:, LATERAL_COLUMN]
+    conditions = replace(CONDITIONS, omega_radps=omega, omega_dot_radps2=omega_dot_radps2)
+    return Here(conditions, THETA, signal, shape, *plan.table().edges_rad(5000.0, 2.1e5, OMEGA))
+
+
+def at_angles(field: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
+    """Return a curve on the grid at any angles, (n, 3)."""
+    spectrum = np.fft.rfft(field) / FIELD_SIZE
+    spectrum[:, 1:] *= 2.0
+    order = np.arange(230)
+    turn = np.exp(1j * np.outer(angle_rad + math.pi, order))
+    return (turn @ spectrum[:, :230].T).real
+
+
+def tail(values: np.ndarray, omega_radps: float = OMEGA, rate_hz: float = RATE) -> tuple[np.ndarray, np.ndarray]:
+    """Return the last 4000 samples and their angles."""
+    place = np.arange(len(values) - 4000, len(values))
+    return values[-4000:], omega_radps * place / rate_hz
+
+
+def effect_of(name: str) -> SignalEffect:
+    effect = catalogue()[name]
+    assert isinstance(effect, SignalEffect)
+    return effect
+
+
+def applied(here: Here, **parameters: tuple[float, ...]) -> Here:
+    """Return the block with effects in, as the engine applies them: by stage, then in the catalogue's order."""
+    by_name = {name.replace("_", " "): np.array(values) for name, values in parameters.items()}
+    effects = sorted((e for e in catalogue().values() if isinstance(e, SignalEffect)), key=lambda e: e.stage)
+    for effect in effects:
+        key = effect.name.replace("-", " ")
+        if key in by_name:
+            here = replace(here, signal_mps2=here.signal_mps2 + effect.contribution(here, by_name.pop(key)))
+    assert not by_name
+    return here
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
