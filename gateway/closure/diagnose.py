@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gateway.closure.closing import close_loop
 from gateway.closure.contribution import contribution_table
 from gateway.closure.diagnosis import Diagnosis, Unexplained, Verdict
-from gateway.closure.edge_finding import edge_findings
+from gateway.closure.edge_finding import beside_edges, edge_findings
 from gateway.closure.effects.base import StartModel
 from gateway.closure.estimates import estimates_of
 from gateway.closure.held_out import summary
@@ -60,6 +60,7 @@ def diagnose(
     held_out, noise, corrected = summary(closed.errors)
     on_progress(0.9, "what does not repeat with the wheel")
     time_locked = diagnose_time_locked(campaign.groups)
+    edges = edge_findings(campaign.groups)
     on_progress(0.97, "figures")
     before, _ = estimates_of(selection.start, data)
     after, determined = estimates_of(selection.final, selection.data)
@@ -76,7 +77,7 @@ def diagnose(
         held_out=held_out,
         findings=tuple(
             sorted(
-                (*findings, *edge_findings(campaign.groups), *time_locked.findings),
+                (*findings, *edges, *beside_edges(time_locked.findings, edges)),
                 key=lambda finding: _RANK[finding.verdict],
             )
         ),

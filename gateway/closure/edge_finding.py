@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -23,6 +24,8 @@ _LEFT_SHARE: Final = 0.25
 # the other along.
 _ALIKE: Final = 2.5
 _SIGMAS: Final = 3.0
+# Of the rms that edges make, what may be left when they are put back: 2 to 7 % of scatter by millimetres.
+_LEFT_OF_EDGES: Final = 0.1
 
 
 def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
@@ -57,6 +60,23 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
             equation=EFFECT.equation,
             lock="contact",
         ),
+    )
+
+
+def beside_edges(findings: Sequence[Finding], edges: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return findings of what is not locked to the wheel, those refused that moving edges may have left.
+
+    Args:
+        findings: on deviations of revolutions whose edges were put back.
+        edges: what `edge_findings` says.
+    """
+    doubt = _LEFT_OF_EDGES * max((edge.rms_mps2 for edge in edges), default=0.0)
+    reason = "it is smaller than what putting the contact's edges back may leave"
+    return tuple(
+        replace(finding, verdict=Verdict.REFUSED, reason=reason, rivals=(), decide_with="")
+        if finding.verdict is not Verdict.REFUSED and finding.rms_mps2 < doubt
+        else finding
+        for finding in findings
     )
 
 

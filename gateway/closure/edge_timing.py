@@ -257,7 +257,7 @@ def _detrended(values: FloatArray) -> FloatArray:
 
 
 def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_angle_rad: float) -> tuple[float, float]:
-    """Return the mean square at the edges that bending back takes off, and that stands out there after it."""
+    """Return the mean square over the revolution that bending back takes off, and that still stands out there."""
     usual = np.ones(len(raw), dtype=bool)
     near = np.abs(_THETA) < half_angle_rad + REACH_RAD
     far = np.abs(_THETA) > 2.0 * (half_angle_rad + REACH_RAD)
@@ -268,7 +268,7 @@ def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_ang
         for begin in range(0, len(orders), _AT_A_TIME):
             square += np.square(_field((orders - fitted)[begin : begin + _AT_A_TIME])).sum(axis=0)
         square /= len(orders)
-        powers.append(float((square[:, near].mean(axis=1) - square[:, far].mean(axis=1)).sum()))
+        powers.append(near.mean() * float((square[:, near].mean(axis=1) - square[:, far].mean(axis=1)).sum()))
     return powers[0] - powers[1], max(0.0, powers[1])
 
 

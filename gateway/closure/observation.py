@@ -46,8 +46,8 @@ class EdgeTiming:
         noise_rad2: what noise and all that is not at the edges makes of it.
         leading_share: of the leading edge in the mean square of b - a.
         leading_share_std: one standard error.
-        explained_m2ps4: mean square of the signal near the contact that moving edges make, all axes.
-        left_m2ps4: mean square that still stands out there when they are put back.
+        explained_m2ps4: mean square over the revolution that moving edges make, all axes.
+        left_m2ps4: mean square that still stands out near the contact when they are put back.
     """
 
     freedom: tuple[float, ...] = ()

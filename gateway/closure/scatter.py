@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from gateway.closure.observation import ORDERS
 
@@ -18,7 +19,8 @@ BoolArray = NDArray[np.bool_]
 _REGRESSED_FROM: Final = 12
 # Relative change of speed from revolution to revolution that may be timing, and over how many it is taken then.
 _STEADY: Final = 1e-3
-_OVER: Final = 9
+_OVER: Final = (9, 17, 33)
+_ALIKE: Final = 1.1
 _ROUNDS: Final = 2
 # A revolution whose deviation has so many times the usual power is wild, and left out where that is rare.
 _WILD: Final = 6.0
@@ -102,17 +104,18 @@ def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatAr
         return square[:, None]
     drift = omega_dot_radps2 / max(float(np.abs(omega_dot_radps2).max()), 1e-12)
     if float(np.std(omega_dot_radps2)) * 2.0 * np.pi / float(np.square(omega_radps).mean()) < _STEADY:
-        drift = _over_revolutions(drift)
-    smooth = _over_revolutions(square)
-    if float(np.std(square - smooth)) < 2.0 * _STEADY:
-        square = smooth
+        drift = _over_revolutions(drift, _OVER[0])
+    left = float(np.std(square - _over_revolutions(square, _OVER[0])))
+    if left < 2.0 * _STEADY:
+        # The longest stretch over which the speed does not change by more than its timing errs.
+        over = [n for n in _OVER if n <= len(square) and np.std(square - _over_revolutions(square, n)) <= _ALIKE * left]
+        square = _over_revolutions(square, over[-1])
     return np.column_stack((square, np.ones(len(square)), drift))
 
 
-def _over_revolutions(values: FloatArray) -> FloatArray:
-    """Return the running mean over some revolutions; a steady change stays."""
-    padded = np.pad(values, _OVER // 2, mode="reflect", reflect_type="odd")
-    result: FloatArray = np.convolve(padded, np.full(_OVER, 1.0 / _OVER), mode="valid")
+def _over_revolutions(values: FloatArray, over: int) -> FloatArray:
+    """Return the running mean over some revolutions, at the ends a line through them: a steady change stays."""
+    result: FloatArray = savgol_filter(values, over, 1, mode="interp")
     return result
 
 

@@ -19,7 +19,7 @@ from closure_rig.record import record
 
 from gateway.closure.collecting import waveform_orders
 from gateway.closure.diagnosis import Verdict
-from gateway.closure.edge_finding import edge_findings
+from gateway.closure.edge_finding import beside_edges, edge_findings
 from gateway.closure.edge_timing import TERMS, Edges, bent_back, compare_edges, orders_bent_back
 from gateway.closure.effects.base import ScatterEffect, StartModel
 from gateway.closure.effects.catalogue import candidates, catalogue
@@ -229,6 +229,17 @@ def test_what_does_not_behave_as_edges_do_is_refused(groups: list[Group], why: s
     (found,) = edge_findings(groups)
     assert found.verdict is Verdict.REFUSED
     assert why in found.reason
+
+
+def test_what_putting_edges_back_may_leave_gets_no_name() -> None:
+    edges = edge_findings([group(timing(0.5))])
+    (scatter,) = edges
+    found = tuple(
+        replace(scatter, name="hub vibration", rms_mps2=share * scatter.rms_mps2, lock="time") for share in (0.05, 0.5)
+    )
+    assert [one.verdict for one in beside_edges(found, edges)] == [Verdict.REFUSED, Verdict.NAMED]
+    assert "edges" in beside_edges(found, edges)[0].reason
+    assert beside_edges(found, ()) == found
 
 
 @pytest.mark.parametrize(("size", "seed"), [(1, 21), (2, 22)])
