@@ -1,0 +1,185 @@
+"""The figures of docs/closure-drum.md: what the measured inner-liner recording says of edge waves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gateway.closure.assembly import THETA, orders_field
+from gateway.closure.diagnosis import Verdict
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL
+from gateway.closure.effects.belt import slopes
+from gateway.closure.effects.belt_packets import seen
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.exact_core import ExactCore
+from gateway.closure.fit import Fit, fit_model
+from gateway.closure.likelihood import Whitened, whiten
+from gateway.closure.model import AngleEffect, ClosureModel
+from gateway.closure.observation import Campaign
+from gateway.closure.starting import angle_effects
+from gateway.closure.trial import refit, try_effect
+from gateway.importing.import_map import load_map
+from gateway.importing.importer import import_file
+from gateway.session.campaign import read_campaign
+from gateway.session.diagnose import diagnose_recordings
+
+FloatArray = NDArray[np.float64]
+
+ROOT = Path(__file__).parents[2]
+MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+MAP = ROOT / "examples" / "innerliner_drum_80kmh.map.toml"
+WAVES = "tire-locked edge waves"
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """The recording, and the ring with what goes before edge waves.
+
+    Attributes:
+        campaign: one group, five revolutions.
+        data: whitened.
+        before: mounting offset and ply steer in.
+        after: edge waves in as well.
+    """
+
+    campaign: Campaign
+    data: Whitened
+    before: Fit
+    after: Fit
+
+    def left(self, fit: Fit) -> FloatArray:
+        """Return what every revolution has beyond a fit, without its mean, (revolutions, 3, FIELD_SIZE)."""
+        orders = self.data.orders[0] - fit.predicted[0]
+        orders[..., 0] = 0.0
+        return orders_field(orders)
+
+
+def effect_of(name: str) -> AngleEffect:
+    return angle_effects(catalogue())[name]
+
+
+def with_mounting(campaign: Campaign, data: Whitened) -> Fit:
+    """Return the fit of the ring with mounting offset and ply steer."""
+    core = ExactCore()
+    plain = fit_model(ClosureModel(campaign, core), data, from_afar=True)
+    trial = try_effect(plain, data, effect_of("mounting offset"))
+    assert trial is not None
+    second = try_effect(refit(trial, data), data, effect_of("ply steer"))
+    assert second is not None
+    return refit(second, data)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if not MEASURED.exists():
+        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+    path = tmp_path_factory.mktemp("drum") / "drum.mcap"
+    import_file(MEASURED, load_map(MAP), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def fitted(recording: Path) -> Fitted:
+    campaign = read_campaign([recording], jobs=1)
+    data = whiten(campaign, with_mean=True)
+    before = with_mounting(campaign, data)
+    trial = try_effect(before, data, effect_of(WAVES))
+    assert trial is not None
+    return Fitted(campaign, data, before, refit(trial, data))
+
+
+def parameters(fit: Fit) -> dict[str, float]:
+    effect = effect_of(WAVES)
+    names = [parameter.name for parameter in effect.parameters]
+    return dict(zip(names, fit.vector[fit.model.layout.effect(WAVES)].tolist(), strict=True))
+
+
+def within(low_deg: float, high_deg: float) -> NDArray[np.bool_]:
+    result: NDArray[np.bool_] = (np.degrees(THETA) >= low_deg) & (np.degrees(THETA) < high_deg)
+    return result
+
+
+def repeating(curves: FloatArray) -> float:
+    """Return the share of the power that is in every revolution, of curves (revolutions, n)."""
+    scatter = float(curves.var(axis=0, ddof=1).mean())
+    mean = float(np.square(curves.mean(axis=0)).mean()) - scatter / len(curves)
+    return mean / (mean + scatter)
+
+
+def test_the_circumferential_axis_shows_that_they_run_away_from_the_contact(fitted: Fitted) -> None:
+    left = fitted.left(fitted.before).mean(axis=0)
+    spectrum = np.fft.rfft(left, axis=-1)
+    spectrum[:, :14] = 0.0
+    spectrum[:, 55:] = 0.0
+    band = np.fft.irfft(spectrum, n=len(THETA), axis=-1)
+    slope = slopes(band[RADIAL])[0]
+    for window, sign in (((-33.0, -20.0), -1.0), ((30.0, 60.0), 1.0), ((60.0, 120.0), 1.0)):
+        there = within(*window)
+        assert sign * np.corrcoef(slope[there], band[CIRCUMFERENTIAL][there])[0, 1] > 0.9
+    # A shape that stands still has -(e/R) of the slope, e/R = 0.020, on both sides; here kappa is -0.32.
+    there = within(30.0, 60.0)
+    share = float(slope[there] @ band[CIRCUMFERENTIAL][there]) / float(slope[there] @ slope[there])
+    assert share == pytest.approx(0.0064, abs=0.0008)
+
+
+def test_orders_slopes_and_decays_are_those_of_one_tread_on_one_belt(fitted: Fitted) -> None:
+    found = parameters(fitted.after)
+    conditions = fitted.campaign.groups[0].conditions
+    speed = conditions.radius_m * conditions.omega_radps
+    before, after = (seen(found[f"{side}_order"], found["pitch"], speed) for side in ("before", "after"))
+    order_before, order_after = found["before_order"] * before.stretch, found["after_order"] * after.stretch
+    assert order_before == pytest.approx(95.2, abs=1.0)
+    assert order_after == pytest.approx(52.1, abs=0.3)
+    # Rolling speed over wave speed: by the orders' Doppler split; the pitch that goes with it, and the one by slopes.
+    share = (order_before - order_after) / (order_before + order_after)
+    assert share == pytest.approx(0.292, abs=0.01)
+    assert 2.0 * order_before * order_after / (order_before + order_after) == pytest.approx(67.4, abs=0.6)
+    assert found["pitch"] == pytest.approx(65.1, abs=1.0)
+    assert (before.share, -after.share) == pytest.approx((share, share), abs=0.06)
+    # A loss angle makes both decay in proportion to order and to the way that goes by in a wave's time.
+    ratio = found["before_decay_per_rad"] / found["after_decay_per_rad"]
+    assert ratio == pytest.approx(((1.0 + share) / (1.0 - share)) ** 2, rel=0.15)
+
+
+def test_they_are_worth_their_parameters_in_every_revolution(fitted: Fitted) -> None:
+    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(2310.0, abs=60.0)
+    assert (fitted.before.held_out() - fitted.after.held_out() > 100.0).all()
+    found = parameters(fitted.after)
+    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((29.4, 0.244), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("window", "share_before", "share_after"),
+    [
+        ((-60.0, -33.0), 0.26, 0.40),
+        ((-33.0, -20.0), 0.77, 0.02),
+        ((-20.0, -11.5), 0.24, 0.0),
+        ((12.0, 60.0), 0.86, 0.60),
+    ],
+)
+def test_what_repeats_is_what_they_take(
+    fitted: Fitted, window: tuple[float, float], share_before: float, share_after: float
+) -> None:
+    there = within(*window)
+    shares = [max(0.0, repeating(fitted.left(fit)[:, RADIAL, there])) for fit in (fitted.before, fitted.after)]
+    assert shares == pytest.approx([share_before, share_after], abs=0.06)
+
+
+@pytest.mark.slow
+def test_the_diagnosis_names_them(recording: Path) -> None:
+    diagnosis = diagnose_recordings([recording], jobs=1)
+    found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
+    assert set(found) == {"mounting offset", "ply steer", WAVES}
+    assert diagnosis.held_out.rms_before_mps2 == pytest.approx(89.2, abs=1.0)
+    assert diagnosis.held_out.rms_after_mps2 == pytest.approx(58.3, abs=1.0)
+    assert diagnosis.noise_floor_mps2 == pytest.approx(49.3, abs=0.3)
+    steps = (("mounting offset", 71.9), ("ply steer", 72.1), (WAVES, 58.2))
+    for name, after in steps:
+        assert found[name].rms_after_mps2 == pytest.approx(after, abs=1.0)
+    assert found["mounting offset"].parameters["offset_m"].value == pytest.approx(6.0e-3, abs=1e-4)
+    assert found["ply steer"].parameters["coupling_length_m"].value == pytest.approx(0.90e-3, abs=5e-5)
+    assert not any(diagnosis.determined.get(number, True) for number in ("Bs", "Cw", "Rs", "Ts"))
