@@ -1,0 +1,142 @@
+"""Edge waves: what a sensor sees of those that stand on the road and of those that travel; what is none of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, SignalEffect
+from gateway.closure.effects.belt_packets import REFERENCE_MPS, seen
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.exact_core import ExactCore
+from gateway.closure.fit import FitFailedError, fit_model
+from gateway.closure.likelihood import whiten
+from gateway.closure.model import ClosureModel
+from gateway.closure.starting import angle_effects
+from gateway.closure.trial import refit, try_effect
+from tests.closure.belt_data import CONDITIONS, THETA, here_of
+from tests.closure.test_belt_recovery import campaign
+
+FloatArray = NDArray[np.float64]
+
+WAVES = "tire-locked edge waves"
+OFFSET_M = 6e-3
+NONE_AHEAD = (0.0, 0.0, 30.0, 0.25, 0.09)
+TRAVELLING = (-0.012, 0.022, 94.0, 4.4, 0.002, 0.018, 52.0, 1.4, 67.0, -0.023, 0.022, 29.4, 0.24, 0.09)
+
+
+def effect() -> SignalEffect:
+    found = catalogue()[WAVES]
+    assert isinstance(found, SignalEffect)
+    return found
+
+
+def wave_of(phase_speed_mps: float, side: int, pitch: int) -> tuple[FloatArray, FloatArray, int]:
+    """Return what a point of a belt and one just ahead of it see of a wave that a tread sends out, without any formula.
+
+    Every pitch that comes by sends out a crest from the contact; a point sees it when it arrives.
+
+    Returns:
+        the wave by the sensor's angle, its slope along the belt by the difference of two points, and the crests that
+        come by in a revolution.
+    """
+    speed, radius = CONDITIONS.radius_m * CONDITIONS.omega_radps, CONDITIONS.radius_m
+    turning = np.linspace(0.0, 2.0 * math.pi, 4001)[:-1]
+    ahead = 1e-5
+
+    def at(angle: FloatArray, time: FloatArray) -> FloatArray:
+        # Distance from the contact by the angle on the road, in which a wave goes at c -+ V.
+        distance = radius * side * angle
+        over_ground = phase_speed_mps + side * speed
+        left_at = time - distance / over_ground
+        sent: FloatArray = np.cos(pitch * CONDITIONS.omega_radps * left_at)
+        return sent
+
+    # Side +1 runs behind the contact in the sense of rotation, -1 against it; angle 0 is the contact.
+    angle = side * turning if side > 0 else turning - 2.0 * math.pi
+    time = angle / CONDITIONS.omega_radps
+    here, there = at(angle, time), at(angle + ahead, time)
+    crests = int(np.sum((here > np.roll(here, 1)) & (here >= np.roll(here, -1))))
+    return here, (there - here) / ahead, crests
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_tread_makes_the_orders_and_slopes_that_a_sensor_sees(side: int) -> None:
+    speed, pitch = CONDITIONS.radius_m * CONDITIONS.omega_radps, 60
+    wave, slope_along, crests = wave_of(4.0 * speed, side, pitch)
+    order = pitch / (1.0 + side / 4.0)
+    assert crests == pytest.approx(order, abs=1.0)
+    slope_seen = np.gradient(wave, 2.0 * math.pi / len(wave))
+    share = float(slope_along[5:-5] @ slope_seen[5:-5]) / float(slope_seen[5:-5] @ slope_seen[5:-5])
+    assert seen(order, pitch, REFERENCE_MPS).share == pytest.approx(share, abs=0.01)
+    assert share * side < 0.0
+
+
+def test_order_goes_with_speed_as_one_phase_speed_has_it() -> None:
+    phase_speed = 70.0
+    for side in (-1.0, 1.0):
+        order = 67.0 / (1.0 + side * REFERENCE_MPS / phase_speed)
+        for speed in (14.0, 26.0):
+            true = 67.0 / (1.0 + side * speed / phase_speed)
+            there = order * seen(order, 67.0, speed).stretch
+            # 30 % faster or slower: a power law, and faded in with the pitch.
+            assert there == pytest.approx(true, rel=0.03)
+            assert abs(there - order) > 0.5 * abs(true - order)
+
+
+def test_what_stands_on_the_road_is_of_one_order_at_every_speed() -> None:
+    for speed in (8.0, 40.0):
+        still = seen(37.0, 0.0, speed)
+        assert (still.stretch, still.share) == (1.0, 1.0)
+
+
+def test_a_wave_behind_that_travels_turns_the_circumferential_axis() -> None:
+    here = here_of(offset_m=OFFSET_M)
+    still = effect().contribution(here, np.array([0.0, 0.0, 90.0, 4.0, 0.02, 0.0, 52.0, 1.4, 0.0, *NONE_AHEAD]))
+    values = np.array([0.0, 0.0, 90.0, 4.0, 0.02, 0.0, 52.0, 1.4, 67.0, *NONE_AHEAD])
+    fast = replace(here, conditions=replace(here.conditions, omega_radps=REFERENCE_MPS / here.conditions.radius_m))
+    ratio = (REFERENCE_MPS / (here.conditions.radius_m * here.conditions.omega_radps)) ** 2
+    moved = effect().contribution(fast, values) / ratio
+    assert moved[RADIAL] == pytest.approx(still[RADIAL], abs=1e-9)
+    assert moved[CIRCUMFERENTIAL] == pytest.approx((1.0 - 67.0 / 52.0) * still[CIRCUMFERENTIAL], abs=1e-9)
+    in_contact = np.abs(THETA) < 0.5 * here.trailing_edge_rad
+    assert np.abs(moved[:, in_contact]).max() < 0.02 * np.abs(moved[:, ~in_contact]).max()
+    assert moved.shape == (3, FIELD_SIZE)
+
+
+def test_travelling_waves_and_a_packet_ahead_are_found() -> None:
+    made = campaign(effect(), np.array(TRAVELLING), 21)
+    data = whiten(made, with_mean=True)
+    trial = try_effect(fit_model(ClosureModel(made, ExactCore()), data), data, effect())
+    assert trial is not None
+    fit = refit(trial, data)
+    assert fit.misfit < 1.15 * data.used
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("torsional ripple", (-0.0013, -0.0078, 12.0)),
+        ("tread pitch", (0.002, -0.0009, 64.7, 0.2)),
+        ("imbalance and hub motion", (8e-5, 1e-4)),
+    ],
+)
+def test_they_are_no_better_than_what_is_there(name: str, values: tuple[float, ...]) -> None:
+    true = angle_effects(catalogue())[name]
+    made = campaign(true, np.array(values), 31)
+    data = whiten(made, with_mean=True)
+    without = fit_model(ClosureModel(made, ExactCore()), data)
+    ours, theirs = try_effect(without, data, effect()), try_effect(without, data, true)
+    assert theirs is not None
+    right = refit(theirs, data)
+    if ours is None:
+        return
+    try:
+        wrong = refit(ours, data)
+    except FitFailedError:
+        return
+    assert wrong.misfit > right.misfit + 100.0
