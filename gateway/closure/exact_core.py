@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.closure.cores import Shape, differences
+from gateway.closure.cores import Shape
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
 from gateway.closure.out_of_round import LOAD_STEP, LoadedShape, out_of_round
 from gateway.closure.ring_options import RingOptions
+from gateway.closure.tangents import Tangents
 from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waveform import SensorWaveform
@@ -38,9 +39,6 @@ _NODES_PER_LAYER: Final = 8.0
 _FINER: Final = 2
 _EXTRAPOLATION: Final = 4.0 / 3.0
 _KEPT: Final = 512
-# A derivative holds as long as no parameter's logarithm has moved by more, and no option by a larger share of itself.
-_SAME: Final = 0.005
-_KEPT_TANGENTS: Final = 8
 
 
 class _Key(NamedTuple):
@@ -57,12 +55,6 @@ class _Key(NamedTuple):
 class _Solved:
     shape: Shape
     ring: RingSolution
-
-
-class _Tangent(NamedTuple):
-    parameters: FloatArray
-    options: FloatArray
-    slopes: tuple[Shape, ...]
 
 
 class ExactCore:
@@ -83,7 +75,7 @@ class ExactCore:
         self._near: dict[tuple[float, float, int, bool], RingSolution] = {}
         self._corrections: dict[tuple[float, float, float], tuple[FloatArray, float, float]] = {}
         self._nodes: dict[tuple[float, float, float], int] = {}
-        self._tangents: dict[tuple[float, float, float], list[_Tangent]] = {}
+        self._tangents = Tangents()
 
     def shape(
         self,
@@ -112,17 +104,8 @@ class ExactCore:
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters, of a point near by where one is known."""
         load, pressure, omega = _place(conditions)
-        kept = self._tangents.setdefault((load, pressure, omega if options.depends_on_speed else _ANY_OMEGA_RADPS), [])
-        chosen = np.array(astuple(options))
-        for known in kept:
-            if np.abs(known.parameters - parameters).max() <= _SAME and np.all(
-                np.abs(known.options - chosen) <= _SAME * np.maximum(np.abs(known.options), np.abs(chosen))
-            ):
-                return known.slopes
-        slopes = differences(self, parameters, conditions, options, half_angle_rad)
-        kept.append(_Tangent(parameters.copy(), chosen, slopes))
-        del kept[:-_KEPT_TANGENTS]
-        return slopes
+        place = load, pressure, omega if options.depends_on_speed else _ANY_OMEGA_RADPS
+        return self._tangents.at(self, place, parameters, conditions, options, half_angle_rad)
 
     def _round(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> Shape:
         """Return the shape of a round tire."""

@@ -167,8 +167,13 @@ def explained_and_left(fit: Fit, without: Sequence[ComplexArray], data: Whitened
     return explained, max(0.0, float(beyond), _HALF_SHARE * on_axes * explained)
 
 
-def stands_in(explained: float, left: float) -> str:
-    """Return why an effect is a stand-in for something else, in words; empty when it is not."""
+def stands_in(effect: AngleEffect, explained: float, left: float) -> str:
+    """Return why an effect is a stand-in for something else, in words; empty when it is not.
+
+    One whose size is known cannot stretch itself to stand in for anything.
+    """
+    if all(parameter.known for parameter in effect.parameters):
+        return ""
     if left <= _LEFT_SHARE * explained or left <= LEAST_EVIDENCE:
         return ""
     return f"it leaves {left / (left + explained):.0%} of what stands out where it acts: a stand-in for something else"

@@ -20,9 +20,6 @@ _OWN_SHARE: Final = 1e-4
 _FLAT_SHARE: Final = 6e-6
 # Orders over which the spectrum is smoothed before a share of it is taken.
 _SMOOTHED: Final = 5
-# What an effect's equation is good to, as a share of what it adds: against the simulator they leave 0.2 to 3 %, most of
-# it taken up by the other parameters. What is smaller than this beside an effect must not be called by a name.
-_EQUATION_SHARE: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +54,17 @@ class Whitened:
             weights.append(weight / np.sqrt(1.0 + np.square(weight * error)))
         return Whitened(self.orders, tuple(weights), self.variance)
 
-    def doubting(self, contributions: Sequence[Sequence[FloatArray]]) -> Whitened:
+    def doubting(self, errors: Sequence[Sequence[FloatArray]]) -> Whitened:
         """Return the same data with what the equations of effects leave counted as uncertain.
 
         Args:
-            contributions: for every effect the size of what it adds to each group's orders, (3, ORDERS) each.
+            errors: for every effect the size of what its equation leaves of each group's orders, (3, ORDERS) each.
         """
         weights = []
         for index, weight in enumerate(self.weights):
             variance = np.zeros(weight.shape[1:])
-            for sizes in contributions:
-                variance += np.square(_EQUATION_SHARE * _smooth(sizes[index]))
+            for sizes in errors:
+                variance += np.square(_smooth(sizes[index]))
             weights.append(weight / np.sqrt(1.0 + np.square(weight) * variance))
         return Whitened(self.orders, tuple(weights), self.variance)
 

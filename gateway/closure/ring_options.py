@@ -25,6 +25,7 @@ class RingOptions:
         kinematics: series only: 0 reads n^2 as Eq. 25 prints it, 1 reads n^2 - 1, in proportion in between.
         pressure_p2: series only: Legendre coefficient a_2 of the contact pressure, 0 is uniform.
         pressure_p4: series only: a_4.
+        pressure_p6: series only: a_6.
         tension_loss: series only: share of what the belt's finite turning changes (the exact ring's waveform less that
             of the linear ring under the exact ring's own contact pressure); 1 is all of it.
     """
@@ -43,6 +44,7 @@ class RingOptions:
     kinematics: float = 0.0
     pressure_p2: float = 0.0
     pressure_p4: float = 0.0
+    pressure_p6: float = 0.0
     tension_loss: float = 0.0
 
     @property

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gateway.closure import gates
 from gateway.closure.cores import Core, NoShapeError
+from gateway.closure.effects.base import Approximate
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
@@ -32,6 +33,9 @@ _LEAST_SHARE: Final = 0.05
 _MOST_EFFECTS: Final = 10
 # Squared parameters over their errors, times what is needed, from which an effect is not tried without.
 _SURELY: Final = 10.0
+# What an effect's equation is good to, as a share of what it adds: against the simulator they leave 0.2 to 3 %, most of
+# it taken up by the other parameters. What is smaller than this beside an effect must not be called by a name.
+_EQUATION_SHARE: Final = 0.01
 # What an effect explains is fitted in earnest where a linear estimate, times this, does not suffice to acquit it.
 _SUSPECT: Final = 0.5
 # Misfit over degrees of freedom at which nothing is left for effects not yet added.
@@ -126,7 +130,11 @@ def select(
 def _doubt(selection: Selection, data: Whitened) -> bool:
     """Count what the effects' equations leave as uncertain from now on; False where the fit does not stand that."""
     final = selection.final
-    judged = data.doubting([contribution_sizes(final, effect) for effect in final.model.effects])
+    errors = []
+    for effect in final.model.effects:
+        share = effect.equation_share if isinstance(effect, Approximate) else _EQUATION_SHARE
+        errors.append([share * size for size in contribution_sizes(final, effect)])
+    judged = data.doubting(errors)
     try:
         refitted = fit_model(final.model, judged, final.vector)
     except FitFailedError:
@@ -283,7 +291,7 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         for step in selection.steps:
             explained, left = gates.explained_and_left(final, predicted_without(final, step.effect), data)
             reason = gates.implausible(final, step.effect, scale)
-            if reason or gates.stands_in(_SUSPECT * explained, left):
+            if reason or gates.stands_in(step.effect, _SUSPECT * explained, left):
                 suspects.append((left / max(explained, 1e-300), step, reason))
         worst = _worst(sorted(suspects, key=lambda suspect: -suspect[0]), final, data)
         if worst is None:
@@ -303,7 +311,8 @@ def _worst(suspects: list[tuple[float, Step, str]], final: Fit, data: Whitened) 
         without = fit_without(final, step.effect, data)
         if without is None:
             continue
-        reason = implausible or gates.stands_in(*gates.explained_and_left(final, without.predicted, data))
+        explained, left = gates.explained_and_left(final, without.predicted, data)
+        reason = implausible or gates.stands_in(step.effect, explained, left)
         if reason:
             return step, reason, without
     return None

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import spherical_jn
 
-from gateway.closure.cores import Shape, differences
+from gateway.closure.cores import Shape
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
+from gateway.closure.tangents import Tangents
 from gateway.physics.bound import waveform_orders
 from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
@@ -73,6 +74,7 @@ class SeriesCore:
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, _HALF_ANGLE_STD])[: len(self.names)]
         self.steps: FloatArray = np.full(len(self.names), 1e-3)
         self._exact = ExactCore()
+        self._tangents = Tangents()
 
     def shape(
         self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
@@ -88,7 +90,9 @@ class SeriesCore:
         self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters."""
-        return differences(self, parameters, conditions, options, half_angle_rad)
+        # Nothing of the conditions matters to the shape but these and the half angle.
+        place = conditions.radius_m, half_angle_rad
+        return self._tangents.at(self, place, parameters, conditions, options, half_angle_rad)
 
     def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
         """Do nothing: a series has no grid."""
@@ -160,7 +164,7 @@ def _orders(parameters: FloatArray, half_angle_rad: float, options: RingOptions,
     Args:
         parameters: of the state.
         half_angle_rad: of the contact.
-        options: `pressure_p2` and `pressure_p4`.
+        options: `pressure_p2`, `pressure_p4` and `pressure_p6`.
         corrected: 0 reads n^2 under a radial push as printed, 1 reads n^2 - 1 under a vertical one.
     """
     # The transform of a Legendre polynomial is a spherical Bessel function; even ones alternate in sign.
@@ -169,6 +173,8 @@ def _orders(parameters: FloatArray, half_angle_rad: float, options: RingOptions,
         push = push - options.pressure_p2 * spherical_jn(2, half_angle_rad * _ALL)
     if options.pressure_p4:
         push = push + options.pressure_p4 * spherical_jn(4, half_angle_rad * _ALL)
+    if options.pressure_p6:
+        push = push - options.pressure_p6 * spherical_jn(6, half_angle_rad * _ALL)
     load = np.zeros(_MAX_ORDER)
     if corrected != 0.0:
         load += corrected * _CORRECTED * (_BELOW * push[:-2] + _ABOVE * push[2:])

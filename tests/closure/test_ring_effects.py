@@ -50,7 +50,7 @@ def solved(at: Conditions = HERE, *, drum_radius_m: float = math.inf, torque_nm:
     fields = {"extension_stiffness_n": 2e10, **si}
     ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=at.pressure_pa, **fields)
     solution: RingSolution = solve_rolling_ring(
-        ring, at.load_n, at.pressure_pa, at.omega_radps, nodes=480,
+        ring, at.load_n, at.pressure_pa, at.omega_radps, nodes=960,
         drum_radius_m=drum_radius_m, axle_torque_nm=torque_nm,
     )  # fmt: skip
     return waveform_orders(np.stack([solution.sensor.radial_m, solution.sensor.circumferential_m]), 110)
@@ -157,14 +157,15 @@ def test_a_drum_reads_less_than_zero_in_the_contact() -> None:
 
 def test_pressure_shape_changes_with_load_as_told() -> None:
     effect = ring_effect("pressure shape")
-    parameters = np.array([-0.36, -0.59, 0.6, -0.3])
+    parameters = np.array([-0.36, -0.59, -0.1, 0.6, -0.3, -0.2])
     nominal = effect.options(RingOptions(), parameters, HERE)
-    assert (nominal.pressure_p2, nominal.pressure_p4) == pytest.approx((-0.36, -0.59))
+    assert (nominal.pressure_p2, nominal.pressure_p4, nominal.pressure_p6) == pytest.approx((-0.36, -0.59, -0.1))
     heavy = effect.options(
         RingOptions(), parameters, Conditions(56.0, 0.0, 0.32, 8000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
     )
     assert heavy.pressure_p2 == pytest.approx(-0.36 + 0.6 * math.log(1.6))
     assert heavy.pressure_p4 == pytest.approx(-0.59 - 0.3 * math.log(1.6))
+    assert heavy.pressure_p6 == pytest.approx(-0.1 - 0.2 * math.log(1.6))
 
 
 @pytest.mark.parametrize("name", SERIES_ONLY)

@@ -23,6 +23,8 @@ CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
 
 FIELD_SIZE: Final = 512
 """Points of the angle grid theta = -pi + 2 pi k / FIELD_SIZE that the model works on."""
+# A parameter whose prior is narrower than this share of its mean is known.
+_KNOWN_TO: Final = 0.02
 
 
 class StartModel(StrEnum):
@@ -78,6 +80,11 @@ class Parameter:
     prior_mean: float = 0.0
     factor: float = 1.0
     display_unit: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether physics says beforehand what it is: all that the data tell is whether the effect is there."""
+        return self.prior_std <= _KNOWN_TO * abs(self.prior_mean)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +199,17 @@ class Scanned(Protocol):
     """
 
     scan: tuple[tuple[int, tuple[float, ...]], ...]
+
+
+@runtime_checkable
+class Approximate(Protocol):
+    """What an effect may say besides: its equation leaves more of what it adds than others' do.
+
+    Attributes:
+        equation_share: share of what it adds that it leaves.
+    """
+
+    equation_share: float
 
 
 @runtime_checkable
