@@ -38,7 +38,7 @@ def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect
         if trial is None or without.misfit - trial.misfit < _WORTH * explained:
             continue
         try:
-            fit = refit(trial, data)
+            fit = refit(trial, without, data)
         except FitFailedError:
             continue
         near = fit.misfit - final.misfit < _ALIKE * scale

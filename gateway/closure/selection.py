@@ -193,7 +193,7 @@ def _judged(
         if trial.misfit > enough:
             continue
         try:
-            after = refit(trial, data)
+            after = refit(trial, fit, data)
         except FitFailedError:
             continue
         gain, scale = before - after.held_out(), gates.overdispersion(after, data)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.cores import NoShapeError
 from gateway.closure.effects.base import Scanned, SignalEffect
-from gateway.closure.fit import Fit, fit_model, held_out_misfit
+from gateway.closure.fit import Fit, fit_model, held_out_misfit, misfit_of
 from gateway.closure.likelihood import Normal, Whitened, as_real
 from gateway.closure.model import AngleEffect, ClosureModel
 
@@ -73,19 +73,33 @@ def _best_of(
     return best, near
 
 
-def refit(trial: Trial, data: Whitened) -> Fit:
+def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
     """Return the true fit that a trial promises.
+
+    Args:
+        trial: what is promised.
+        fit: that the trial was made from.
+        data: whitened.
 
     Raises:
         FitFailedError: there is none.
     """
     vector = trial.vector.copy()
+    where = trial.model.layout.effect(trial.effect.name)
     if not isinstance(trial.effect, SignalEffect):
         # A ring is not solved for stiffnesses and dampings below zero.
-        where = trial.model.layout.effect(trial.effect.name)
         bounds = [(parameter.low, parameter.high) for parameter in trial.effect.parameters]
         vector[where] = np.clip(vector[where], *np.array(bounds).T)
-    return fit_model(trial.model, data, vector)
+    try:
+        kept = misfit_of(data, trial.model.predict(vector)) < fit.misfit
+    except (NoShapeError, np.linalg.LinAlgError):
+        kept = False
+    if kept:
+        return fit_model(trial.model, data, vector)
+    # The ring had bent itself far out of shape to do the effect's work, and a linear step does not lead back.
+    mean, _ = trial.model.priors()
+    vector[trial.model.layout.states] = mean[trial.model.layout.states]
+    return fit_model(trial.model, data, vector, from_afar=True)
 
 
 def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) -> Trial | None:
