@@ -29,7 +29,6 @@ Progress = Callable[[float, str], None]
 
 # Folds of the nested hold-out: each runs the whole selection again.
 _OUTER_FOLDS: Final = 5
-_ATTEMPTS: Final = 2
 # Share of folds that must have come to an effect by themselves for it to be called by its name.
 _AGREEING: Final = 0.5
 # Shares of the time at which selecting, holding out and comparing rivals end.
@@ -54,6 +53,7 @@ def close_loop(
     jobs: int,
 ) -> Closed:
     """Select, and hold out; an effect that most folds do not come to by themselves is taken out, and all done again."""
+    on_progress = _Forward(on_progress)
     every = angle_effects(candidates(model))
     unsteady: dict[str, Finding] = {}
     try:
@@ -61,7 +61,8 @@ def close_loop(
     except FitFailedError as error:
         raise _cannot_be_fitted(model, error) from error
     folds = range(min(data.folds, _OUTER_FOLDS))
-    for attempt in range(_ATTEMPTS):
+    while True:
+        # Ends: every time around there is one candidate less at least.
         effects = {name: effect for name, effect in every.items() if name not in unsteady}
         without = frozenset(unsteady)
         with HoldOut(campaign, model, start, folds, without=without, jobs=jobs) as held_out:
@@ -72,14 +73,14 @@ def close_loop(
             errors = held_out.errors(partial(_held, on_progress, len(folds)))
         found_in = agreement(errors)
         doubtful = [s for s in selection.steps if found_in.get(s.effect.name, 0) < _AGREEING * len(errors)]
-        if not doubtful or attempt == _ATTEMPTS - 1:
+        if not doubtful:
             break
         for step in doubtful:
             times = found_in.get(step.effect.name, 0)
             reason = f"found in {times} of {len(errors)} folds only when one fold is left out"
             unsteady[step.effect.name] = refused(step, selection.final, reason)
     on_progress(_HELD_OUT, "comparing rivals")
-    findings = [*findings_of(selection, selection.data, effects), *unsteady.values()]
+    findings = [*findings_of(selection, selection.data, every), *unsteady.values()]
     return Closed(selection, errors, findings)
 
 
@@ -88,6 +89,18 @@ def _cannot_be_fitted(model: StartModel, error: FitFailedError) -> TreadlinkErro
         f"the starting model '{model}' cannot be fitted to these recordings: {error}",
         "Check belt radius, load and pressure in the configuration.",
     )
+
+
+class _Forward:
+    """Passes progress on, but never back: selecting and holding out may begin anew."""
+
+    def __init__(self, on_progress: Progress) -> None:
+        self._on_progress = on_progress
+        self._share = 0.0
+
+    def __call__(self, share: float, text: str) -> None:
+        self._share = max(self._share, share)
+        self._on_progress(self._share, text)
 
 
 class _Steps:

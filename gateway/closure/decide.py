@@ -80,6 +80,8 @@ def _told_apart(
     truth = ClosureModel(larger, final.model.core, final.model.effects)
     vector = _carried(final.model, truth, final.vector, known.state, other_state)
     try:
+        # Now, not in the first fit: the grid's error at the new conditions must not be in the one and off the other.
+        truth.refine(vector)
         predicted = truth.predict(vector)
         rivals = ClosureModel(larger, final.model.core, effects)
         weights = (*data.weights, data.weights[reference])

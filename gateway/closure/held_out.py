@@ -142,7 +142,7 @@ def hold_out_fold(
         without: effects that are no candidates.
     """
     core = make_core(model)
-    data = whiten(campaign, with_mean=core.mean)
+    data = whiten(campaign, with_mean=core.mean, unseen=fold)
     effects = {name: e for name, e in angle_effects(candidates(model)).items() if name not in without}
     try:
         selection = select(campaign, core, data.without(fold), effects, start=start)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -79,7 +79,7 @@ class Whitened:
         return max(len(weight) for weight in self.weights)
 
 
-def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
+def whiten(campaign: Campaign, *, with_mean: bool, unseen: int | None = None) -> Whitened:
     """Return the campaign's data with weights.
 
     The variance of a block's mean is the scatter of revolutions over their number, times what neighbouring blocks
@@ -88,13 +88,14 @@ def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
     Args:
         campaign: the data.
         with_mean: False leaves out order 0 of the radial axis.
+        unseen: fold that has no part in the weights of any, its own included.
     """
     orders, weights, variances = [], [], []
     for group in campaign.groups:
         data = np.stack([block.orders_mps2 for block in group.blocks])
         counts = np.array([block.count for block in group.blocks], dtype=np.float64)
-        variance = group.variance[None] / counts[:, None, None] * _dependence(group)
-        floor = _floor(group)
+        variance = group.variance[None] / counts[:, None, None] * _dependence(_seen(group, unseen))
+        floor = _floor(_seen(group, unseen))
         known = np.isfinite(data) & np.isfinite(variance) & (variance + floor > 0.0)
         if not with_mean:
             known[:, 2, 0] = False
@@ -103,6 +104,12 @@ def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
         weights.append(weight)
         variances.append(np.where(known, variance, 0.0))
     return Whitened(tuple(orders), tuple(weights), tuple(variances))
+
+
+def _seen(group: Group, unseen: int | None) -> Group:
+    """Return the group without a block, where it has others."""
+    blocks = tuple(block for place, block in enumerate(group.blocks) if place != unseen)
+    return replace(group, blocks=blocks or group.blocks)
 
 
 def _smooth(size: FloatArray) -> FloatArray:

@@ -96,7 +96,6 @@ def test_what_more_than_half_of_the_folds_find_stays(monkeypatch: pytest.MonkeyP
     assert without.chi2 > 1000.0
 
 
-@pytest.mark.xfail(strict=True, reason="doubts of the second round are dropped")
 def test_what_comes_in_its_place_is_not_named_either(monkeypatch: pytest.MonkeyPatch) -> None:
     has(monkeypatch, among("pitch tilt")["pitch tilt"], Sideways("constant"), Sideways("its twin"))
     result = closed(lateral_means(TWO_FOLDS))
@@ -105,7 +104,6 @@ def test_what_comes_in_its_place_is_not_named_either(monkeypatch: pytest.MonkeyP
         assert finding(result, name).verdict is Verdict.REFUSED
 
 
-@pytest.mark.xfail(strict=True, reason="what was taken out is not among the rivals")
 def test_what_takes_turns_with_its_like_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """All data prefer one of a pair, and three folds of five the other: neither is certain."""
     bent = 0.05
@@ -144,7 +142,6 @@ def test_nothing_at_all_gives_no_findings() -> None:
     assert goes_on(told)
 
 
-@pytest.mark.xfail(strict=True, reason="the second round begins at 0 again")
 def test_progress_does_not_go_back_in_the_second_round(monkeypatch: pytest.MonkeyPatch) -> None:
     has(monkeypatch, Sideways("constant"))
     told: list[tuple[float, str]] = []

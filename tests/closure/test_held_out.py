@@ -92,7 +92,6 @@ class TestNothingLeaks:
             assert values.max() > 1e3 * values.min()
         assert [error.noise for error in errors] == pytest.approx([errors[0].noise] * len(angles), rel=1e-12)
 
-    @pytest.mark.xfail(strict=True, reason="the scatter that weighs is that of all folds")
     def test_what_scatters_in_the_fold_does_not_blur_the_others(self) -> None:
         campaign = rolled()
         real, imaginary = np.random.default_rng(5).normal(0.0, 500.0, (2, 3, ORDERS))
