@@ -16,16 +16,13 @@ from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
 from gateway.closure.out_of_round import LOAD_STEP, LoadedShape, out_of_round
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.constants import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waveform import SensorWaveform
 
 FloatArray = NDArray[np.float64]
 
-# Table 3's tire, whose stiffnesses over its load are where a fit begins whatever the load is.
-_NOMINAL_LOAD_N: Final = 5000.0
-_NOMINAL_PRESSURE_PA: Final = 2.1e5
-_NOMINAL_RADIUS_M: Final = 0.32
+# Of Table 3's tire, whose stiffnesses over its load are where a fit begins whatever the load is.
 _NOMINAL_TREAD_NPM2: Final = 7e7
 _MASS_KGPM: Final = 3.5
 # Without damping and rotary inertia the shape is the same at every speed.
@@ -203,11 +200,10 @@ def ring_parameters(parameters: FloatArray, conditions: Conditions, options: Rin
     """
     radius, pressure = conditions.radius_m, conditions.pressure_pa
     load_number = conditions.load_n / (pressure * radius**2)
-    nominal = _NOMINAL_LOAD_N / (_NOMINAL_PRESSURE_PA * _NOMINAL_RADIUS_M**2)
     factor = np.exp(parameters)
-    numbers = np.array(TABLE_3_NUMBERS) * factor[:4] * (load_number / nominal)
+    numbers = np.array(TABLE_3_NUMBERS) * factor[:4] * (load_number / TABLE_3_LOAD_NUMBER)
     tread = _NOMINAL_TREAD_NPM2 * float(factor[4]) * (conditions.load_n / radius**2)
-    tread /= _NOMINAL_LOAD_N / _NOMINAL_RADIUS_M**2
+    tread /= TABLE_3_LOAD_N / TABLE_3_RADIUS_M**2
     bending = float(numbers[0]) * radius**4 * pressure
     shear = bending / options.shear_length_m**2 if options.shear_length_m else math.inf
     return RingParameters.from_numbers(

@@ -21,7 +21,13 @@ from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
 from gateway.physics.bound import waveform_orders
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.constants import (
+    TABLE_3_LOAD_N,
+    TABLE_3_LOAD_NUMBER,
+    TABLE_3_NUMBERS,
+    TABLE_3_PRESSURE_PA,
+    TABLE_3_RADIUS_M,
+)
 from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring_waveform import SensorWaveform
 
@@ -31,15 +37,14 @@ FloatArray = NDArray[np.float64]
 _NOMINAL: Final = Conditions(
     omega_radps=56.0,
     omega_dot_radps2=0.0,
-    radius_m=0.32,
-    load_n=5000.0,
-    pressure_pa=2.1e5,
+    radius_m=TABLE_3_RADIUS_M,
+    load_n=TABLE_3_LOAD_N,
+    pressure_pa=TABLE_3_PRESSURE_PA,
     temperature_degc=25.0,
     reference_degc=25.0,
     rate_hz=math.inf,
     time_s=0.0,
 )
-_NOMINAL_LOAD_NUMBER: Final = _NOMINAL.load_n / (_NOMINAL.pressure_pa * _NOMINAL.radius_m**2)
 _NOMINAL_TREAD: Final[FloatArray] = np.zeros(1)
 # A contact found by its steepest slopes is 1 to 3 % off, more than its scatter.
 _HALF_ANGLE_STD: Final = 0.03
@@ -100,7 +105,7 @@ class SeriesCore:
     def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts at the load and pressure of `conditions`; corrected, the half angle's correction."""
         load_number = conditions.load_n / (conditions.pressure_pa * conditions.radius_m**2)
-        values = _nominal_numbers(parameters) * (load_number / _NOMINAL_LOAD_NUMBER)
+        values = _nominal_numbers(parameters) * (load_number / TABLE_3_LOAD_NUMBER)
         result = dict(zip(self.names[:4], (float(value) for value in values), strict=True))
         if self._corrected:
             result["half_angle_over_measured"] = math.exp(parameters[4])
@@ -154,7 +159,7 @@ def _nominal_numbers(parameters: FloatArray) -> FloatArray:
 
 def _compliance_inverse(parameters: FloatArray) -> FloatArray:
     """Return D_n p0 R^2 / Q, (_MAX_ORDER,) (Eq. 19)."""
-    result: FloatArray = _TERMS @ _nominal_numbers(parameters) / _NOMINAL_LOAD_NUMBER
+    result: FloatArray = _TERMS @ _nominal_numbers(parameters) / TABLE_3_LOAD_NUMBER
     return result
 
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
 
 from gateway.closure.effects.base import EXACT_ONLY, Conditions, FloatArray, Parameter
 from gateway.closure.ring_options import RingOptions
-
-# Table 3's tire: 5000 N, 2.1 bar, 0.32 m.
-_NOMINAL_LOAD_NUMBER: Final = 5000.0 / (2.1e5 * 0.32**2)
+from gateway.physics.constants import TABLE_3_LOAD_NUMBER
 
 
 class PressureShape:
@@ -51,7 +48,7 @@ class PressureShape:
     def options(self, options: RingOptions, parameters: FloatArray, conditions: Conditions) -> RingOptions:
         """Return the options with the pressure's shape at this load."""
         load_number = conditions.load_n / (conditions.pressure_pa * conditions.radius_m**2)
-        growth = math.log(load_number / _NOMINAL_LOAD_NUMBER)
+        growth = math.log(load_number / TABLE_3_LOAD_NUMBER)
         p2, p4, p6, g2, g4, g6 = (float(value) for value in parameters)
         return replace(
             options,
