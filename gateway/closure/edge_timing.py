@@ -126,7 +126,8 @@ def compare_edges(
         folds: parts that the revolutions are cut into for the held-out gain.
     """
     count = len(orders_mps2)
-    nothing = Edges(np.zeros((count, TERMS)), half_angle_rad, EdgeTiming())
+    timing = EdgeTiming()
+    nothing = Edges(np.zeros((count, TERMS)), half_angle_rad, timing)
     follows = np.flatnonzero(np.diff(index) == 1)
     if count < _LEAST or len(follows) < _LEAST or not 0.0 < half_angle_rad < 0.5 * math.pi:
         return nothing
@@ -138,17 +139,18 @@ def compare_edges(
     early = np.zeros((count, TERMS))
     orders = raw
     noise = np.zeros((len(_ELSEWHERE_RAD), count, TERMS))
-    for _ in range(_ROUNDS):
+    for number in range(_ROUNDS):
         fitted, _ = regress(orders, rows, usual)
         left = orders - fitted
         weight = np.where(present, 1.0 / robust_variance(left, usual), 0.0)
         shapes = _shapes(orders.mean(axis=0), half_angle_rad)
         early = early + _amplitudes(left, shapes, weight)
         early -= early.mean(axis=0)
-        noise = np.stack([_amplitudes(other, shapes, weight) for other in _cut_elsewhere(left)])
-        timing = _timing(early, noise, follows, folds, count)
-        if timing.chi2 < _EVIDENT:
-            return replace(nothing, timing=timing)
+        if number in (0, _ROUNDS - 1):
+            noise = np.stack([_amplitudes(other, shapes, weight) for other in _cut_elsewhere(left)])
+            timing = _timing(early, noise, follows, folds, count)
+            if timing.chi2 < _EVIDENT:
+                return replace(nothing, timing=timing)
         orders = orders_bent_back(raw, early, half_angle_rad)
     own = np.square(noise).mean(axis=(0, 1))
     known = np.maximum(0.0, 1.0 - own / np.square(early).mean(axis=0))

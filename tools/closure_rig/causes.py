@@ -195,6 +195,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("gain-temperature drift", "%/K", (0.0005, 0.0015, 0.03), _gain_temperature),
     Cause("zero-g offset", "g", (0.006, 0.02, 1.0), _zero_g),
     Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac),
+    # Beside its delay, which is the contact centre's, it goes with the cube of what is listed.
     Cause("anti-alias filter", "Hz", (1800.0, 1250.0, 600.0), _low_pass),
     Cause("sample clock error", "ppm", (40.0, 120.0, 1000.0), _clock),
     Cause("clipping", "R Omega^2 of the fastest run", (1.36, 1.28, 1.1), _clip),
@@ -217,6 +218,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("ply steer", "mm (ply separation)", (0.008, 0.024, 1.2), _ply_steer),
     Cause("conicity", "deg", (0.01, 0.03, 0.6), _tire("conicity_deg", signed=True)),
     Cause("carcass compliance", "deg (slip angle)", (0.008, 0.024, 0.3), _slip),
+    # Seen in single revolutions, not in their mean; at 15 mg/rtHz it takes three times as much.
     Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
 )
