@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 _MAX_STEPS: Final = 25
+_ALL_STEPS: Final = 200
 _HALVINGS: Final = 6
 # Fall of the cost, over the misfit per degree of freedom, by which a fit counts as done.
 _DONE: Final = 0.05
@@ -138,7 +139,14 @@ def _changes_without(normal: Normal, from_prior: FloatArray, prior_std: FloatArr
     ]
 
 
-def fit_model(model: ClosureModel, data: Whitened, start: FloatArray | None = None, *, from_afar: bool = False) -> Fit:
+def fit_model(
+    model: ClosureModel,
+    data: Whitened,
+    start: FloatArray | None = None,
+    *,
+    from_afar: bool = False,
+    most_steps: int = _ALL_STEPS,
+) -> Fit:
     """Return the fit of a model.
 
     Args:
@@ -146,28 +154,44 @@ def fit_model(model: ClosureModel, data: Whitened, start: FloatArray | None = No
         data: whitened; folds with weight 0 are not seen.
         start: vector to begin from; None begins at the priors' mean.
         from_afar: True first fits with loosened data, for a start that is far off.
+        most_steps: after which the fit is taken as it is.
 
     Raises:
         FitFailedError: the model has no equilibrium near the start.
     """
     prior_mean, prior_std = model.priors()
     vector = prior_mean.copy() if start is None else start.copy()
+    left = _Steps(most_steps)
     try:
         if from_afar:
             for share in _ANNEAL:
-                vector = _descend(model, data.loosened(share), vector, prior_mean, prior_std).vector
+                vector = _descend(model, data.loosened(share), vector, prior_mean, prior_std, left).vector
         model.refine(vector)
         scale = _overdispersion(misfit_of(data, model.predict(vector)), data, model)
         for _ in range(_RESCALINGS):
-            fit = _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale))
+            fit = _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale), left)
             vector, was = fit.vector, scale
             scale = _overdispersion(fit.misfit, data, model)
             model.refine(vector)
-            if scale > _SETTLED * was:
+            if scale > _SETTLED * was or left.none:
                 break
-        return _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale))
+        return _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale), left)
     except (NoShapeError, np.linalg.LinAlgError) as error:
         raise FitFailedError(str(error)) from error
+
+
+class _Steps:
+    """Steps that a fit may still take."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    @property
+    def none(self) -> bool:
+        return self._count <= 0
+
+    def take(self) -> None:
+        self._count -= 1
 
 
 def _overdispersion(misfit: float, data: Whitened, model: ClosureModel) -> float:
@@ -175,11 +199,19 @@ def _overdispersion(misfit: float, data: Whitened, model: ClosureModel) -> float
 
 
 def _descend(
-    model: ClosureModel, data: Whitened, vector: FloatArray, prior_mean: FloatArray, prior_std: FloatArray
+    model: ClosureModel,
+    data: Whitened,
+    vector: FloatArray,
+    prior_mean: FloatArray,
+    prior_std: FloatArray,
+    left: _Steps,
 ) -> Fit:
     precision = prior_std**-2.0
     fit = _linearise(model, data, vector, prior_mean, prior_std)
     for _ in range(_MAX_STEPS):
+        if left.none:
+            break
+        left.take()
         done = _DONE * _overdispersion(fit.misfit, data, model)
         matrix = fit.normal.matrix.sum(axis=0) + np.diag(precision)
         gradient = fit.normal.gradient.sum(axis=0) - (fit.vector - prior_mean) * precision

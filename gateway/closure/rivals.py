@@ -12,7 +12,7 @@ from gateway.closure import gates
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
-from gateway.closure.trial import refit, try_effect
+from gateway.closure.trial import FAR_OFF, refit, try_effect
 
 ComplexArray = NDArray[np.complex128]
 
@@ -35,7 +35,7 @@ def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect
         if name in taken:
             continue
         trial = try_effect(without, data, rival)
-        if trial is None or without.misfit - trial.misfit < _WORTH * explained:
+        if trial is None or trial.misfit > min(without.misfit - _WORTH * explained, FAR_OFF * final.misfit):
             continue
         try:
             fit = refit(trial, without, data)

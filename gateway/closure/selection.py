@@ -18,7 +18,7 @@ from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Campaign
 from gateway.closure.rivals import fit_without, predicted_without
-from gateway.closure.trial import Trial, refit, try_effect
+from gateway.closure.trial import FAR_OFF, Trial, refit, try_effect
 
 FloatArray = NDArray[np.float64]
 
@@ -203,7 +203,7 @@ def _judged(
             passed.append(step)
             if scale <= _AT_NOISE:
                 # Nothing can do better than this one by much; only what promises nearly as much is fitted as well.
-                enough = min(enough, after.misfit + (1.0 - _NEARLY) * step.fall)
+                enough = min(enough, after.misfit + (1.0 - _NEARLY) * step.fall, FAR_OFF * after.misfit)
         elif reason is not None:
             refused.append(step)
             if selection is not None:

@@ -18,8 +18,14 @@ from gateway.closure.model import AngleEffect, ClosureModel
 FloatArray = NDArray[np.float64]
 
 
+# Steps of a refit: what is right comes to rest in five to fifteen, what wanders further is not what is wrong.
+_TRIAL_STEPS: Final = 30
 # Share of a ring effect's starts at which it is tried as well.
 _SMALL: Final = 0.03
+
+
+FAR_OFF: Final = 30.0
+"""Times the misfit of something that stands at noise from which a trial's linear misfit is beyond any refit's help."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +101,11 @@ def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
     except (NoShapeError, np.linalg.LinAlgError):
         kept = False
     if kept:
-        return fit_model(trial.model, data, vector)
+        return fit_model(trial.model, data, vector, most_steps=_TRIAL_STEPS)
     # The ring had bent itself far out of shape to do the effect's work, and a linear step does not lead back.
     mean, _ = trial.model.priors()
     vector[trial.model.layout.states] = mean[trial.model.layout.states]
-    return fit_model(trial.model, data, vector, from_afar=True)
+    return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS)
 
 
 def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) -> Trial | None:
