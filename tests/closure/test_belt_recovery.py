@@ -72,7 +72,7 @@ def test_an_effect_is_found_from_its_starts(name: str, values: tuple[float, ...]
     without = fit_model(ClosureModel(made, ExactCore()), data)
     trial = try_effect(without, data, effect)
     assert trial is not None
-    fit = refit(trial, data)
+    fit = refit(trial, without, data)
     where = fit.model.layout.effect(name)
     assert fit.misfit < 1.15 * data.used
     assert without.misfit - fit.misfit > 100.0

@@ -68,9 +68,10 @@ def with_mounting(campaign: Campaign, data: Whitened) -> Fit:
     plain = fit_model(ClosureModel(campaign, core), data, from_afar=True)
     trial = try_effect(plain, data, effect_of("mounting offset"))
     assert trial is not None
-    second = try_effect(refit(trial, data), data, effect_of("ply steer"))
+    first = refit(trial, plain, data)
+    second = try_effect(first, data, effect_of("ply steer"))
     assert second is not None
-    return refit(second, data)
+    return refit(second, first, data)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +90,7 @@ def fitted(recording: Path) -> Fitted:
     before = with_mounting(campaign, data)
     trial = try_effect(before, data, effect_of(WAVES))
     assert trial is not None
-    return Fitted(campaign, data, before, refit(trial, data))
+    return Fitted(campaign, data, before, refit(trial, before, data))
 
 
 def parameters(fit: Fit) -> dict[str, float]:
