@@ -81,6 +81,17 @@ class Core(Protocol):
         """Return the derivatives of the shape by the state's parameters, K of them, of here or of very near."""
         ...
 
+    def change(
+        self,
+        parameters: FloatArray,
+        conditions: Conditions,
+        before: RingOptions,
+        after: RingOptions,
+        half_angle_rad: float,
+    ) -> Shape:
+        """Return what another option does to the shape, good enough to see what is worth a fit."""
+        ...
+
     def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
         """Measure the error of the grid at these parameters; `shape` takes it off from now on. Nothing where exact."""
         ...

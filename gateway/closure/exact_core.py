@@ -6,12 +6,13 @@ import math
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.closure.cores import Shape
+from gateway.closure.cores import Shape, moved
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
 from gateway.closure.out_of_round import LOAD_STEP, LoadedShape, out_of_round
 from gateway.closure.ring_options import RingOptions
@@ -31,6 +32,10 @@ _ANY_OMEGA_RADPS: Final = 56.0
 # Grids, and the nodes that the bending layer sqrt(EI / (p0 b R)) at the contact's edges needs. On 480 nodes what is
 # left of the grid's error at the edges passes for contact edges that scatter by 3 mrad.
 _GRIDS: Final = (960, 1440)
+# To find out what is worth a fit, a coarse grid does, and states rounded to this share: one shape serves many fits.
+_COARSE: Final = (480,)
+_ROUNDED: Final = 0.02
+_KEPT_COARSE: Final = 4096
 _NODES_PER_LAYER: Final = 8.0
 # The solver's error falls with the square of the step; it is measured on a grid twice as fine.
 _FINER: Final = 2
@@ -63,8 +68,9 @@ class ExactCore:
     drift = True
     mean = True
 
-    def __init__(self) -> None:
-        """Start without solutions to begin from."""
+    def __init__(self, grids: tuple[int, ...] = _GRIDS) -> None:
+        """Start without solutions to begin from, on grids of so many nodes."""
+        self._grids = grids
         self.prior_mean: FloatArray = np.zeros(5)
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])
         self.steps: FloatArray = np.full(5, 1e-3)
@@ -104,6 +110,18 @@ class ExactCore:
         place = load, pressure, omega if options.depends_on_speed else _ANY_OMEGA_RADPS
         return self._tangents.at(self, place, parameters, conditions, options, half_angle_rad)
 
+    def change(
+        self,
+        parameters: FloatArray,
+        conditions: Conditions,
+        before: RingOptions,
+        after: RingOptions,
+        half_angle_rad: float,  # noqa: ARG002 - as above
+    ) -> Shape:
+        """Return what another option does to the shape, roughly: on a coarse grid, at a state near by."""
+        near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
+        return moved(_coarse_shape(near, conditions, after), _coarse_shape(near, conditions, before), -1.0)
+
     def _round(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> Shape:
         """Return the shape of a round tire."""
         coarse = self._solve(parameters, conditions, options, self._grid(conditions)).shape
@@ -123,7 +141,7 @@ class ExactCore:
             TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(float(parameters[0]) - float(parameters[1]))
         )
         wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
-        nodes = next((nodes for nodes in _GRIDS if nodes >= wanted), _GRIDS[-1])
+        nodes = next((nodes for nodes in self._grids if nodes >= wanted), self._grids[-1])
         # Never coarser than before: a fit that changes its grid back and forth does not come to rest.
         nodes = self._nodes[_place(conditions)] = max(nodes, self._grid(conditions))
         coarse = self._solve(parameters, conditions, options, nodes).shape
@@ -136,7 +154,7 @@ class ExactCore:
         )
 
     def _grid(self, conditions: Conditions) -> int:
-        return self._nodes.get(_place(conditions), _GRIDS[0])
+        return self._nodes.get(_place(conditions), self._grids[0])
 
     def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts and the tread's stiffness at the load and pressure of `conditions`."""
@@ -191,6 +209,17 @@ class ExactCore:
             return None
         free = self._solve(parameters, conditions, replace(options, traction=0.0), nodes).ring.axle_torque_nm
         return free + options.traction * conditions.load_n * conditions.radius_m
+
+
+@cache
+def _coarse_core() -> ExactCore:
+    """Return the core that all others of a process scan with; what it says depends on what it is asked alone."""
+    return ExactCore(_COARSE)
+
+
+@lru_cache(maxsize=_KEPT_COARSE)
+def _coarse_shape(parameters: tuple[float, ...], conditions: Conditions, options: RingOptions) -> Shape:
+    return _coarse_core().shape(np.array(parameters), conditions, options, 0.0)
 
 
 def ring_parameters(parameters: FloatArray, conditions: Conditions, options: RingOptions) -> RingParameters:

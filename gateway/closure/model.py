@@ -77,11 +77,27 @@ class ClosureModel:
         with _standing():
             return self.core.shape(state, group.conditions, self.options(vector, index), group.half_angle_rad)
 
-    def options(self, vector: FloatArray, index: int) -> RingOptions:
-        """Return what the ring of one group is solved for."""
+    def _shape_near(self, vector: FloatArray, index: int, name: str) -> Shape:
+        """Return the belt's shape of one group, what an effect does to it only roughly."""
+        effect = next((effect for effect in self._ring if effect.name == name), None)
+        if effect is None:
+            return self.shape(vector, index)
+        group, state = self.campaign.groups[index], vector[self.layout.state(self.campaign.groups[index].state)]
+        without = self.options(vector, index, without=name)
+        before = without.rounded()
+        after = effect.options(before, vector[self.layout.effect(name)], group.conditions)
+        with _standing():
+            shape = self.core.shape(state, group.conditions, without, group.half_angle_rad)
+            change = self.core.change(state, group.conditions, before, after, group.half_angle_rad)
+        return moved(shape, change, 1.0)
+
+    def options(self, vector: FloatArray, index: int, without: str = "") -> RingOptions:
+        """Return what the ring of one group is solved for, with every effect but one."""
         group = self.campaign.groups[index]
         options = RingOptions(sensor_offset_m=group.declared_offset_m)
         for effect in self._ring:
+            if effect.name == without:
+                continue
             options = effect.options(options, vector[self.layout.effect(effect.name)], group.conditions)
         return options
 
@@ -137,13 +153,14 @@ class ClosureModel:
         Args:
             vector: of parameters.
             index: of the group.
-            only: an effect whose parameters alone are wanted; None for all that matter to the group.
+            only: an effect whose parameters alone are wanted, and roughly, to see whether it is worth a fit; None for
+                all that matter to the group.
 
         Returns:
             the places (k,) of the vector, the group's orders (3, ORDERS), and their derivatives (k, 3, ORDERS).
         """
         group, layout = self.campaign.groups[index], self.layout
-        shape, options = self.shape(vector, index), self.options(vector, index)
+        shape = self.shape(vector, index) if only is None else self._shape_near(vector, index, only)
         here = base_signal(self.core, shape, group.conditions)
         end, seen = self._chain(vector, here, _declared(group))
         turn = self._turn(vector, index)
@@ -158,7 +175,9 @@ class ClosureModel:
         if only is None:
             where = layout.state(group.state)
             with _standing():
-                tangents = self.core.tangent(vector[where], group.conditions, options, group.half_angle_rad)
+                tangents = self.core.tangent(
+                    vector[where], group.conditions, self.options(vector, index), group.half_angle_rad
+                )
             for place, step, tangent in zip(range(where.start, where.stop), self.core.steps, tangents, strict=True):
                 add(place, float(step), moved(shape, tangent, float(step)), vector)
             places.append(layout.centre(index))
@@ -168,7 +187,8 @@ class ClosureModel:
                 for place, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
                     there = vector.copy()
                     there[place] += parameter.step
-                    add(place, parameter.step, self.shape(there, index), there)
+                    shaped = self.shape(there, index) if only is None else self._shape_near(there, index, only)
+                    add(place, parameter.step, shaped, there)
         wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
         if wanted:
             rows.extend(field_orders(self._signal_rows(vector, seen, _declared(group), wanted)) * turn)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +46,10 @@ class RingOptions:
     pressure_p4: float = 0.0
     pressure_p6: float = 0.0
     tension_loss: float = 0.0
+
+    def rounded(self) -> RingOptions:
+        """Return the same to two digits each."""
+        return RingOptions(*(float(f"{value:.1e}") for value in astuple(self)))
 
     @property
     def depends_on_speed(self) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import spherical_jn
 
-from gateway.closure.cores import Shape
+from gateway.closure.cores import Shape, moved
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
@@ -98,6 +98,18 @@ class SeriesCore:
         # Nothing of the conditions matters to the shape but these and the half angle.
         place = conditions.radius_m, half_angle_rad
         return self._tangents.at(self, place, parameters, conditions, options, half_angle_rad)
+
+    def change(
+        self,
+        parameters: FloatArray,
+        conditions: Conditions,
+        before: RingOptions,
+        after: RingOptions,
+        half_angle_rad: float,
+    ) -> Shape:
+        """Return what another option does to the shape."""
+        base = self.shape(parameters, conditions, before, half_angle_rad)
+        return moved(self.shape(parameters, conditions, after, half_angle_rad), base, -1.0)
 
     def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
         """Do nothing: a series has no grid."""
