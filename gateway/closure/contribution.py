@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.closure.cores import NoShapeError
 from gateway.closure.diagnosis import Finding, Verdict
 from gateway.closure.effects.base import CIRCUMFERENTIAL
 from gateway.closure.fit import Fit
@@ -57,7 +58,11 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
     without = vector.copy()
     for effect in effects:
         without[with_all.layout.effect(effect.name)] = 0.0
-    change = [a[0] - b[0] for a, b in zip(with_all.predict(vector), with_all.predict(without), strict=True)]
+    try:
+        change = [a[0] - b[0] for a, b in zip(with_all.predict(vector), with_all.predict(without), strict=True)]
+    except NoShapeError:
+        # Without its effects the ring does not stand at these parameters: there is nothing to take them off from.
+        return None
     orders = np.stack(change)
     if way:
         # A diagnosis turns the circumferential axis of reverse recordings to the rolling direction; nobody else does.

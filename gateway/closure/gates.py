@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from gateway.closure.effects.base import Checked
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
@@ -73,7 +74,7 @@ def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = 
                 f"{parameter.name} would be {value * parameter.factor:.3g} {unit}".rstrip()
                 + f", which is not plausible ({low:.3g} to {high:.3g})"
             )
-    return ""
+    return effect.reason_against(fit.vector[where], std) if isinstance(effect, Checked) else ""
 
 
 def uneven(fit: Fit, effect: AngleEffect, scale: float) -> str:

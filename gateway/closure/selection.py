@@ -121,14 +121,13 @@ def select(
         selection.steps.extend(steps)
         on_step("found " + " and ".join(step.effect.name for step in steps))
         _prune(selection, judged)
-        if not _doubt(selection, data):
-            break
+        _doubt(selection, data)
     _judge_leftovers(selection, selection.data)
     return selection
 
 
-def _doubt(selection: Selection, data: Whitened) -> bool:
-    """Count what the effects' equations leave as uncertain from now on; False where the fit does not stand that."""
+def _doubt(selection: Selection, data: Whitened) -> None:
+    """Count what the effects' equations leave as uncertain from now on, where the fit stands that."""
     final = selection.final
     errors = []
     for effect in final.model.effects:
@@ -138,10 +137,9 @@ def _doubt(selection: Selection, data: Whitened) -> bool:
     try:
         refitted = fit_model(final.model, judged, final.vector)
     except FitFailedError:
-        return False
+        return
     selection.data = judged
     selection.steps[-1] = replace(selection.steps[-1], after=refitted)
-    return True
 
 
 def contribution_sizes(fit: Fit, effect: AngleEffect) -> list[FloatArray]:

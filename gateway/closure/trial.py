@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 
 # Steps of a refit: what is right comes to rest in five to fifteen, what wanders further is not what is wrong.
 _TRIAL_STEPS: Final = 30
+# Logarithm of a state's parameters from which the ring is far out of shape.
+_BENT: Final = 1.5
 # Share of a ring effect's starts at which it is tried as well.
 _SMALL: Final = 0.03
 
@@ -96,16 +98,20 @@ def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
         # A ring is not solved for stiffnesses and dampings below zero.
         bounds = [(parameter.low, parameter.high) for parameter in trial.effect.parameters]
         vector[where] = np.clip(vector[where], *np.array(bounds).T)
-    try:
-        kept = misfit_of(data, trial.model.predict(vector)) < fit.misfit
-    except (NoShapeError, np.linalg.LinAlgError):
-        kept = False
-    if kept:
+    mean, _ = trial.model.priors()
+    states = trial.model.layout.states
+    if float(np.abs(vector[states] - mean[states]).max()) < _BENT or _is_better(trial.model, vector, fit, data):
         return fit_model(trial.model, data, vector, most_steps=_TRIAL_STEPS)
     # The ring had bent itself far out of shape to do the effect's work, and a linear step does not lead back.
-    mean, _ = trial.model.priors()
-    vector[trial.model.layout.states] = mean[trial.model.layout.states]
+    vector[states] = mean[states]
     return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS)
+
+
+def _is_better(model: ClosureModel, vector: FloatArray, fit: Fit, data: Whitened) -> bool:
+    try:
+        return misfit_of(data, model.predict(vector)) < fit.misfit
+    except (NoShapeError, np.linalg.LinAlgError):
+        return False
 
 
 def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) -> Trial | None:

@@ -202,6 +202,15 @@ class Scanned(Protocol):
 
 
 @runtime_checkable
+class Checked(Protocol):
+    """What an effect may say besides: which values do not go together or cannot be, though each is in its range."""
+
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+        """Return why these values (p,), with their standard errors, cannot be, in words; empty when they can."""
+        ...
+
+
+@runtime_checkable
 class Approximate(Protocol):
     """What an effect may say besides: its equation leaves more of what it adds than others' do.
 

@@ -30,6 +30,9 @@ _STARTS: Final = (*range(1, 25), 30, 36, 40, 48)
 _START_SHARE: Final = 2e-3
 # Ripple of a rolling wheel is some 0.1 %, brake judder reaches 1 %; more would be felt as shaking, not measured.
 _LARGEST: Final = 0.03
+# How far from a whole number an order may come out, and errors beyond that.
+_WHOLE: Final = 0.05
+_BEYOND: Final = 3.0
 
 
 class _Waver(NamedTuple):
@@ -73,6 +76,13 @@ class TorsionalRipple:
     stage = Stage.BELT
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     linear = False
+
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+        """Refuse an order that is not whole: it would not repeat every revolution."""
+        order = float(parameters[2])
+        if abs(order - round(order)) <= _WHOLE + _BEYOND * float(std[2]):
+            return ""
+        return f"its order would be {order:.2f} per revolution, and only whole orders repeat"
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
         """Return the orders that machines have."""
