@@ -51,8 +51,8 @@ class AntiAliasFilter:
     linear = False
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
-        """Return corners of 2 kHz, 1 kHz and 500 Hz: beside its delay it goes with the inverse corner's cube."""
-        return (5e-4,), (1e-3,), (2e-3,)
+        """Return corners of 1400 and 700 Hz: it goes with the cube, a step from far below would lead beyond."""
+        return (7e-4,), (1.5e-3,)
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return what the filter changes."""
