@@ -16,20 +16,24 @@ from closure_rig.draw import Kind, Order, pair
 from closure_rig.figure import draw_confusion
 from closure_rig.judge import CANNOT_TELL
 from closure_rig.outside import STRANGERS
-from closure_rig.run import default_jobs, run_all
+from closure_rig.run import default_jobs, kept, run_all
 from closure_rig.score import ENOUGH, by_effect, summary
 
 
 def main() -> None:
     options = _options()
-    orders = _orders(options)
-    if options.keep is not None:
-        options.keep.mkdir(parents=True, exist_ok=True)
-    trials = run_all(orders, options.jobs, options.model, options.keep)
-    judgements = [trial.judgement for trial in trials]
-    print(
-        f"start model {options.model}, {len(trials)} cases, {sum(t.seconds for t in trials) / len(trials):.1f} s each"
-    )
+    faults: Counter[str] = Counter()
+    if options.kept:
+        judgements = [judgement for folder in options.kept for judgement in kept(folder)]
+        print(f"{len(judgements)} cases kept")
+    else:
+        if options.keep is not None:
+            options.keep.mkdir(parents=True, exist_ok=True)
+        trials = run_all(_orders(options), options.jobs, options.model, options.keep)
+        judgements = [trial.judgement for trial in trials]
+        faults.update(trial.fault for trial in trials if trial.fault)
+        seconds = sum(trial.seconds for trial in trials) / len(trials)
+        print(f"start model {options.model}, {len(trials)} cases, {seconds:.1f} s each")
     print("\n".join(summary(judgements)))
     print("\nright at " + ", ".join(SIZES) + f"; the smallest size found in {100 * ENOUGH:.0f} % of the cases")
     print("\n".join(by_effect(judgements)))
@@ -38,7 +42,7 @@ def main() -> None:
         if not judgement.outcome.right:
             named = " + ".join(judgement.named) or "no name"
             print(f"pair {' + '.join(judgement.truth)} (seed {judgement.seed}): {judgement.outcome}; named {named}")
-    for fault, count in Counter(trial.fault for trial in trials if trial.fault).most_common():
+    for fault, count in faults.most_common():
         print(f"failed {count} times: {fault}")
     print("\ncounted as right when left open between:")
     for names, reason in CANNOT_TELL.items():
@@ -86,6 +90,13 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--model", choices=("paper", "series", "exact"), default="exact", help="starting model")
     parser.add_argument("--jobs", type=int, default=default_jobs())
     parser.add_argument("--keep", type=Path, help="folder for diagnoses and opened labels")
+    parser.add_argument(
+        "--kept",
+        type=Path,
+        action="append",
+        metavar="DIR",
+        help="run nothing, judge what --keep left there; repeatable",
+    )
     parser.add_argument("--figure", type=Path, help="draw the confusion matrix, as docs/figures/closure-confusion.svg")
     options = parser.parse_args()
     options.seeds = options.seeds or (1 if options.quick else 10)

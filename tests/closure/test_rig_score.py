@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ import closure_rig.run as rig_run
 from closure_rig.draw import Kind, Order
 from closure_rig.figure import draw_confusion
 from closure_rig.judge import Judgement, Outcome
-from closure_rig.run import run
+from closure_rig.run import kept, run
 from closure_rig.score import by_effect, confusion, summary
 
 RIGHT = Judgement(
@@ -88,3 +89,26 @@ def test_a_diagnosis_sees_the_recordings_and_a_fault_is_told(monkeypatch: pytest
     # Recordings and what was declared of them; the label lies elsewhere.
     assert seen == [["declared.json", *(f"run-{number}.mcap" for number in range(1, 8))]]
     assert np.isnan(trial.judgement.ratio)
+
+
+def test_brackets_of_a_name_are_not_those_of_an_outsider() -> None:
+    right = replace(RIGHT, truth=("tread damping (shifted pressure)",), named=("tread damping (shifted pressure)",))
+    assert by_effect([right])[0].split()[:4] == ["tread", "damping", "(shifted", "pressure)"]
+
+
+def test_what_was_kept_is_judged_as_when_it_was_run(tmp_path: Path) -> None:
+    label = {"kind": "effect", "truth": ["gain"], "outside": "", "sizes": {"gain": {"size": "middle"}}, "seed": 3}
+    said = {
+        "model": "exact",
+        "effects": [{"name": "gain", "verdict": "named", "rivals": []}],
+        "unexplained": [],
+        "noise_floor_mps2": 2.0,
+        "held_out": {"rms_after_mps2": 2.1},
+    }
+    (tmp_path / "effect-gain-1-3.label.json").write_text(json.dumps(label))
+    (tmp_path / "effect-gain-1-3.json").write_text(json.dumps(said))
+    (tmp_path / "effect-gain-1-4.label.json").write_text(json.dumps({**label, "seed": 4}))
+    right, failed = kept(tmp_path)
+    assert (right.outcome, right.named, right.seed) == (Outcome.EXACT, ("gain",), 3)
+    assert right.ratio == pytest.approx(1.05)
+    assert (failed.outcome, failed.truth, failed.seed) == (Outcome.FAILED, ("gain",), 4)

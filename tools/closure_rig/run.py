@@ -7,14 +7,15 @@ import os
 import sys
 import tempfile
 import traceback
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
-from typing import Final
+from typing import Any, Final
 
-from closure_rig.draw import Kind, Order, draw
+from closure_rig.draw import Order, draw
 from closure_rig.judge import Judgement, Outcome, judge
 from closure_rig.record import SECONDS, Recorded, record
 from closure_rig.seal import open_label, seal
@@ -61,16 +62,34 @@ def run(order: Order, model: str = "exact", keep: Path | None = None, seconds: f
             text = _diagnose(given, model)
         except Exception as error:
             traceback.print_exc(file=sys.stderr)
-            return Trial(order, _failed(order), perf_counter() - began, f"{type(error).__name__}: {error}")
+            if keep is not None:
+                (keep / f"{_stem(order)}.label.json").write_text(json.dumps(case.label, indent=1), encoding="utf-8")
+            return Trial(order, _failed(case.label), perf_counter() - began, f"{type(error).__name__}: {error}")
         took = perf_counter() - began
         diagnosis = Path(made) / "diagnosis.json"
         diagnosis.write_text(text, encoding="utf-8")
         label = open_label(closed / "label", digest, diagnosis)
         if keep is not None:
-            stem = f"{order.kind}-{'-'.join(order.names) or 'none'}-{order.size}-{order.seed}".replace(" ", "_")
-            (keep / f"{stem}.json").write_text(text, encoding="utf-8")
-            (keep / f"{stem}.label.json").write_text(json.dumps(label, indent=1), encoding="utf-8")
+            (keep / f"{_stem(order)}.json").write_text(text, encoding="utf-8")
+            (keep / f"{_stem(order)}.label.json").write_text(json.dumps(label, indent=1), encoding="utf-8")
         return Trial(order, judge(json.loads(text), label), took)
+
+
+def kept(folder: Path) -> list[Judgement]:
+    """Return the judgements of the cases that runs have left in a folder; without a diagnosis, the run failed."""
+    found = []
+    for path in sorted(folder.glob("*.label.json")):
+        label = json.loads(path.read_text(encoding="utf-8"))
+        diagnosis = path.with_name(path.name.replace(".label.json", ".json"))
+        if diagnosis.is_file():
+            found.append(judge(json.loads(diagnosis.read_text(encoding="utf-8")), label))
+        else:
+            found.append(_failed(label))
+    return found
+
+
+def _stem(order: Order) -> str:
+    return f"{order.kind}-{'-'.join(order.names) or 'none'}-{order.size}-{order.seed}".replace(" ", "_")
 
 
 def run_all(orders: list[Order], jobs: int, model: str, keep: Path | None) -> list[Trial]:
@@ -106,18 +125,16 @@ def _diagnose(given: Recorded, model: str) -> str:
     return json.dumps(diagnosis_json(diagnosis), indent=1, allow_nan=False)
 
 
-def _failed(order: Order) -> Judgement:
-    label = draw(order).label
-    truth = (f"({label['outside']})",) if order.kind is Kind.OUTSIDE else tuple(label["truth"])
+def _failed(label: Mapping[str, Any]) -> Judgement:
     sizes = [entry["size"] for entry in label["sizes"].values()]
     return Judgement(
         outcome=Outcome.FAILED,
-        truth=truth,
+        truth=(f"({label['outside']})",) if label["outside"] else tuple(label["truth"]),
         named=(),
         open=(),
         unexplained=False,
         ratio=float("nan"),
-        kind=str(order.kind),
+        kind=label["kind"],
         size=sizes[0] if sizes else "",
-        seed=order.seed,
+        seed=label["seed"],
     )

@@ -46,8 +46,8 @@ def by_effect(judgements: Sequence[Judgement]) -> list[str]:
     """Return one line an effect: right at each size, and the smallest size found."""
     units = {entry.name: entry for entry in (*CAUSES, *STRANGERS)}
     lines = []
-    for name in sorted({entry.truth[0].strip("()") for entry in judgements if len(entry.truth) == 1}):
-        of_name = [e for e in judgements if len(e.truth) == 1 and e.truth[0].strip("()") == name]
+    for name in sorted({_plain(entry.truth[0]) for entry in judgements if len(entry.truth) == 1}):
+        of_name = [e for e in judgements if len(e.truth) == 1 and _plain(e.truth[0]) == name]
         shares, smallest = [], None
         for index, size in enumerate(SIZES):
             some = [entry for entry in of_name if entry.size == size]
@@ -60,6 +60,11 @@ def by_effect(judgements: Sequence[Judgement]) -> list[str]:
         tail = f"  also named: {wrong}" if wrong else ""
         lines.append(f"{name:34s} {' '.join(f'{s:>5s}' for s in shares)}  from {smallest or '-'}{tail}")
     return lines
+
+
+def _plain(truth: str) -> str:
+    """Return the name of a truth; what is outside the catalogue stands in brackets."""
+    return truth[1:-1] if truth.startswith("(") else truth
 
 
 def confusion(judgements: Iterable[Judgement]) -> tuple[list[str], list[str], np.ndarray]:
