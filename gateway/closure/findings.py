@@ -18,6 +18,7 @@ from gateway.closure.model import AngleEffect
 from gateway.closure.residual import POWER_SHARE
 from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import Selection, Step, contribution_sizes
+from gateway.closure.witness import CLOCK
 
 FloatArray = NDArray[np.float64]
 
@@ -44,8 +45,7 @@ def findings_of(selection: Selection, data: Whitened, effects: Mapping[str, Angl
     final = selection.final
     for step in selection.steps:
         rivals = rivals_of(final, step.effect, effects, data)
-        decide_with = deciding_recording(final, step.effect, effects[rivals[0]], data) if rivals else ""
-        found.append(_added(final, step, data, rivals, decide_with))
+        found.append(_added(final, step, data, rivals, _decide_with(final, step.effect, rivals, effects, data)))
     for name, (reason, fall, gain, fit) in selection.refused.items():
         found.append(
             Finding(
@@ -62,6 +62,20 @@ def findings_of(selection: Selection, data: Whitened, effects: Mapping[str, Angl
             )
         )
     return found
+
+
+def _decide_with(
+    final: Fit, effect: AngleEffect, rivals: tuple[str, ...], effects: Mapping[str, AngleEffect], data: Whitened
+) -> str:
+    """Return the recording that would tell an effect from one of its rivals; from the clock if that is one of them.
+
+    No fit is needed for the clock, and a recording with the host's own time tells it whatever else there is.
+    """
+    if not rivals:
+        return ""
+    rival = CLOCK if CLOCK in rivals else rivals[0]
+    words = deciding_recording(final, effect, effects[rival], data)
+    return f"against {rival}: {words}" if len(rivals) > 1 else words
 
 
 def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], decide_with: str) -> Finding:

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import pytest
 
+from gateway.closure import findings
 from gateway.closure.decide import deciding_recording
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.model import AngleEffect
@@ -24,3 +25,31 @@ def test_how_well_the_clock_is_known_tells_what_would_decide(std: float, words: 
     effect, rival = (cast(AngleEffect, catalogue()[name]) for name in names)
     data: Any = None
     assert words in deciding_recording(final, effect, rival, data)
+
+
+@pytest.mark.parametrize(
+    ("rivals", "asked", "words"),
+    [
+        (("gain", "sample clock error", "run-out"), "sample clock error", "against sample clock error: a recording"),
+        (("gain", "run-out"), "gain", "against gain: a recording"),
+        (("run-out",), "run-out", "a recording"),
+    ],
+)
+def test_the_clock_is_asked_for_first(
+    monkeypatch: pytest.MonkeyPatch, rivals: tuple[str, ...], asked: str, words: str
+) -> None:
+    effects = {name: cast(AngleEffect, effect) for name, effect in catalogue().items()}
+    step: Any = SimpleNamespace(effect=effects["rolling radius"])
+    selection: Any = SimpleNamespace(final=None, steps=[step], refused={})
+    data: Any = None
+    seen: list[str] = []
+
+    def deciding(_final: object, effect: AngleEffect, rival: AngleEffect, _data: object) -> str:
+        seen.append(f"{effect.name} or {rival.name}")
+        return "a recording"
+
+    monkeypatch.setattr(findings, "rivals_of", lambda *_: rivals)
+    monkeypatch.setattr(findings, "deciding_recording", deciding)
+    monkeypatch.setattr(findings, "_added", lambda *told: told[-1])
+    assert cast(list[object], findings.findings_of(selection, data, effects)) == [words]
+    assert seen == [f"rolling radius or {asked}"]
