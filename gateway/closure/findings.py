@@ -13,11 +13,12 @@ from gateway.closure.diagnosis import Finding, Fitted, Verdict
 from gateway.closure.effects.base import Parameter
 from gateway.closure.estimates import before_and_after, estimates_of
 from gateway.closure.fit import Fit, held_out_residuals
+from gateway.closure.judging import Step
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect
 from gateway.closure.residual import POWER_SHARE
 from gateway.closure.rivals import rivals_of
-from gateway.closure.selection import Selection, Step, contribution_sizes
+from gateway.closure.selection import Selection, contribution_sizes
 from gateway.closure.witness import CLOCK
 
 FloatArray = NDArray[np.float64]

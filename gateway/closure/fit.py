@@ -88,6 +88,13 @@ class Fit:
             np.sum(np.square((self.vector - self.prior_mean) / self.prior_std))
         )
 
+    def linear_misfit(self) -> float:
+        """Return the chi-square of the data where a linear step would lead."""
+        matrix, gradient = self.normal.matrix.sum(axis=0), self.normal.gradient.sum(axis=0)
+        precision = self.prior_std**-2.0
+        change = np.linalg.solve(matrix + np.diag(precision), gradient - (self.vector - self.prior_mean) * precision)
+        return self.misfit - float(2.0 * change @ gradient - change @ matrix @ change)
+
     def covariance(self) -> FloatArray:
         """Return the covariance of the parameters by noise, floor and priors, (P, P)."""
         inverse: FloatArray = np.linalg.inv(self.normal.matrix.sum(axis=0) + np.diag(self.prior_std**-2.0))
@@ -207,7 +214,7 @@ def _descend(
     left: _Steps,
 ) -> Fit:
     precision = prior_std**-2.0
-    fit = _linearise(model, data, vector, prior_mean, prior_std)
+    fit = linearised(model, data, vector, prior_mean, prior_std)
     for _ in range(_MAX_STEPS):
         if left.none:
             break
@@ -224,7 +231,7 @@ def _descend(
         if moved is None:
             break
         gained = fit.cost
-        fit = _linearise(model, data, moved, prior_mean, prior_std)
+        fit = linearised(model, data, moved, prior_mean, prior_std)
         if gained - fit.cost < done:
             break
     return fit
@@ -254,9 +261,14 @@ def misfit_of(data: Whitened, predicted: list[ComplexArray]) -> float:
     return total
 
 
-def _linearise(
+def linearised(
     model: ClosureModel, data: Whitened, vector: FloatArray, prior_mean: FloatArray, prior_std: FloatArray
 ) -> Fit:
+    """Return a model at these parameters, which need not be its optimum; with priors (P,) each.
+
+    Raises:
+        NoShapeError: the ring does not stand there.
+    """
     normal = empty_normal(data.folds, model.layout.size)
     predicted, alone, rows = [], [], []
     for index in range(len(model.campaign.groups)):

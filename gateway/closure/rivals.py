@@ -12,7 +12,7 @@ from gateway.closure import gates
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
-from gateway.closure.trial import FAR_OFF, refit, try_effect
+from gateway.closure.trial import FAR_OFF, bare, refit, try_effect
 
 ComplexArray = NDArray[np.complex128]
 
@@ -24,18 +24,19 @@ _WORTH: Final = 0.7
 
 def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect], data: Whitened) -> tuple[str, ...]:
     """Return the effects that explain as much in the place of `effect`, all others of the final model kept."""
-    without = fit_without(final, effect, data)
+    without = bare(final, effect, data)
     if without is None:
         return ()
     scale = gates.overdispersion(final, data)
-    explained = without.misfit - final.misfit
+    misfit = without.linear_misfit()
+    most = min(misfit - _WORTH * (misfit - final.misfit), FAR_OFF * final.misfit)
     taken = {other.name for other in final.model.effects}
     found = []
     for name, rival in effects.items():
         if name in taken:
             continue
         trial = try_effect(without, data, rival)
-        if trial is None or trial.misfit > min(without.misfit - _WORTH * explained, FAR_OFF * final.misfit):
+        if trial is None or trial.misfit > most:
             continue
         try:
             fit = refit(trial, without, data)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -14,22 +13,14 @@ from gateway.closure import gates
 from gateway.closure.cores import Core, NoShapeError
 from gateway.closure.effects.base import Approximate
 from gateway.closure.fit import Fit, FitFailedError, fit_model
+from gateway.closure.judging import AT_NOISE, Step, is_taken, judged, price, stands
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Campaign
 from gateway.closure.rivals import fit_without, predicted_without
-from gateway.closure.trial import FAR_OFF, Trial, refit, try_effect
 
 FloatArray = NDArray[np.float64]
 
-# Trials refitted in earnest at a step, and the share of the best promise that makes a trial worth it.
-_REFITTED: Final = 4
-_WORTH: Final = 0.4
-# Beside one that leaves nothing but noise, a trial must promise this share of what that one does.
-_NEARLY: Final = 0.8
-# Share of the misfit beyond noise that an effect must take off to be added: best first, the true one takes off a good
-# part of what is left, and what takes off less lives on errors of something bigger.
-_LEAST_SHARE: Final = 0.05
 _MOST_EFFECTS: Final = 10
 # Squared parameters over their errors, times what is needed, from which an effect is not tried without.
 _SURELY: Final = 10.0
@@ -38,29 +29,8 @@ _SURELY: Final = 10.0
 _EQUATION_SHARE: Final = 0.01
 # What an effect explains is fitted in earnest where a linear estimate, times this, does not suffice to acquit it.
 _SUSPECT: Final = 0.5
-# Misfit over degrees of freedom at which nothing is left for effects not yet added.
-_AT_NOISE: Final = 1.2
 # Refused candidates that are tried with a second one beside them.
 _PAIRED: Final = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One effect added.
-
-    Attributes:
-        effect: which.
-        before: the fit without it.
-        after: the fit with it.
-        gain: (K,) fall of each fold's held-out misfit.
-        fall: of the misfit on all data.
-    """
-
-    effect: AngleEffect
-    before: Fit
-    after: Fit
-    gain: FloatArray
-    fall: float = 0.0
 
 
 @dataclass(slots=True)
@@ -113,8 +83,7 @@ def select(
     while len(selection.steps) < _MOST_EFFECTS:
         fit, judged = selection.final, selection.data
         on_step(f"looking for effect {len(selection.steps) + 1}")
-        taken = {effect.name for effect in fit.model.effects}
-        left = [effect for name, effect in effects.items() if name not in taken]
+        left = [effect for effect in effects.values() if not is_taken(effect, fit.model.effects)]
         steps = _next_steps(fit, judged, left, selection)
         if not steps:
             break
@@ -158,102 +127,27 @@ def contribution_sizes(fit: Fit, effect: AngleEffect) -> list[FloatArray]:
 
 def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> list[Step]:
     """Return the best candidate that passes; where none does by itself, the best two that pass together."""
-    passed, refused = _judged(fit, data, left, selection)
+    passed, refused = judged(fit, data, left)
+    for step in refused:
+        selection.refused[step.effect.name] = (step.reason, step.fall, step.gain, step.after)
     if passed:
-        step = min(passed, key=lambda step: _price(step.after, step.effect, data))
+        step = min(passed, key=lambda step: price(step, data))
         selection.refused.pop(step.effect.name, None)
         return [step]
-    if gates.overdispersion(fit, data) <= _AT_NOISE:
+    if gates.overdispersion(fit, data) <= AT_NOISE:
         return []
     refused.sort(key=lambda step: step.after.misfit)
     pairs = []
     for first in refused[:_PAIRED]:
-        others = [effect for effect in left if effect.name != first.effect.name]
-        second, _ = _judged(first.after, data, others, None)
-        pairs += [(first, step) for step in second if _stands(step.after, first.effect, data)]
+        others = [effect for effect in left if not is_taken(effect, (first.effect,))]
+        second, _ = judged(first.after, data, others)
+        pairs += [(first, step) for step in second if stands(step.after, first.effect, data)]
     if not pairs:
         return []
-    first, second_step = min(pairs, key=lambda pair: _price(pair[1].after, pair[1].effect, data))
+    first, second_step = min(pairs, key=lambda pair: price(pair[1], data))
     for step in (first, second_step):
         selection.refused.pop(step.effect.name, None)
-    return [first, second_step]
-
-
-def _judged(
-    fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection | None
-) -> tuple[list[Step], list[Step]]:
-    """Fit promising candidates; part them into those that pass and those refused for a reason; note the reasons."""
-    before, least = fit.held_out(), _least_fall(fit, data)
-    passed: list[Step] = []
-    refused: list[Step] = []
-    enough = math.inf
-    for trial in _promising(fit, data, left, before)[:_REFITTED]:
-        if trial.misfit > enough:
-            continue
-        try:
-            after = refit(trial, fit, data)
-        except FitFailedError:
-            continue
-        gain, scale = before - after.held_out(), gates.overdispersion(after, data)
-        reason = _reason_against(fit, after, trial.effect, gain, scale, least)
-        step = Step(trial.effect, fit, after, gain, fit.misfit - after.misfit)
-        if reason == "":
-            passed.append(step)
-            if scale <= _AT_NOISE:
-                # Nothing can do better than this one by much; only what promises nearly as much is fitted as well.
-                enough = min(enough, after.misfit + (1.0 - _NEARLY) * step.fall, FAR_OFF * after.misfit)
-        elif reason is not None:
-            refused.append(step)
-            if selection is not None:
-                selection.refused[trial.effect.name] = (reason, step.fall, gain, after)
-    return passed, refused
-
-
-def _price(fit: Fit, effect: AngleEffect, data: Whitened) -> float:
-    """Return the misfit with what more parameters cost."""
-    return fit.misfit + gates.PER_PARAMETER * len(effect.parameters) * gates.overdispersion(fit, data)
-
-
-def _stands(fit: Fit, effect: AngleEffect, data: Whitened) -> bool:
-    """Return whether an effect passes in a fit where another one has joined it."""
-    scale = gates.overdispersion(fit, data)
-    return not gates.implausible(fit, effect, scale) and not gates.uneven(fit, effect, scale)
-
-
-def _promising(fit: Fit, data: Whitened, left: list[AngleEffect], before: FloatArray) -> list[Trial]:
-    """Return trials that promise something, best first."""
-    least = _least_fall(fit, data)
-    found = []
-    for effect in left:
-        trial = try_effect(fit, data, effect)
-        if trial is None:
-            continue
-        gain = float((before - trial.held_out).sum())
-        if gain > 0.0 and fit.misfit - trial.misfit > max(0.5 * gates.evidence_needed(effect), least):
-            found.append((gain, trial))
-    found.sort(key=lambda entry: -entry[0])
-    best = found[0][0] if found else 0.0
-    return [trial for gain, trial in found if gain >= _WORTH * best]
-
-
-def _least_fall(fit: Fit, data: Whitened) -> float:
-    """Return the fall of the misfit from which an effect is worth adding."""
-    return _LEAST_SHARE * max(0.0, fit.misfit - data.used)
-
-
-def _reason_against(
-    fit: Fit, after: Fit, effect: AngleEffect, gain: FloatArray, scale: float, least: float
-) -> str | None:
-    """Return why an effect is refused, empty when it passes, None when there is nothing to speak of."""
-    evidence = (fit.misfit - after.misfit) / scale
-    seen = gain[gain != 0.0]
-    spread = float(np.std(seen, ddof=1)) * math.sqrt(len(seen)) if len(seen) > 1 else 0.0
-    if evidence < gates.evidence_needed(effect) or float(gain.sum()) <= spread:
-        return None
-    if fit.misfit - after.misfit < least:
-        return None
-    # What other effects may still distort is forgiven as long as there is something left for them.
-    return gates.implausible(after, effect, scale, for_now=scale > _AT_NOISE) or gates.uneven(after, effect, scale)
+    return [replace(first, reason=""), second_step]
 
 
 def _prune(selection: Selection, data: Whitened) -> None:

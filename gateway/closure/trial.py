@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.cores import NoShapeError
 from gateway.closure.effects.base import Scanned, SignalEffect
-from gateway.closure.fit import Fit, fit_model, held_out_misfit, misfit_of
+from gateway.closure.fit import Fit, fit_model, held_out_misfit, linearised, misfit_of
 from gateway.closure.likelihood import Normal, Whitened, as_real
 from gateway.closure.model import AngleEffect, ClosureModel
 
@@ -105,6 +105,20 @@ def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
     # The ring had bent itself far out of shape to do the effect's work, and a linear step does not lead back.
     vector[states] = mean[states]
     return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS)
+
+
+def bare(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
+    """Return the model without an effect, all other parameters where they are; None where it does not stand.
+
+    What would do as well in the effect's place is seen from here: fitted anew, the ring may bend out of shape.
+    """
+    others = tuple(other for other in fit.model.effects if other.name != effect.name)
+    model = ClosureModel(fit.model.campaign, fit.model.core, others)
+    mean, std = model.priors()
+    try:
+        return linearised(model, data, fit.model.layout.moved(fit.vector, model.layout), mean, std * _tightened(fit))
+    except (NoShapeError, np.linalg.LinAlgError):
+        return None
 
 
 def _is_better(model: ClosureModel, vector: FloatArray, fit: Fit, data: Whitened) -> bool:

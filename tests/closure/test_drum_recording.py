@@ -32,7 +32,7 @@ FloatArray = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 MAP = ROOT / "examples" / "innerliner_drum_80kmh.map.toml"
-WAVES = "tire-locked edge waves"
+WAVES = "travelling edge waves"
 
 
 @dataclass(frozen=True, slots=True)

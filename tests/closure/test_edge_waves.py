@@ -23,7 +23,7 @@ from tests.closure.test_belt_recovery import campaign
 
 FloatArray = NDArray[np.float64]
 
-WAVES = "tire-locked edge waves"
+WAVES = "travelling edge waves"
 OFFSET_M = 6e-3
 NONE_AHEAD = (0.0, 0.0, 30.0, 0.25, 0.09)
 TRAVELLING = (-0.012, 0.022, 94.0, 4.4, 0.002, 0.018, 52.0, 1.4, 67.0, -0.023, 0.022, 29.4, 0.24, 0.09)

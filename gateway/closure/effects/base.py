@@ -202,6 +202,17 @@ class Scanned(Protocol):
 
 
 @runtime_checkable
+class Form(Protocol):
+    """What an effect may say besides: it is one form of something that takes one form only.
+
+    Attributes:
+        form_of: what, the same words in all its forms.
+    """
+
+    form_of: str
+
+
+@runtime_checkable
 class Checked(Protocol):
     """What an effect may say besides: which values do not go together or cannot be, though each is in its range."""
 

@@ -29,6 +29,7 @@ MODULES: Final[tuple[str, ...]] = (
     "speed_drift",
     "imbalance",
     "edge_waves",
+    "standing_waves",
     "tread_pitch",
     "ply_steer",
     "conicity",

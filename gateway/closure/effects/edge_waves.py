@@ -1,4 +1,4 @@
-"""Tire-locked edge waves: wave packets that a tread sends along the belt from both edges of the contact."""
+"""Travelling edge waves: wave packets that a tread sends along the belt from both edges of the contact."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ FloatArray = NDArray[np.float64]
 
 # A short packet answers to orders two or three off its own, so that a scan of every sixth finds any. Behind the contact
 # they are below the tread's own order.
-_ORDERS_BEFORE: Final = tuple(float(order) for order in range(20, 105, 6))
-_ORDERS_AFTER: Final = _ORDERS_BEFORE[:10]
+ORDERS_BEFORE: Final = tuple(float(order) for order in range(20, 105, 6))
+ORDERS_AFTER: Final = ORDERS_BEFORE[:10]
 _DECAYS: Final = (5.0, 1.4, 0.7)
 # A linear fit from here sees slopes by shape through these amplitudes: with small ones it would leap.
 _START_AHEAD: Final = (0.3, 0.3, 30.0, 0.25, 0.09)
-_STARTS: Final = (
-    # Standing on the road, and those of a tread of 67 pitches, which travel.
-    (0.3, 0.3, 40.0, 2.5, 0.3, 0.3, 40.0, 2.5, 0.0, *_START_AHEAD),
-    (0.3, 0.3, 92.0, 4.0, 0.3, 0.3, 52.0, 1.4, 67.0, *_START_AHEAD),
-)
+# Those of a tread of 67 pitches.
+_START: Final = (0.3, 0.3, 92.0, 4.0, 0.3, 0.3, 52.0, 1.4, 67.0, *_START_AHEAD)
+NO_PITCH: Final = (0.0, 0.0, 0.0, 30.0, 0.25, 0.09)
+"""The last parameters of waves that stand still, without a packet ahead."""
 _ORDER: Final = np.arange(FIELD_SIZE // 2 + 1)
 # Orders that the curvature of a closed belt has, and their slope.
 _CLOSED: Final = np.where(_ORDER > 1, 1.0, 0.0)
@@ -41,6 +40,8 @@ _SLOPE: Final = np.where((_ORDER > 1) & (_ORDER <= SLOPE_ORDERS), 1j * _ORDER, 0
 # Places of amplitudes, of the pitch, and of what shapes each packet but for its order.
 _AMPLITUDES: Final = [0, 1, 4, 5, 9, 10]
 _PITCH: Final = 8
+# Errors from 0 at which a pitch is told.
+_TOLD: Final = 3.0
 _OWN: Final = ([0, 1, 3], [4, 5, 7], [9, 10, 12, 13])
 # A measured tire has 0.3 near the edge; a wave as large as the centripetal acceleration would lift the belt off.
 _LARGEST: Final = 0.6
@@ -63,7 +64,7 @@ def _decay(name: str) -> Parameter:
 class EdgeWaves:
     """Decaying packets from the leading and the trailing edge, and one packet on its own ahead of the contact."""
 
-    name = "tire-locked edge waves"
+    name = "travelling edge waves"
     summary = "The tread sends wave packets along the belt from both edges of the contact, alike in every revolution."
     equation = (
         "R omega^2 (a cos(n d) + b sin(n d)) exp(-decay d) on either side, d = distance from the edge, and "
@@ -75,7 +76,7 @@ class EdgeWaves:
         _decay("before"),
         *_packet("after"),
         _decay("after"),
-        # 60 to 80 blocks are on a car's tire; 0 is a wave that stands still on the road.
+        # 60 to 80 blocks are on a car's tire; 0 would be a wave that stands still on the road.
         Parameter("pitch", "per revolution", -5.0, 130.0, 60.0, 1e-3),
         *_packet("ahead"),
         Parameter("ahead_place_rad", "rad", 0.0, 1.0, 0.2, 1e-5, prior_mean=0.25),
@@ -87,19 +88,28 @@ class EdgeWaves:
         "which tells by kappa which way they run and how fast."
     )
     confused_with = (
-        "Tread pitch of the same order (0.9 alike), which is in the contact as well; torsional ripple of that order "
-        "(0.6, which is all around); edge scatter and shear flexibility at the edges themselves (0.2)."
+        "Tire-locked edge waves, which stand still; tread pitch of the same order (0.9 alike), which is in the contact "
+        "as well; torsional ripple of that order (0.6, which is all around); edge scatter and shear flexibility at the "
+        "edges themselves (0.2)."
     )
+    form_of = "edge waves"
     already_in = NOWHERE
     stage = Stage.BELT
     axes = (CIRCUMFERENTIAL, RADIAL)
     linear = False
     # After, before, and after again now that the packet before is known.
-    scan = ((6, _ORDERS_AFTER), (2, _ORDERS_BEFORE), (6, _ORDERS_AFTER), (3, _DECAYS), (7, _DECAYS))
+    scan = ((6, ORDERS_AFTER), (2, ORDERS_BEFORE), (6, ORDERS_AFTER), (3, _DECAYS), (7, _DECAYS))
 
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
-        """Return waves that stand and waves that travel; `scan` goes on from the better."""
-        return _STARTS
+        """Return one start; `scan` goes on from it."""
+        return (_START,)
+
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+        """Refuse a pitch that is not told from 0: such waves stand still."""
+        pitch, error = float(parameters[_PITCH]), float(std[_PITCH])
+        if pitch > _TOLD * error:
+            return ""
+        return f"its pitch, {pitch:.3g} +- {error:.2g} per revolution, is not told from 0: such waves stand still"
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the packets; nothing without amplitude, whatever the orders."""
