@@ -143,7 +143,8 @@ def test_a_fast_clock_makes_the_wheel_look_slow(clock_ppm: float) -> None:
     assert rms((measured - at_angles(seen.signal_mps2, angle))[:, plane]) > 10.0
 
 
-def test_a_larger_belt_scales_the_ring_and_leaves_gravity() -> None:
+@pytest.mark.parametrize("offset_m", [0.0, 6e-3])
+def test_a_larger_belt_scales_the_ring_and_leaves_gravity_and_the_sensors_depth(offset_m: float) -> None:
     share = 0.03
     ring = RingParameters.from_numbers(3.08e-3, 0.195, 2.97, 2.53, radius_m=0.32, pressure_pa=2.1e5)
     larger = RingParameters.from_numbers(
@@ -155,8 +156,9 @@ def test_a_larger_belt_scales_the_ring_and_leaves_gravity() -> None:
         pressure_pa=2.1e5,
         extension_stiffness_n=ring.extension_stiffness_n * (1.0 + share) ** 2,
     )
-    stated = solve_rolling_ring(ring, 5000.0, 2.1e5, OMEGA, nodes=FIELD_SIZE)
-    true = solve_rolling_ring(larger, 5000.0 * (1.0 + share) ** 2, 2.1e5, OMEGA, nodes=FIELD_SIZE)
+    stated = solve_rolling_ring(ring, 5000.0, 2.1e5, OMEGA, nodes=FIELD_SIZE, sensor_offset_m=offset_m)
+    load_n = 5000.0 * (1.0 + share) ** 2
+    true = solve_rolling_ring(larger, load_n, 2.1e5, OMEGA, nodes=FIELD_SIZE, sensor_offset_m=offset_m)
     omega_dot = 8.0
     # A revolution from contact centre to contact centre, its omega the mean: slower in its first half.
     elapsed = np.where(THETA >= 0.0, THETA - math.pi, THETA + math.pi)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
     NOWHERE,
@@ -13,15 +15,19 @@ from gateway.closure.effects.base import (
     Stage,
     StartModel,
 )
+from gateway.closure.effects.belt import relative_offset
 from gateway.closure.effects.belt_inertia import belt_inertia
 
 
 class RollingRadius:
-    """Relative error of the stated belt radius: the ring's own accelerations grow with it, gravity does not."""
+    """Relative error of the stated belt radius: the ring's own accelerations grow with it, gravity does not.
+
+    Nor does what the sensor's depth e below the neutral layer adds: R (k - (e/R) k^2) and -e dk/dtheta, k = R kappa.
+    """
 
     name = "rolling radius"
     summary = "The belt radius (rolling circumference / 2 pi) is larger than stated."
-    equation = "a += error * (a - gravity): R is (1 + error) times the stated one"
+    equation = "a += error * (a - gravity - what the offset adds): R is (1 + error) times the stated one"
     # Wear 2 %, make and inflation 1 %, the next tire size 4 %.
     parameters: tuple[Parameter, ...] = (Parameter("error", "", -0.1, 0.1, 0.03, 1e-4, factor=100.0, display_unit="%"),)
     seen_by = "radial axis, any speed: a closed belt's mean is R omega^2; a DC-coupled sensor or a contact"
@@ -40,11 +46,19 @@ class RollingRadius:
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the share of the ring's accelerations."""
-        return float(parameters[0]) * belt_inertia(here)
+        return float(parameters[0]) * self.derivative(here, parameters)[0]
 
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
-        """Return the ring's accelerations."""
-        return belt_inertia(here)[None]
+        """Return the ring's accelerations without what the sensor's depth adds."""
+        row = belt_inertia(here)
+        offset = relative_offset(here)
+        if offset:
+            radius, square = here.conditions.radius_m, here.conditions.omega_radps**2
+            level = here.shape.radial_m / radius
+            curvature = level + offset * np.square(level)
+            row[RADIAL] += square * radius * offset * np.square(curvature)
+            row[CIRCUMFERENTIAL] -= square * here.shape.circumferential_m
+        return row[None]
 
 
 EFFECT = RollingRadius()
