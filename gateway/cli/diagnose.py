@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -17,6 +18,9 @@ from gateway.config.load import load_vehicle
 from gateway.errors import TreadlinkError
 from gateway.views.report_file import check_target, write_whole
 from gateway.views.text import clean
+
+if TYPE_CHECKING:
+    from gateway.closure.diagnosis import Diagnosis
 
 MODELS: Final = ("exact", "series", "paper")
 
@@ -130,7 +134,8 @@ def diagnose(
             key_file=key_file,
             on_progress=on_progress,
         )
-    for line in closure_summary_lines(diagnosis):
+    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
+    for line in closure_summary_lines(diagnosis, columns):
         click.echo(clean(line))
     if json_path is not None:
         from gateway.views.closure_json import write_json
@@ -143,13 +148,21 @@ def diagnose(
     for path in filter(None, (json_path, html_path)):
         click.echo(f"written: {clean(str(path))}")
     if effects_path is not None:
-        if diagnosis.correction is None:
-            raise TreadlinkError(
-                f"'{effects_path}' is not written: no effect was named that could be taken off",
-                "More speeds or loads may tell more. Ply steer and conicity are left for the estimators to measure.",
-            )
-        write_whole(effects_path, effects_text(diagnosis.correction), force=force)
-        click.echo(f"written: {clean(str(effects_path))}")
+        _save_effects(diagnosis, effects_path, force=force)
+
+
+def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
+    from gateway.views.closure_unsaved import left_out, why_unsaved
+
+    correction = diagnosis.correction
+    if correction is None:
+        reason, remedy = why_unsaved(diagnosis)
+        raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
+    write_whole(path, effects_text(correction), force=force)
+    held = ", ".join(effect.name for effect in correction.effects)
+    click.echo(clean(f"written: {path} with {held}"))
+    if missing := left_out(diagnosis):
+        click.echo(clean(f"not in it: {missing}"))
 
 
 def _distinct(recordings: tuple[Path, ...]) -> list[Path]:

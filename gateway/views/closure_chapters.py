@@ -17,7 +17,15 @@ from gateway.views.closure_figures import (
     trend_figure,
     waveform_figure,
 )
-from gateway.views.closure_rows import AXES, AxisResidual, present, reference_group, residuals, significant
+from gateway.views.closure_rows import (
+    AXES,
+    AxisResidual,
+    present,
+    printed,
+    reference_group,
+    residuals,
+    significant,
+)
 from gateway.views.closure_svg import inline_svg, report_style
 from gateway.views.numbers import split_name
 from gateway.views.text import clean
@@ -60,7 +68,7 @@ def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
     if groups:
         index = reference_group(groups)
         reference = groups[index]
-        label = clean(reference.label)
+        label = printed(reference.label)
         chosen = "the only group" if len(groups) == 1 else f"of {len(groups)} groups the one that shows most"
         yield Chapter(
             "waveforms",
@@ -82,7 +90,7 @@ def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
         yield Chapter(
             "groups",
             "Residual of the other groups",
-            _drawn(len(others), len(groups) - 1),
+            _drawn("Colours and lines as above: dashed before, solid after.", len(others), len(groups) - 1),
             "small-figures",
             [_residual(at, one) for at, one in enumerate(others)],
         )
@@ -114,7 +122,7 @@ def _time_locked(diagnosis: Diagnosis) -> Iterator[Chapter]:
     yield Chapter(
         "other-spectra",
         "Time-locked spectra of the other groups",
-        _drawn(len(others), len(known) - 1),
+        _drawn("Colours and lines as above.", len(others), len(known) - 1),
         "small-figures",
         [_spectrum(f"s{index}", one, diagnosis, small=True) for index, one in enumerate(others)],
     )
@@ -149,7 +157,7 @@ def _marked(diagnosis: Diagnosis, axis: int) -> bool:
 
 
 def _residual(index: int, curves: Curves) -> Drawing:
-    label = clean(curves.label)
+    label = printed(curves.label)
     sizes = "Residual in m/s² rms, before → after (noise of the mean): " + ", ".join(
         f"{one.axis} {significant(one.before_mps2)} → {significant(one.after_mps2)} ({significant(one.noise_mps2)})"
         for one in residuals(curves)
@@ -160,11 +168,11 @@ def _residual(index: int, curves: Curves) -> Drawing:
 
 
 def _spectrum(prefix: str, spectra: Spectra, diagnosis: Diagnosis, *, small: bool = False) -> Drawing:
-    label = clean(spectra.label)
+    label = printed(spectra.label)
     return _drawing(
         spectra_figure(spectra, diagnosis.unexplained, small=small),
         prefix,
-        f"Spectral density in (m/s²)²/Hz over frequency for each axis: measured, sensor noise, named effects; {label}.",
+        f"Spectral density in (m/s²)²/Hz over frequency for each axis: measured, sensor noise, effects added; {label}.",
         label,
         "",
     )
@@ -196,8 +204,7 @@ def _sizes(size: AxisResidual) -> str:
     )
 
 
-def _drawn(drawn: int, there: int) -> str:
-    keys = "Colours and lines as above: dashed before, solid after."
+def _drawn(keys: str, drawn: int, there: int) -> str:
     return keys if drawn == there else f"{keys} {drawn} of {there} groups, evenly picked."
 
 

@@ -50,7 +50,7 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
         top, middle, bottom = grid[:, column]
         top.plot(degrees, curves.measured_mps2[axis], color=MEASURED, lw=4.0, label="measured")
         top.plot(degrees, curves.before_mps2[axis], color=BEFORE, ls="--", label="before: starting model")
-        top.plot(degrees, curves.after_mps2[axis], color=AFTER, label="after: with the named effects")
+        top.plot(degrees, curves.after_mps2[axis], color=AFTER, label="after: with the effects added")
         _residual(middle, curves, axis)
         _residual(bottom, curves, axis, before=False)
         for left in _of(unexplained, axis, "angle"):
@@ -127,7 +127,7 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
                 panel.axvspan(*left.hz, color=LEFT, alpha=0.5, lw=3.0, label="unexplained")
         panel.loglog(frequency, spectra.measured_m2ps3[axis][positive], color=QUIET, lw=0.9, label="measured")
         panel.loglog(frequency, spectra.before_m2ps3[axis][positive], color=BEFORE, ls="--", label="sensor noise alone")
-        panel.loglog(frequency, spectra.after_m2ps3[axis][positive], color=AFTER, label="with the named effects")
+        panel.loglog(frequency, spectra.after_m2ps3[axis][positive], color=AFTER, label="with the effects added")
         panel.set_title(AXES[axis], fontsize=9.5 if small else None)
         panel.xaxis.set_major_formatter("{x:g}")
     _density_ticks(panels[0])

@@ -13,14 +13,26 @@ from typing import TYPE_CHECKING, Any, Final
 from gateway import __version__
 from gateway.closure.diagnosis import Diagnosis
 from gateway.views.closure_chapters import Chapter, chapters
-from gateway.views.closure_rows import model_words, place_text, ratio, significant
+from gateway.views.closure_rows import (
+    GROWN,
+    listed,
+    model_words,
+    place_text,
+    plain,
+    printed,
+    ratio,
+    significant,
+    undecided_sets,
+)
 from gateway.views.closure_svg import require_report_packages
 from gateway.views.closure_tables import (
     EffectRow,
     ErrorRow,
     EstimateRow,
-    Step,
+    StateRows,
+    StepRow,
     UnexplainedRow,
+    by_state,
     effect_rows,
     error_rows,
     estimate_rows,
@@ -83,10 +95,12 @@ class _Page:
     effects: list[EffectRow]
     refused: list[EffectRow]
     unexplained: list[UnexplainedRow]
-    estimates: list[EstimateRow]
+    estimates: list[StateRows[EstimateRow]]
     legend: bool
+    states: bool
+    logarithms: bool
     step_names: list[str]
-    steps: list[Step]
+    steps: list[StateRows[StepRow]]
     assumed: list[str]
     notes: list[str]
     recordings: list[str]
@@ -112,12 +126,14 @@ def _page(diagnosis: Diagnosis) -> _Page:
         effects=effect_rows(diagnosis),
         refused=refused_rows(diagnosis),
         unexplained=unexplained_rows(diagnosis),
-        estimates=estimates,
+        estimates=by_state(estimates),
         legend=any(row.drawn for row in estimates),
+        states=any(row.state for row in estimates),
+        logarithms=any(name.endswith("_ln") for finding in diagnosis.findings for name in finding.parameters),
         step_names=step_names,
-        steps=step_rows,
-        assumed=[clean(text) for text in diagnosis.assumed],
-        notes=[clean(text) for text in diagnosis.notes],
+        steps=by_state(step_rows),
+        assumed=[printed(text) for text in diagnosis.assumed],
+        notes=[printed(text) for text in diagnosis.notes],
         recordings=[clean(path) for path in diagnosis.recordings],
         chapters=chapters(diagnosis),
     )
@@ -137,22 +153,34 @@ def _facts(diagnosis: Diagnosis) -> str:
 def _answer(diagnosis: Diagnosis) -> Iterator[str]:
     """Yield the diagnosis in sentences."""
     held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
-    named = [clean(finding.name) for finding in diagnosis.named]
+    named = [finding.name for finding in diagnosis.named]
+    undecided = undecided_sets(diagnosis)
     before, after = significant(held_out.rms_before_mps2), significant(held_out.rms_after_mps2)
     if named:
-        listed = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
-        yield f"The model lacks {listed}."
-        yield f"With {'it' if len(named) == 1 else 'them'} the held-out error goes from {before} to {after} m/s² rms,"
-    else:
+        yield f"The model lacks {listed(named)}."
+    elif not undecided:
         yield "No effect of the catalogue has evidence enough to be named."
-        yield f"The held-out error is {before} m/s² rms,"
+    for finding in undecided:
+        subject = "it also" if named else "the model"
+        if finding.rivals:
+            names = listed((finding.name, *finding.rivals), "or")
+            yield f"{subject[0].upper()}{subject[1:]} lacks one of {names}; these data cannot tell which."
+        else:
+            yield f"Whether {subject} lacks {clean(finding.name)} these data cannot tell."
     share = ratio(held_out.rms_after_mps2, floor)
-    beside = f", {fixed(share, 2)} times it" if math.isfinite(share) else ""
-    yield f"beside a noise floor of {significant(floor)} m/s²{beside and f' ({beside[2:]})'}."
+    times = f" ({fixed(share, 2)} times it)" if math.isfinite(share) else ""
+    beside = f"beside a noise floor of {significant(floor)} m/s²{times}."
+    if named or undecided:
+        yield f"With what was added the held-out error goes from {before} to {after} m/s² rms, {beside}"
+        if ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN:
+            yield "It has grown: what was added must not be relied on before the rest is explained."
+    else:
+        yield f"The held-out error is {after} m/s² rms, {beside}"
     if diagnosis.unexplained:
         first = diagnosis.unexplained[0]
         rest = len(diagnosis.unexplained) - 1
         more = f", and {rest} more" if rest else ""
-        yield f"Unexplained: {clean(first.axis)}, {place_text(first)}, {significant(first.rms_mps2)} m/s² rms{more}."
+        size = plain(first.rms_mps2, first.std_mps2)
+        yield f"Unexplained: {clean(first.axis)}, {place_text(first)}, {size} m/s² rms{more}."
     else:
         yield "Nothing else stands out of the noise."

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.diagnosis import Curves, Diagnosis, Fitted, FloatArray, Unexplained, Verdict
+from gateway.closure.diagnosis import Curves, Diagnosis, Finding, Fitted, FloatArray, Unexplained, Verdict
 from gateway.views.numbers import MISSING, UNITS, Unit, round_to_error, split_name
 from gateway.views.text import clean
 
@@ -25,11 +26,20 @@ VERDICTS: Final = {
     Verdict.REFUSED: "refused",
 }
 
+GROWN: Final = 1.02
+"""A held-out error that is this many times the one before has grown."""
+
 # Units of the names' suffixes, spelled out, of those that are shown in another unit.
 _SI: Final = {"_rad": "rad", "_m": "m", "_mps": "m/s", "_pa": "Pa"}
 # Suffixes of names whose unit always stands beside the number.
 _COMPOUND: Final = ("_npm2", "_per_rad", "_per_k", "_s2pm", "_rad2", "_kgm", "_m2", "_pm", "_pn")
-_PRINTED: Final = {"^2": "²", "^3": "³", "omega": "ω", "degC": "°C"}
+_PRINTED: Final = {"^2": "²", "^3": "³", "degC": "°C", "+-": "±", " * ": " · "}
+_GREEK: Final = {"alpha": "α", "gamma": "γ", "kappa": "κ", "omega": "ω", "phi": "φ", "theta": "θ"}
+_GREEK_WORD: Final = re.compile(rf"(?<![A-Za-z])(d?)({'|'.join(_GREEK)})(?![a-z])")
+# An estimate of another load or pressure than that of most revolutions: `Bs (3500 N, 210 kPa)`.
+_STATE: Final = re.compile(r"(.+) \((\S+ N, \S+ kPa)\)")
+# "Before" and "after" are the starting model and what was found; parameters mean sides of the contact.
+_SIDES: Final = {"before ": "before contact: ", "after ": "after contact: ", "ahead ": "lone packet: "}
 
 
 class ShownNumber(NamedTuple):
@@ -48,7 +58,9 @@ class ShownNumber(NamedTuple):
 
 def show_fitted(name: str, fitted: Fitted | None) -> ShownNumber:
     """Return a number in the unit that views show it in; what has a display unit already keeps it."""
+    name, state = split_state(name)
     label, shown = _label(name)
+    label = f"{label} ({state})" if state else label
     if fitted is None:
         return ShownNumber(label, MISSING, shown.symbol, math.nan, math.nan)
     suffix = next((suffix for suffix in UNITS if name.endswith(suffix) and len(name) > len(suffix)), "")
@@ -56,7 +68,13 @@ def show_fitted(name: str, fitted: Fitted | None) -> ShownNumber:
     if not fitted.display_unit and fitted.unit in ("", _SI.get(suffix)):
         factor, unit = shown.factor, shown.symbol
     value, std = float(fitted.value) * factor, float(fitted.std) * factor
-    return ShownNumber(label, round_to_error(value, std).joined(), _written(unit), value, std)
+    return ShownNumber(label, round_to_error(value, std).joined(), printed(unit), value, std)
+
+
+def split_state(name: str) -> tuple[str, str]:
+    """Split an estimate's name into its own and the load and pressure that it belongs to, empty where most data are."""
+    match = _STATE.fullmatch(name)
+    return (match[1], clean(match[2])) if match else (name, "")
 
 
 def _label(name: str) -> tuple[str, Unit]:
@@ -65,14 +83,17 @@ def _label(name: str) -> tuple[str, Unit]:
         return f"ln {clean(name[:-3].replace('_', ' '))}", Unit("")
     suffix = next((suffix for suffix in _COMPOUND if name.endswith(suffix) and len(name) > len(suffix)), "")
     label, unit = (name[: -len(suffix)].replace("_", " "), Unit("")) if suffix else split_name(name)
+    for side, written in _SIDES.items():
+        if label.startswith(side):
+            label = written + label.removeprefix(side)
     return clean(label), unit
 
 
-def _written(unit: str) -> str:
-    """Return a unit as it is printed: `N/m^2` -> `N/m²`."""
-    for plain_text, printed in _PRINTED.items():
-        unit = unit.replace(plain_text, printed)
-    return clean(unit)
+def printed(text: str) -> str:
+    """Return a text or unit as it is printed: `N/m^2` -> `N/m²`, `omega` -> `ω`."""
+    for typed, written in _PRINTED.items():
+        text = text.replace(typed, written)
+    return clean(_GREEK_WORD.sub(lambda match: match[1] + _GREEK[match[2]], text))
 
 
 def plain(value: float, std: float = math.nan) -> str:
@@ -133,6 +154,22 @@ def place_text(left: Unexplained) -> str:
     return ", ".join(parts) or "spread out"
 
 
+def remark_text(left: Unexplained) -> str:
+    """Return what an entry's sentence says beyond its figures: all that is locked to the wheel, nothing."""
+    if left.lock == "angle":
+        return ""
+    if left.lock != "time":
+        return printed(left.text)
+    parts = []
+    if left.orders is not None:
+        parts.append("moves with speed, but not in step with the wheel")
+    elif " at every speed" in left.text:
+        parts.append("the same Hz at every speed")
+    if also := re.search(r"\(and ([^()]+)\)", left.text):
+        parts.append(f"also {printed(also[1])}")
+    return "; ".join(parts)
+
+
 class AxisResidual(NamedTuple):
     """What is left of one axis of one group, rms, and the noise of its mean beside it."""
 
@@ -173,6 +210,35 @@ def _conspicuous(curves: Curves) -> float:
 def _rms(values: FloatArray) -> float:
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else math.nan
+
+
+def added(diagnosis: Diagnosis) -> list[Finding]:
+    """Return the effects in the model after, in the order in which they were added where that can be seen."""
+    left = [finding for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED and finding.estimates]
+    found: list[Finding] = []
+    at = diagnosis.estimates_before
+    while left:
+        here = next(
+            (one for one in left if all(at.get(name) == old for name, (old, _) in one.estimates.items())), left[0]
+        )
+        left.remove(here)
+        found.append(here)
+        at = {name: new for name, (_, new) in here.estimates.items()}
+    return found
+
+
+def undecided_sets(diagnosis: Diagnosis) -> list[Finding]:
+    """Return one finding of each set of effects that cannot be told apart: every rival may be a finding too."""
+    sets: dict[frozenset[str], Finding] = {}
+    for finding in diagnosis.findings:
+        if finding.verdict is Verdict.INDISTINGUISHABLE:
+            sets.setdefault(frozenset({finding.name, *finding.rivals}), finding)
+    return list(sets.values())
+
+
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """Return `a`, `a and b`, or `a, b and c`."""
+    return clean(f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))))
 
 
 def undetermined(diagnosis: Diagnosis) -> list[str]:

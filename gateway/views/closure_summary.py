@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
-from gateway.closure.diagnosis import Diagnosis, Finding, Verdict
-from gateway.views.closure_rows import model_words, place_text, plain, ratio, show_fitted, significant
+from gateway.closure.diagnosis import Diagnosis, Finding
+from gateway.views.closure_rows import (
+    GROWN,
+    listed,
+    model_words,
+    place_text,
+    plain,
+    printed,
+    ratio,
+    show_fitted,
+    significant,
+    undecided_sets,
+    undetermined,
+)
 from gateway.views.numbers import fixed
-from gateway.views.text import clean, crop, pad, width
+from gateway.views.text import ELLIPSIS, clean, crop, pad, width
 
 LINE_WIDTH: Final = 80
+MOST_WIDE: Final = 120
+"""Lines that are longer are hard to read."""
 
 _INDENT: Final = "  "
 _LABEL_WIDTH: Final = 13
@@ -21,92 +35,121 @@ _MOST_NOTES: Final = 2
 _ESTIMATES: Final = ("Bs", "Cw", "Rs", "Ts")
 
 
-def closure_summary_lines(diagnosis: Diagnosis) -> list[str]:
-    """Return a diagnosis as plain lines of at most LINE_WIDTH columns, without escape codes."""
-    return [crop(line.rstrip(), LINE_WIDTH) for line in _lines(diagnosis)]
+def closure_summary_lines(diagnosis: Diagnosis, columns: int = LINE_WIDTH) -> list[str]:
+    """Return a diagnosis as plain lines of at most `columns` columns, LINE_WIDTH at least, without escape codes."""
+    columns = max(LINE_WIDTH, min(columns, MOST_WIDE))
+    return [crop(line.rstrip(), columns) for line in _Lines(columns).of(diagnosis)]
 
 
-def _lines(diagnosis: Diagnosis) -> Iterator[str]:
-    held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
-    used = f"{diagnosis.revolutions} revolutions of {_count(len(diagnosis.recordings), 'recording')}"
-    left_out = f", {diagnosis.rejected} left out" if diagnosis.rejected else ""
-    wheel = crop(clean(diagnosis.wheel), 16)
-    yield f"{wheel}: {model_words(diagnosis.model)} against {used}{left_out}"
-    yield _row(
-        "held-out rms",
-        f"{fixed(held_out.rms_before_mps2, 2)} m/s² before, {fixed(held_out.rms_after_mps2, 2)} m/s² after",
-    )
-    share = ratio(held_out.rms_after_mps2, floor)
-    yield _row("noise floor", f"{fixed(floor, 2)} m/s²; after / floor {fixed(share, 2)}")
-    yield from _named(diagnosis.named)
-    yield from _undecided([one for one in diagnosis.findings if one.verdict is Verdict.INDISTINGUISHABLE])
-    yield from _unexplained(diagnosis)
-    yield from _estimates(diagnosis)
-    for index, note in enumerate(diagnosis.notes[:_MOST_NOTES]):
-        more = len(diagnosis.notes) - _MOST_NOTES
-        last = f" (and {more} more)" if more > 0 and index == _MOST_NOTES - 1 else ""
-        yield _row("note", clean(note), last)
+class _Lines:
+    """Writes lines of some width."""
+
+    def __init__(self, columns: int) -> None:
+        self._room = columns - len(_INDENT) - _LABEL_WIDTH
+
+    def of(self, diagnosis: Diagnosis) -> Iterator[str]:
+        held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
+        used = f"{diagnosis.revolutions} revolutions of {_count(len(diagnosis.recordings), 'recording')}"
+        left_out = f", {diagnosis.rejected} left out" if diagnosis.rejected else ""
+        wheel = crop(clean(diagnosis.wheel), 16)
+        yield f"{wheel}: {model_words(diagnosis.model)} against {used}{left_out}"
+        grown = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN
+        before, after = fixed(held_out.rms_before_mps2, 2), fixed(held_out.rms_after_mps2, 2)
+        yield self._row("held-out rms", f"{before} m/s² before, {after} m/s² after{': it has grown' if grown else ''}")
+        share = ratio(held_out.rms_after_mps2, floor)
+        yield self._row("noise floor", f"{fixed(floor, 2)} m/s²; after / floor {fixed(share, 2)}")
+        undecided = undecided_sets(diagnosis)
+        yield from self._named(diagnosis.named, bool(undecided))
+        yield from self._undecided(undecided)
+        yield from self._unexplained(diagnosis)
+        yield from self._estimates(diagnosis)
+        for index, note in enumerate(diagnosis.notes[:_MOST_NOTES]):
+            more = len(diagnosis.notes) - _MOST_NOTES
+            last = f" (and {more} more)" if more > 0 and index == _MOST_NOTES - 1 else ""
+            yield from self._rows("note", printed(note) + last)
+
+    def _named(self, named: tuple[Finding, ...], undecided: bool) -> Iterator[str]:
+        if not named:
+            why = "these data cannot decide" if undecided else "no effect of the catalogue has evidence enough"
+            yield self._row("named", f"nothing: {why}")
+        for index, finding in enumerate(named[:_MOST_NAMED]):
+            more = len(named) - _MOST_NAMED
+            size = f"  {significant(finding.rms_mps2)} m/s²"
+            if more > 0 and index == _MOST_NAMED - 1:
+                size += f" (and {more} more)"
+            numbers = [show_fitted(name, fitted) for name, fitted in finding.parameters.items()]
+            # One parameter needs no label.
+            cells = [one.joined() if len(numbers) == 1 else f"{one.label} {one.joined()}" for one in numbers]
+            cells = [cell.replace(" ± ", "±") for cell in cells]
+            text = _first_of(f"{clean(finding.name)}: ", cells, self._room - width(size))
+            yield self._row("named" if index == 0 else "", text, size)
+
+    def _undecided(self, undecided: Sequence[Finding]) -> Iterator[str]:
+        for finding in undecided[:_MOST_OTHERS]:
+            yield self._row("undecided", listed((finding.name, *finding.rivals), "or"))
+            if finding.decide_with:
+                yield from self._rows("", f"to decide: {printed(finding.decide_with)}")
+
+    def _unexplained(self, diagnosis: Diagnosis) -> Iterator[str]:
+        if not diagnosis.unexplained:
+            yield self._row("unexplained", "nothing above the noise")
+        for index, left in enumerate(diagnosis.unexplained[:_MOST_OTHERS]):
+            more = len(diagnosis.unexplained) - _MOST_OTHERS
+            size = f"  {plain(left.rms_mps2, left.std_mps2)} m/s²".replace(" ± ", "±")
+            if more > 0 and index == _MOST_OTHERS - 1:
+                size += f" (+{more})"
+            text = f"{clean(left.axis)}, {place_text(left)}"
+            yield self._row("unexplained" if index == 0 else "", text, size)
+
+    def _estimates(self, diagnosis: Diagnosis) -> Iterator[str]:
+        before, after = diagnosis.estimates_before, diagnosis.estimates_after
+        names = [name for name in _ESTIMATES if name in after]
+        cells = []
+        for name in names:
+            old, new = show_fitted(name, before.get(name)), show_fitted(name, after[name])
+            cells.append(f"{new.label} {old.text} -> {new.joined()}".replace(" ± ", "±"))
+        doubtful = [name for name in undetermined(diagnosis) if name in names]
+        if doubtful:
+            cells.append(f"not determined: {', '.join(doubtful)}")
+        label = "estimates"
+        while cells:
+            line = cells.pop(0)
+            while cells and width(line) + 3 + width(cells[0]) <= self._room:
+                line += "   " + cells.pop(0)
+            yield self._row(label, line)
+            label = ""
+
+    def _row(self, label: str, text: str, tail: str = "") -> str:
+        """Return a line; when it is too long its text is cropped, never its tail."""
+        return _INDENT + pad(label, _LABEL_WIDTH) + crop(text, self._room - width(tail)) + tail
+
+    def _rows(self, label: str, text: str) -> Iterator[str]:
+        """Yield a text in two lines at most, broken between words."""
+        first, rest = _broken(text, self._room)
+        yield self._row(label, first)
+        if rest:
+            second, left_over = _broken(rest, self._room - 1)
+            yield self._row("", second + (ELLIPSIS if left_over else ""))
 
 
-def _named(named: tuple[Finding, ...]) -> Iterator[str]:
-    if not named:
-        yield _row("named", "nothing: no effect of the catalogue has evidence enough")
-    for index, finding in enumerate(named[:_MOST_NAMED]):
-        more = len(named) - _MOST_NAMED
-        size = f"  {significant(finding.rms_mps2)} m/s²"
-        if more > 0 and index == _MOST_NAMED - 1:
-            size += f" (and {more} more)"
-        numbers = [show_fitted(name, fitted) for name, fitted in finding.parameters.items()]
-        # One parameter needs no label.
-        cells = [one.joined() if len(numbers) == 1 else f"{one.label} {one.joined()}" for one in numbers]
-        text = ": ".join(filter(None, (clean(finding.name), ", ".join(cells).replace(" ± ", "±"))))
-        yield _row("named" if index == 0 else "", text, size)
+def _first_of(start: str, cells: Sequence[str], room: int) -> str:
+    """Return as many whole cells as there is room for, and how many more there are."""
+    for shown in range(len(cells), 0, -1):
+        rest = f", +{len(cells) - shown}" if shown < len(cells) else ""
+        text = f"{start}{', '.join(cells[:shown])}{rest}"
+        if width(text) <= room:
+            return text
+    return f"{start}{_count(len(cells), 'parameter')}" if cells else start.removesuffix(": ")
 
 
-def _undecided(undecided: list[Finding]) -> Iterator[str]:
-    # Every rival is a finding too: one line for each set of them.
-    sets: dict[frozenset[str], Finding] = {}
-    for finding in undecided:
-        sets.setdefault(frozenset({finding.name, *finding.rivals}), finding)
-    for finding in list(sets.values())[:_MOST_OTHERS]:
-        names = " or ".join(map(clean, (finding.name, *finding.rivals)))
-        yield _row("undecided", names)
-        if finding.decide_with:
-            yield _row("", f"to decide: {clean(finding.decide_with)}")
-
-
-def _unexplained(diagnosis: Diagnosis) -> Iterator[str]:
-    if not diagnosis.unexplained:
-        yield _row("unexplained", "nothing above the noise")
-    for index, left in enumerate(diagnosis.unexplained[:_MOST_OTHERS]):
-        more = len(diagnosis.unexplained) - _MOST_OTHERS
-        size = f"  {plain(left.rms_mps2, left.std_mps2)} m/s²"
-        if more > 0 and index == _MOST_OTHERS - 1:
-            size += f" (and {more} more)"
-        text = f"{clean(left.axis)}, {place_text(left)}"
-        yield _row("unexplained" if index == 0 else "", text, size)
-
-
-def _estimates(diagnosis: Diagnosis) -> Iterator[str]:
-    before, after = diagnosis.estimates_before, diagnosis.estimates_after
-    cells = []
-    for name in (name for name in _ESTIMATES if name in after):
-        old, new = show_fitted(name, before.get(name)), show_fitted(name, after[name])
-        mark = "" if diagnosis.determined.get(name, True) else " (not determined)"
-        cells.append(f"{new.label} {old.text} -> {new.joined()}{mark}".replace(" ± ", "±"))
-    label = "estimates"
-    while cells:
-        line = cells.pop(0)
-        while cells and width(line) + 2 + width(cells[0]) <= LINE_WIDTH - len(_INDENT) - _LABEL_WIDTH:
-            line += "  " + cells.pop(0)
-        yield _row(label, line)
-        label = ""
-
-
-def _row(label: str, text: str, tail: str = "") -> str:
-    """Return a line; when it is too long its text is cropped, never its tail."""
-    room = LINE_WIDTH - len(_INDENT) - _LABEL_WIDTH - width(tail)
-    return _INDENT + pad(label, _LABEL_WIDTH) + crop(text, room) + tail
+def _broken(text: str, room: int) -> tuple[str, str]:
+    """Return the words that fit, and what is left; a word that is too long is cropped with its line."""
+    if width(text) <= room:
+        return text, ""
+    words, first = text.split(" "), ""
+    while words and width(f"{first} {words[0]}") <= room:
+        first = f"{first} {words.pop(0)}".lstrip()
+    return (first, " ".join(words)) if first else (text, "")
 
 
 def _count(number: int, noun: str) -> str:

@@ -3,27 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
 from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Verdict
 from gateway.views.closure_rows import (
     VERDICTS,
     ShownNumber,
+    added,
+    listed,
     orders_text,
     plain,
+    printed,
     ratio,
+    remark_text,
     show_fitted,
     significant,
     span_text,
+    split_state,
 )
 from gateway.views.numbers import MISSING, fixed
 from gateway.views.text import clean
 
 _DEGREES: Final = 180.0 / math.pi
 _BAND_STDS: Final = 2.0
-_SCALINGS: Final = {"omega^2": "ω²", "omega^1": "ω"}
+_SCALINGS: Final = {"omega^1": "ω", "not known: one speed": "one speed only"}
+
+
+class _HasState(Protocol):
+    @property
+    def state(self) -> str: ...
+
+
+Row = TypeVar("Row", bound=_HasState)
 
 
 class ErrorRow(NamedTuple):
@@ -63,7 +76,7 @@ class UnexplainedRow(NamedTuple):
     angle: str
     scaling: str
     rms: str
-    text: str
+    remark: str
 
 
 class Interval(NamedTuple):
@@ -78,10 +91,10 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class EstimateRow:
-    """One estimate before and after."""
+    """One estimate before and after; `state` is a load and pressure, empty where most revolutions are."""
 
+    state: str
     label: str
-    unit: str
     before: str
     after: str
     percent: str
@@ -97,11 +110,27 @@ class StepCell(NamedTuple):
     percent: str
 
 
-class Step(NamedTuple):
-    """All estimates after a step."""
+class StepRow(NamedTuple):
+    """One estimate in the starting model and after every step."""
 
+    state: str
     label: str
     cells: tuple[StepCell, ...]
+
+
+class StateRows(NamedTuple, Generic[Row]):
+    """Rows of one load and pressure; `state` is empty where most revolutions are."""
+
+    state: str
+    rows: list[Row]
+
+
+def by_state(rows: Iterable[Row]) -> list[StateRows[Row]]:
+    """Return rows grouped by their load and pressure, in their order."""
+    found: dict[str, StateRows[Row]] = {}
+    for row in rows:
+        found.setdefault(row.state, StateRows(row.state, [])).rows.append(row)
+    return list(found.values())
 
 
 def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
@@ -109,7 +138,7 @@ def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
     floor, held_out = diagnosis.noise_floor_mps2, diagnosis.held_out
     errors = [
         ("Before: starting model", "before", held_out.rms_before_mps2),
-        ("After: with the named effects", "after", held_out.rms_after_mps2),
+        ("After: with the effects that were added", "after", held_out.rms_after_mps2),
     ]
     if diagnosis.empirical_rms_mps2 is not None:
         errors.append(("After, with a fitted empirical correction", "empirical", diagnosis.empirical_rms_mps2))
@@ -140,9 +169,9 @@ def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
             orders_text(left.orders),
             span_text(left.hz),
             span_text(left.angle_rad, _DEGREES),
-            _SCALINGS.get(left.scaling, clean(left.scaling)),
+            _SCALINGS.get(left.scaling, printed(left.scaling)),
             plain(left.rms_mps2, left.std_mps2),
-            clean(left.text),
+            remark_text(left),
         )
         for left in diagnosis.unexplained
     ]
@@ -157,24 +186,23 @@ def estimate_rows(diagnosis: Diagnosis) -> list[EstimateRow]:
     ]
 
 
-def steps(diagnosis: Diagnosis) -> tuple[list[str], list[Step]]:
-    """Return the estimates' names, and their values in the starting model and after each named effect."""
-    added = [finding for finding in diagnosis.named if finding.estimates]
-    if not added:
+def steps(diagnosis: Diagnosis) -> tuple[list[str], list[StepRow]]:
+    """Return the steps' names, and every estimate in the starting model and after each; none for fewer than two."""
+    findings = added(diagnosis)
+    if len(findings) < 2:
         return [], []
-    names = list(dict.fromkeys(name for finding in added for name in finding.estimates))
-    first = {name: before for name, (before, _) in added[0].estimates.items()}
-    rows = [Step("starting model", tuple(_step_cell(name, None, first.get(name)) for name in names))]
-    for finding in added:
-        pairs: Mapping[str, tuple[Fitted | None, Fitted | None]] = dict(finding.estimates)
-        cells = tuple(_step_cell(name, *pairs.get(name, (None, None))) for name in names)
-        rows.append(Step(f"+ {clean(finding.name)}", cells))
-    return [_heading(name, added) for name in names], rows
+    rows = []
+    for name in dict.fromkeys(name for finding in findings for name in finding.estimates):
+        pairs = [finding.estimates.get(name, (None, None)) for finding in findings]
+        cells = (StepCell(show_fitted(name, pairs[0][0]).text, ""), *(_step_cell(name, *pair) for pair in pairs))
+        known = next(new for _, new in pairs if new is not None)
+        rows.append(StepRow(split_state(name)[1], _labelled(name, known), cells))
+    return ["starting model", *(f"+ {clean(finding.name)}" for finding in findings)], rows
 
 
-def _heading(name: str, added: list[Finding]) -> str:
-    known = next(finding.estimates[name][1] for finding in added if name in finding.estimates)
-    shown = show_fitted(name, known)
+def _labelled(name: str, known: Fitted | None) -> str:
+    """Return an estimate's label with its unit."""
+    shown = show_fitted(split_state(name)[0], known)
     return f"{shown.label}, {shown.unit}" if shown.unit else shown.label
 
 
@@ -184,12 +212,14 @@ def _step_cell(name: str, before: Fitted | None, after: Fitted | None) -> StepCe
 
 
 def _effect(finding: Finding) -> EffectRow:
-    remarks = [("", clean(finding.summary)), ("Equation:", clean(finding.equation))]
+    remarks = [("", printed(finding.summary)), ("Equation:", printed(finding.equation))]
     if finding.rivals:
-        others = ", ".join(map(clean, finding.rivals))
+        others = listed(finding.rivals)
         told = finding.verdict is Verdict.INDISTINGUISHABLE
         remarks.append(("Cannot be told from:" if told else "Explains the same as:", others))
-    remarks.append(("To decide:", clean(finding.decide_with)))
+    if finding.verdict is Verdict.INDISTINGUISHABLE:
+        remarks.append(("Because:", printed(finding.reason)))
+    remarks.append(("To decide:", printed(finding.decide_with)))
     change = (
         f"{significant(finding.rms_before_mps2)} → {significant(finding.rms_after_mps2)}"
         if math.isfinite(finding.rms_before_mps2) and math.isfinite(finding.rms_after_mps2)
@@ -205,7 +235,7 @@ def _effect(finding: Finding) -> EffectRow:
         held_out=change,
         gain=plain(finding.held_out_gain, finding.held_out_std),
         chi2=significant(finding.chi2),
-        reason=clean(finding.reason),
+        reason=printed(finding.reason),
         remarks=tuple((label, text) for label, text in remarks if text),
     )
 
@@ -214,12 +244,12 @@ def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined
     old, new = show_fitted(name, before), show_fitted(name, after)
     errors = ratio(new.value - old.value, old.std)
     return EstimateRow(
-        label=new.label,
-        unit=new.unit or old.unit,
+        state=split_state(name)[1],
+        label=_labelled(name, after or before),
         before=old.text,
         after=new.text,
         percent=_percent(old, new).removesuffix(" %") or MISSING,
-        errors=f"{errors:+.1f}" if math.isfinite(errors) else MISSING,
+        errors=f"{round(errors, 1) + 0.0:+.1f}" if math.isfinite(errors) else MISSING,
         determined=determined,
         drawn=_intervals(old, new),
     )

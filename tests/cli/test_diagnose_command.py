@@ -16,7 +16,7 @@ from gateway.config.effects_file import load_effects
 from gateway.errors import TreadlinkError
 from gateway.signal.correction import CorrectedEffect, CorrectionTable, EffectParameter
 from tests.closure.campaign_recordings import write_recording
-from tests.closure.diagnosis_data import ordinary
+from tests.closure.diagnosis_data import empty, ordinary
 
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 OMEGA = 60 / 3.6 / 0.32
@@ -148,12 +148,24 @@ def test_absent_recordings_and_wrong_words_are_told(closed, tmp_path):
 
 
 def test_nothing_named_is_nothing_to_save(closed, recording, tmp_path):
-    closed[1][0] = replace(ordinary(), correction=None)
+    closed[1][0] = replace(empty(), correction=None)
     out, effects = tmp_path / "a.json", tmp_path / "e.json"
     message, _ = refused(recording, "--json", out, "--save-effects", effects)
-    assert "no effect was named that" in message
+    assert "no effect was named" in message
     assert out.exists()
     assert not effects.exists()
+
+
+def test_what_is_saved_and_what_is_not_is_told(closed, recording, tmp_path):
+    first = replace(ordinary().findings[0], name="imbalance")
+    ply_steer = replace(first, name="ply steer")
+    closed[1][0] = replace(ordinary(), findings=(first, ply_steer), correction=table())
+    path = tmp_path / "e.json"
+    lines = run(recording, "--save-effects", path).output.splitlines()
+    assert lines[-2:] == [
+        f"written: {path} with imbalance",
+        "not in it: ply steer is left for the estimators to measure",
+    ]
 
 
 class TestEffectsFiles:

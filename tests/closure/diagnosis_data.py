@@ -186,12 +186,14 @@ def ordinary(groups: int = 4) -> Diagnosis:
         ),
         unexplained=(
             Unexplained(
-                "circumferential", "time", (24, 26), (606.0, 614.5), None, "constant", 1.21, 0.06,
-                "A tone at 610 Hz that does not move with the wheel's speed, on the circumferential axis only.",
+                "circumferential", "time", None, (606.0, 614.5), None, "constant", 1.21, 0.06,
+                "A line at 610.2 Hz at every speed on the circumferential axis, 1.2 m/s^2 rms (and 0.3 m/s^2 radial); "
+                "scaling: constant.",
             ),
             Unexplained(
                 "radial", "angle", (18, 60), None, (1.42, 1.58), "omega^2", 0.84, 0.05,
-                "A bump at 86 deg, fixed to the tire.",
+                "radial axis, orders 18 to 60, between 81 and 91 deg of the contact's centre: 0.84 m/s^2 rms that "
+                "repeats every revolution; omega^2",
             ),
         ),
         estimates_before=before,

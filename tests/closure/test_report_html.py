@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.closure.diagnosis import Fitted, HeldOut, Verdict
 from gateway.errors import OutputError
 from gateway.signal.orders import ORDER_COUNT
 from gateway.signal.orders import order_coefficients as reference_coefficients
@@ -27,6 +28,7 @@ from gateway.views.closure_figures import order_coefficients, orders_figure, tre
 from gateway.views.closure_html import diagnosis_html
 from gateway.views.closure_rows import reference_group
 from gateway.views.closure_svg import inline_svg, report_style
+from gateway.views.closure_tables import by_state, estimate_rows, steps, unexplained_rows
 
 ROOT = Path(__file__).parents[2]
 VOID = {"meta", "br", "img", "link", "input", "hr"}
@@ -85,6 +87,52 @@ def test_tables_come_first_and_say_it_all(page_text):
         "drum-40kmh.mcap", "load 4000 N", "12 revolutions were left out",
     ):  # fmt: skip
         assert words in page.text, words
+
+
+def test_what_is_left_unexplained_is_said_once():
+    columns = [(row.remark, row.scaling) for row in unexplained_rows(ordinary())]
+    assert columns == [("the same Hz at every speed; also 0.3 m/s² radial", "constant"), ("", "ω²")]
+    moving = replace(ordinary().unexplained[0], orders=(12, 13), text="An order.")
+    text = diagnosis_html(replace(empty(), unexplained=(moving,)))
+    assert Page(text).text.count("moves with speed, but not in step with the wheel") == 1
+    text = Page(diagnosis_html(replace(empty(), unexplained=ordinary().unexplained[1:]))).text
+    assert "repeats every revolution" not in text
+    assert "Also" not in text, "no empty column"
+
+
+def test_effects_that_cannot_be_told_apart_are_in_the_answer_and_the_steps():
+    first, second, *_ = ordinary().findings
+    unsure = replace(second, verdict=Verdict.INDISTINGUISHABLE, rivals=("run-out", "gain"), decide_with="more")
+    answer = Page(diagnosis_html(replace(empty(), findings=(unsure,), held_out=HeldOut(4.0, 2.05, 40, 4)))).text
+    assert "The model lacks one of structural damping, run-out or gain; these data cannot tell which." in answer
+    assert "from 4.00 to 2.05 m/s²" in answer
+    assert "has evidence enough" not in answer
+    assert "has grown" not in answer
+    answer = Page(diagnosis_html(replace(empty(), findings=(first,), held_out=HeldOut(2.0, 4.0, 40, 4)))).text
+    assert "It has grown: what was added must not be relied on" in answer
+    # Sorted by verdict; the steps are in the order in which they were added.
+    shuffled = replace(ordinary(1), findings=(second, replace(first, verdict=Verdict.INDISTINGUISHABLE)))
+    names, rows = steps(shuffled)
+    assert names == ["starting model", "+ mounting offset", "+ structural damping"]
+    assert [cell.text for cell in rows[0].cells] == [
+        "(2.610 ± 0.011)e-3",
+        "(2.8000 ± 0.0090)e-3",
+        "(2.8340 ± 0.0070)e-3",
+    ]
+
+
+def test_one_step_is_not_told_twice():
+    assert steps(replace(ordinary(1), findings=ordinary().findings[:1])) == ([], [])
+
+
+def test_estimates_of_another_load_stand_under_it_in_their_units():
+    other = {"contact_half_angle_rad (6111 N, 228 kPa)": Fitted(0.3, 0.001, "rad")}
+    diagnosis = replace(empty(), estimates_before=other, estimates_after=other)
+    (group,) = by_state(estimate_rows(diagnosis))
+    assert (group.state, group.rows[0].label) == ("6111 N, 228 kPa", "contact half angle, deg")
+    assert group.rows[0].after == "17.189 ± 0.057"
+    page = Page(diagnosis_html(diagnosis))
+    assert page.text.count("6111 N, 228 kPa") == 1
 
 
 def test_every_figure_is_described(page_text):

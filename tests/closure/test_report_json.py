@@ -62,7 +62,7 @@ def test_keys_that_scripts_rely_on(tmp_path):
     assert (tone["axis"], tone["lock"], tone["orders"], tone["hz"]) == (
         "circumferential",
         "time",
-        [24, 26],
+        None,
         [606, 614.5],
     )
     assert tone["angle_rad"] is None

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.closure.diagnosis import Fitted
-from gateway.views.closure_rows import show_fitted, significant, span_text
+from gateway.views.closure_rows import printed, show_fitted, significant, span_text
 from gateway.views.closure_summary import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
 from tests.closure.diagnosis_data import empty, nasty, ordinary
@@ -31,7 +31,8 @@ def test_the_summary_says_what_was_found():
     assert "to decide: a recording at another temperature" in text
     assert "606.0 to 614.5 Hz" in text
     assert "Bs (2.610±0.011)e-3 -> (2.8340±0.0070)e-3" in text
-    assert "Ts 2.95±0.12 -> 2.41±0.90 (not determined)" in text
+    assert "Ts 2.95±0.12 -> 2.41±0.90" in text
+    assert "not determined: Ts" in text
     assert "clipping" not in text
 
 
@@ -49,8 +50,38 @@ def test_many_findings_are_counted_not_listed():
     assert len(lines) <= 16
     text = "\n".join(lines)
     assert "(and 5 more)" in text
-    assert "(and 4 more)" in text
+    assert "(+4)" in text
     assert "b (and 1 more)" in text
+
+
+def test_a_wide_terminal_shows_more():
+    diagnosis = replace(ordinary(), notes=("words " * 30,))
+    narrow, wide = closure_summary_lines(diagnosis), closure_summary_lines(diagnosis, 120)
+    assert max(map(width, narrow)) <= 80
+    assert 80 < max(map(width, wide)) <= 120
+    assert closure_summary_lines(diagnosis, 40) == narrow
+    assert closure_summary_lines(diagnosis, 500) == wide
+    assert narrow[-2].endswith("words"), "broken between words"
+    assert narrow[-1].endswith("words…")
+
+
+def test_parameters_are_whole_and_the_rest_is_counted():
+    diagnosis = ordinary()
+    many = {f"order_{index}": Fitted(20.0 + index, 0.5) for index in range(9)}
+    finding = replace(diagnosis.findings[0], name="waves", parameters=many)
+    text = "\n".join(closure_summary_lines(replace(diagnosis, findings=(finding,))))
+    assert "waves: order 0 20.00±0.50, order 1 21.00±0.50, +7  11.2 m/s²" in text
+    finding = replace(finding, name="waves " * 9 + "x")
+    text = "\n".join(closure_summary_lines(replace(diagnosis, findings=(finding,))))
+    assert "±0.50" not in text
+
+
+def test_an_error_that_grew_and_effects_that_cannot_be_told_apart_are_said():
+    diagnosis = ordinary()
+    grown = replace(diagnosis, held_out=replace(diagnosis.held_out, rms_after_mps2=14.0))
+    assert "14.00 m/s² after: it has grown" in "\n".join(closure_summary_lines(grown))
+    text = "\n".join(closure_summary_lines(replace(diagnosis, findings=diagnosis.findings[3:5])))
+    assert "nothing: these data cannot decide" in text
 
 
 def test_an_angle_is_shown_in_degrees_and_a_display_unit_is_kept():
@@ -72,12 +103,38 @@ def test_an_angle_is_shown_in_degrees_and_a_display_unit_is_kept():
         ("offset_m", Fitted(5.0, 0.1, "mm"), "offset", "5.00 ± 0.10 mm"),
         ("half_angle_rad", Fitted(0.24, 0.001, ""), "half angle", "13.751 ± 0.057 deg"),
         ("bending_ln", Fitted(0.2, 0.1), "ln bending", "0.20 ± 0.10"),
+        (
+            "half_angle_rad (3500 N, 210 kPa)",
+            Fitted(0.24, 0.001, "rad"),
+            "half angle (3500 N, 210 kPa)",
+            "13.751 ± 0.057 deg",
+        ),
+        (
+            "stiffness_npm2 (3500 N, 210 kPa)",
+            Fitted(3.0, 0.1, "N/m^2"),
+            "stiffness (3500 N, 210 kPa)",
+            "3.00 ± 0.10 N/m²",
+        ),
+        ("before_order", Fitted(92.9, 0.4), "before contact: order", "92.90 ± 0.40"),
         ("Bs", Fitted(float("nan"), 1.0), "Bs", "—"),
     ],
 )
 def test_labels_and_units(name, fitted, label, text):
     shown = show_fitted(name, fitted)
     assert (shown.label, shown.joined()) == (label, text)
+
+
+@pytest.mark.parametrize(
+    ("typed", "printed_one"),
+    [
+        ("R omega^2, 3 +- 1 m/s^2", "R ω², 3 ± 1 m/s²"),
+        ("dtheta, d theta, omega_dot", "dθ, d θ, ω_dot"),
+        ("alphabet, somega, thetas", "alphabet, somega, thetas"),
+        ("error * a\x1b[2J", "error · a [2J"),
+    ],
+)
+def test_what_is_typed_is_printed(typed, printed_one):
+    assert printed(typed) == printed_one
 
 
 @pytest.mark.parametrize(
