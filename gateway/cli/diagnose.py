@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -108,10 +109,16 @@ def diagnose(
     if effects_path is not None and model != "exact":
         raise TreadlinkError(
             "--save-effects goes with --model exact",
-            "What the other models lack beside it, live and estimate take into account already.",
+            f"Leave out --model {model}: what it lacks beside the exact ring, live and estimate take into account.",
         )
-    for path in filter(None, (json_path, html_path, effects_path)):
+    outputs = [path for path in (json_path, html_path, effects_path) if path is not None]
+    for path in outputs:
         check_target(path, force=force)
+    files = [path.resolve() for path in outputs if path.is_file() or not path.exists()]
+    if len(set(files)) < len(files):
+        raise TreadlinkError(
+            "two outputs would be written to one file", "Give --json, --html and --save-effects a name each."
+        )
     if html_path is not None:
         from gateway.views.closure_svg import require_report_packages
 
@@ -121,7 +128,7 @@ def diagnose(
     from gateway.session.diagnose import diagnose_recordings
     from gateway.views.closure_summary import closure_summary_lines
 
-    with _progress() as on_progress:
+    with _told_when_cut_off(), _progress() as on_progress:
         diagnosis = diagnose_recordings(
             _distinct(recordings),
             vehicle=vehicle,
@@ -137,42 +144,69 @@ def diagnose(
     columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
     for line in closure_summary_lines(diagnosis, columns):
         click.echo(clean(line))
-    if json_path is not None:
-        from gateway.views.closure_json import write_json
+    _write(diagnosis, json_path, html_path, effects_path, force=force)
 
-        write_json(diagnosis, json_path, force=force)
-    if html_path is not None:
-        from gateway.views.closure_html import write_html
 
-        write_html(diagnosis, html_path, force=force)
-    for path in filter(None, (json_path, html_path)):
-        click.echo(f"written: {clean(str(path))}")
-    if effects_path is not None:
-        _save_effects(diagnosis, effects_path, force=force)
+def _write(
+    diagnosis: Diagnosis, json_path: Path | None, html_path: Path | None, effects_path: Path | None, *, force: bool
+) -> None:
+    """Write every file that can be written: minutes of work are not lost because another one cannot.
+
+    Raises:
+        TreadlinkError: the first that could not; others are told before.
+    """
+    from gateway.views.closure_html import write_html
+    from gateway.views.closure_json import write_json
+    from gateway.views.closure_unsaved import saved_text
+
+    failed: list[TreadlinkError] = []
+    for path, write in ((json_path, write_json), (html_path, write_html), (effects_path, _save_effects)):
+        if path is None:
+            continue
+        try:
+            write(diagnosis, path, force=force)
+        except TreadlinkError as error:
+            failed.append(error)
+        else:
+            held = f" with {saved_text(diagnosis)}" if path is effects_path else ""
+            click.echo(clean(f"written: {path}{held}"))
+    for other in failed[1:]:
+        click.echo(clean(f"{other}. {other.remedy}"), err=True)
+    if failed:
+        raise failed[0]
 
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
-    from gateway.views.closure_unsaved import left_out, why_unsaved
+    if diagnosis.correction is None:
+        from gateway.views.closure_unsaved import why_unsaved
 
-    correction = diagnosis.correction
-    if correction is None:
         reason, remedy = why_unsaved(diagnosis)
         raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
-    write_whole(path, effects_text(correction), force=force)
-    held = ", ".join(effect.name for effect in correction.effects)
-    click.echo(clean(f"written: {path} with {held}"))
-    if missing := left_out(diagnosis):
-        click.echo(clean(f"not in it: {missing}"))
+    write_whole(path, effects_text(diagnosis.correction), force=force)
 
 
 def _distinct(recordings: tuple[Path, ...]) -> list[Path]:
     """Return the recordings as given; the same one twice would count its revolutions twice."""
     found: dict[Path, Path] = {}
     for path in recordings:
+        if path.is_dir():
+            raise TreadlinkError(f"'{path}' is a folder", f"Name the recordings in it: {path}/*.mcap")
         before = found.setdefault(path.resolve(), path)
         if before is not path:
             raise TreadlinkError(f"'{path}' is given twice", "Name each recording once.")
     return list(found.values())
+
+
+@contextmanager
+def _told_when_cut_off() -> Iterator[None]:
+    """Raise TreadlinkError when one of the processes that share the work is ended from outside."""
+    try:
+        yield
+    except BrokenProcessPool as error:
+        raise TreadlinkError(
+            "the diagnosis was cut off: one of its processes was ended from outside, perhaps for lack of memory",
+            "Close other programs, or give it one process: --jobs 1.",
+        ) from error
 
 
 @contextmanager

@@ -43,9 +43,10 @@ def why_unsaved(diagnosis: Diagnosis) -> Unsaved:
     return Unsaved(f"nothing was named that could be taken off: {kept}", "live and estimate need no correction then.")
 
 
-def left_out(diagnosis: Diagnosis) -> str:
-    """Return which named effects the saved file does not hold, and why; empty when it holds all."""
-    return "; ".join(_left_out(diagnosis))
+def saved_text(diagnosis: Diagnosis) -> str:
+    """Return which effects the saved file holds, and which named ones it does not, and why."""
+    held = ", ".join(effect.name for effect in diagnosis.correction.effects) if diagnosis.correction else ""
+    return "; ".join([held, *_left_out(diagnosis)])
 
 
 def _left_out(diagnosis: Diagnosis) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from gateway.cli import treadlink
 from gateway.closure.effects.base import StartModel
 from gateway.closure.observation import Campaign
 from gateway.config.effects_file import load_effects
-from gateway.errors import TreadlinkError
+from gateway.errors import OutputError, TreadlinkError
 from gateway.signal.correction import CorrectedEffect, CorrectionTable, EffectParameter
 from tests.closure.campaign_recordings import write_recording
 from tests.closure.diagnosis_data import empty, ordinary
@@ -162,10 +163,46 @@ def test_what_is_saved_and_what_is_not_is_told(closed, recording, tmp_path):
     closed[1][0] = replace(ordinary(), findings=(first, ply_steer), correction=table())
     path = tmp_path / "e.json"
     lines = run(recording, "--save-effects", path).output.splitlines()
-    assert lines[-2:] == [
-        f"written: {path} with imbalance",
-        "not in it: ply steer is left for the estimators to measure",
-    ]
+    assert lines[-1] == f"written: {path} with imbalance; ply steer is left for the estimators to measure"
+
+
+def test_one_file_that_cannot_be_written_does_not_take_the_others(closed, recording, tmp_path, monkeypatch):
+    def full(*_arguments, **_options):
+        raise OutputError("the disk is full", "Free some space.")
+
+    monkeypatch.setattr("gateway.views.closure_json.write_whole", full)
+    closed[1][0] = replace(empty(), correction=None)
+    html, effects = tmp_path / "a.html", tmp_path / "e.json"
+    result = run(recording, "--json", tmp_path / "a.json", "--html", html, "--save-effects", effects)
+    assert str(result.exception) == "the disk is full"
+    assert f"written: {html}" in result.output
+    assert f"'{effects}' is not written: no effect was named. live and" in result.output
+    assert html.exists()
+
+
+def test_two_outputs_have_two_names(closed, recording, tmp_path):
+    path = tmp_path / "a"
+    message, remedy = refused(recording, "--json", path, "--html", tmp_path / "." / "a")
+    assert "one file" in message
+    assert "--html" in remedy
+    assert closed[0] == []
+    assert run(recording, "--json", "/dev/null", "--html", "/dev/null").exit_code == 0
+
+
+def test_a_folder_is_no_recording(closed, tmp_path):
+    message, remedy = refused(tmp_path)
+    assert "is a folder" in message
+    assert "*.mcap" in remedy
+
+
+def test_a_process_that_was_ended_is_told(recording, monkeypatch):
+    def ended(*_arguments, **_options):
+        raise BrokenProcessPool("A process in the process pool was terminated abruptly")
+
+    monkeypatch.setattr("gateway.session.diagnose.diagnose", ended)
+    message, remedy = refused(recording)
+    assert "ended from outside" in message
+    assert "--jobs 1" in remedy
 
 
 class TestEffectsFiles:

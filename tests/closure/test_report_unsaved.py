@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from gateway.closure.contribution import _MEASURED
 from gateway.closure.diagnosis import Finding, Verdict
-from gateway.views.closure_unsaved import MEASURED, left_out, why_unsaved
+from gateway.views.closure_unsaved import MEASURED, saved_text, why_unsaved
 from tests.closure.diagnosis_data import empty, ordinary
 
 
@@ -47,11 +48,11 @@ def test_the_reason_and_what_to_do(findings, reason, remedy):
     assert told.remedy.endswith(".")
 
 
-def test_what_a_saved_file_does_not_hold():
+def test_what_a_saved_file_holds_and_what_it_does_not():
     findings = (*named("gain", "ply steer"), *named("cavity resonance", "edge scatter", lock="time"))
-    text = left_out(replace(empty(), findings=findings))
-    assert text == (
-        "ply steer is left for the estimators to measure; "
+    held = SimpleNamespace(effects=(SimpleNamespace(name="gain"),))
+    assert saved_text(replace(empty(), findings=findings, correction=held)) == (
+        "gain; ply steer is left for the estimators to measure; "
         "cavity resonance and edge scatter are not the same in every revolution"
     )
-    assert left_out(replace(empty(), findings=named("gain"))) == ""
+    assert saved_text(replace(empty(), findings=named("gain"), correction=held)) == "gain"
