@@ -1,0 +1,85 @@
+"""Which effects a selection comes to, on an exact ring that the closure's own model has not made."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import Checked, Conditions, StartModel
+from gateway.closure.effects.catalogue import candidates, catalogue
+from gateway.closure.judging import is_taken
+from gateway.closure.likelihood import whiten
+from gateway.closure.model import AngleEffect
+from gateway.closure.selection import Selection, select
+from gateway.closure.starting import angle_effects, make_core
+from tests.closure.planted_campaign import Plant, campaign_of, conditions, gain, nothing
+
+FloatArray = NDArray[np.float64]
+
+CONDITIONS = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0), conditions(60.0, load_n=3500.0))
+
+
+def selected(model: StartModel, plant: Plant = nothing) -> Selection:
+    campaign = campaign_of(CONDITIONS, plant, noise_mps2=1.5)
+    core = make_core(model)
+    return select(campaign, core, whiten(campaign, with_mean=core.mean), angle_effects(candidates(model)))
+
+
+def angle_effect(name: str) -> AngleEffect:
+    return angle_effects(catalogue())[name]
+
+
+@pytest.mark.parametrize(
+    ("model", "lacking"),
+    [
+        (
+            StartModel.PAPER,
+            {"gravity", "belt kinematics (n^2-1)", "pressure shape", "geometric tension loss"},
+        ),
+        (StartModel.SERIES, {"pressure shape", "geometric tension loss"}),
+        (StartModel.EXACT, set()),
+    ],
+)
+def test_of_a_ring_with_nothing_wrong_a_model_lacks_what_it_leaves_out(model: StartModel, lacking: set[str]) -> None:
+    found = selected(model)
+    assert {step.effect.name for step in found.steps} == lacking
+    assert found.final.misfit < 1.1 * found.data.used
+    for name in lacking - {"pressure shape"}:
+        # All or nothing, by physics.
+        assert found.final.vector[found.final.model.layout.effect(name)] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_gain_that_bends_the_ring_out_of_shape_is_still_found_alone() -> None:
+    def large(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        return gain(gain(signal, theta, here), theta, here)
+
+    found = selected(StartModel.EXACT, large)
+    (step,) = found.steps
+    # Gravity alone would tell them apart, and this noise covers it.
+    assert step.effect.name in {"gain", "rolling radius"}
+    assert found.final.vector[found.final.model.layout.effect(step.effect.name)] == pytest.approx(0.0201, rel=0.02)
+    assert found.final.misfit < 1.1 * found.data.used
+
+
+def test_waves_of_the_edges_stand_or_travel() -> None:
+    standing, travelling = angle_effect("tire-locked edge waves"), angle_effect("travelling edge waves")
+    assert is_taken(travelling, [standing])
+    assert is_taken(standing, [travelling])
+    assert not is_taken(angle_effect("gain"), [standing, travelling])
+
+
+@pytest.mark.parametrize(("order", "std", "may_be"), [(12.43, 0.01, False), (12.43, 0.2, True), (3.01, 0.001, True)])
+def test_a_ripple_has_a_whole_order(order: float, std: float, may_be: bool) -> None:
+    effect = angle_effect("torsional ripple")
+    assert isinstance(effect, Checked)
+    reason = effect.reason_against(np.array([0.001, 0.0, order]), np.array([1e-4, 1e-4, std]))
+    assert (reason == "") is may_be
+
+
+@pytest.mark.parametrize(("pitch", "std", "may_be"), [(66.0, 2.0, True), (3.0, 2.0, False), (-4.0, 0.5, False)])
+def test_waves_that_travel_have_a_pitch(pitch: float, std: float, may_be: bool) -> None:
+    effect = angle_effect("travelling edge waves")
+    assert isinstance(effect, Checked)
+    values = np.array([0.1, 0.1, 92.0, 4.0, 0.1, 0.1, 52.0, 1.4, pitch, 0.0, 0.0, 30.0, 0.25, 0.09])
+    assert (effect.reason_against(values, np.full(14, std)) == "") is may_be
