@@ -257,7 +257,8 @@ def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined
 
 def _percent(old: ShownNumber, new: ShownNumber) -> str:
     share = 100.0 * ratio(new.value - old.value, abs(old.value))
-    return f"{round(share, 1) + 0.0:+.1f} %" if math.isfinite(share) else ""
+    digits = 1 if abs(share) >= 0.095 else 2
+    return f"{round(share, digits) + 0.0:+.{digits}f} %" if math.isfinite(share) else ""
 
 
 def _intervals(old: ShownNumber, new: ShownNumber) -> tuple[Interval, ...]:
