@@ -30,7 +30,7 @@ _EQUATION_SHARE: Final = 0.01
 # What an effect explains is fitted in earnest where a linear estimate, times this, does not suffice to acquit it.
 _SUSPECT: Final = 0.5
 # Refused candidates that are tried with a second one beside them.
-_PAIRED: Final = 3
+_PAIRED: Final = 2
 
 
 @dataclass(slots=True)
