@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -218,13 +218,18 @@ def added(diagnosis: Diagnosis) -> list[Finding]:
     found: list[Finding] = []
     at = diagnosis.estimates_before
     while left:
-        here = next(
-            (one for one in left if all(at.get(name) == old for name, (old, _) in one.estimates.items())), left[0]
-        )
+        # What it started from is what the one before it led to, but for noise that was weighted anew.
+        here = min(left, key=lambda one: _distance(at, {name: old for name, (old, _) in one.estimates.items()}))
         left.remove(here)
         found.append(here)
         at = {name: new for name, (_, new) in here.estimates.items()}
     return found
+
+
+def _distance(one: Mapping[str, Fitted], other: Mapping[str, Fitted]) -> float:
+    """Return by how much estimates differ, as shares of themselves."""
+    pairs = [(one[name].value, other[name].value) for name in one if name in other]
+    return sum(min(abs(a - b) / max(abs(a), 1e-300), 1e3) for a, b in pairs if math.isfinite(a) and math.isfinite(b))
 
 
 def undecided_sets(diagnosis: Diagnosis) -> list[Finding]:
