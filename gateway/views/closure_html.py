@@ -14,6 +14,7 @@ from gateway import __version__
 from gateway.closure.diagnosis import Diagnosis
 from gateway.views.closure_chapters import Chapter, chapters
 from gateway.views.closure_rows import (
+    FAR_OFF,
     GROWN,
     listed,
     model_words,
@@ -99,6 +100,7 @@ class _Page:
     legend: bool
     states: bool
     logarithms: bool
+    doubt: str
     step_names: list[str]
     steps: list[StateRows[StepRow]]
     assumed: list[str]
@@ -130,6 +132,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         legend=any(row.drawn for row in estimates),
         states=any(row.state for row in estimates),
         logarithms=any(name.endswith("_ln") for finding in diagnosis.findings for name in finding.parameters),
+        doubt=_doubt(diagnosis),
         step_names=step_names,
         steps=by_state(step_rows),
         assumed=[printed(text) for text in diagnosis.assumed],
@@ -148,6 +151,17 @@ def _facts(diagnosis: Diagnosis) -> str:
     if diagnosis.rejected:
         parts.append(f"{diagnosis.rejected} left out")
     return " · ".join(parts)
+
+
+def _doubt(diagnosis: Diagnosis) -> str:
+    """Return what to think of estimates of a model that still lacks much, empty otherwise."""
+    share = ratio(diagnosis.held_out.rms_after_mps2, diagnosis.noise_floor_mps2)
+    if not share > FAR_OFF:
+        return ""
+    return (
+        f"The error after is still {fixed(share, 2)} noise floors. Standard errors count what is left as if it were "
+        "chance; what the model lacks in earnest may have moved the estimates by more."
+    )
 
 
 def _answer(diagnosis: Diagnosis) -> Iterator[str]:

@@ -29,12 +29,15 @@ VERDICTS: Final = {
 GROWN: Final = 1.02
 """A held-out error that is this many times the one before has grown."""
 
+FAR_OFF: Final = 1.5
+"""An error after that is this many noise floors: what the model still lacks may move estimates beyond their errors."""
+
 # Units of the names' suffixes, spelled out, of those that are shown in another unit.
 _SI: Final = {"_rad": "rad", "_m": "m", "_mps": "m/s", "_pa": "Pa"}
 # Suffixes of names whose unit always stands beside the number.
 _COMPOUND: Final = ("_npm2", "_per_rad", "_per_k", "_s2pm", "_rad2", "_kgm", "_m2", "_pm", "_pn")
 _PRINTED: Final = {"^2": "²", "^3": "³", "degC": "°C", "+-": "±", " * ": " · "}
-_GREEK: Final = {"alpha": "α", "gamma": "γ", "kappa": "κ", "omega": "ω", "phi": "φ", "theta": "θ"}
+_GREEK: Final = {"alpha": "α", "gamma": "γ", "kappa": "κ", "omega": "ω", "phi": "φ", "psi": "ψ", "theta": "θ"}
 _GREEK_WORD: Final = re.compile(rf"(?<![A-Za-z])(d?)({'|'.join(_GREEK)})(?![a-z])")
 # An estimate of another load or pressure than that of most revolutions: `Bs (3500 N, 210 kPa)`.
 _STATE: Final = re.compile(r"(.+) \((\S+ N, \S+ kPa)\)")

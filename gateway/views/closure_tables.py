@@ -100,6 +100,7 @@ class EstimateRow:
     percent: str
     errors: str
     determined: bool
+    determined_text: str
     drawn: tuple[Interval, ...] = field(default=())
 
 
@@ -251,6 +252,7 @@ def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined
         percent=_percent(old, new).removesuffix(" %") or MISSING,
         errors=f"{round(errors, 1) + 0.0:+.1f}" if math.isfinite(errors) else MISSING,
         determined=determined,
+        determined_text="not fitted" if new.std == 0.0 else "yes" if determined else "no",
         drawn=_intervals(old, new),
     )
 

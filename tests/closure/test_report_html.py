@@ -27,6 +27,7 @@ from gateway.views.closure_chapters import chapters
 from gateway.views.closure_figures import order_coefficients, orders_figure, trend_figure, waveform_figure
 from gateway.views.closure_html import diagnosis_html
 from gateway.views.closure_rows import reference_group
+from gateway.views.closure_summary import closure_summary_lines
 from gateway.views.closure_svg import inline_svg, report_style
 from gateway.views.closure_tables import by_state, estimate_rows, steps, unexplained_rows
 
@@ -121,6 +122,23 @@ def test_effects_that_cannot_be_told_apart_are_in_the_answer_and_the_steps():
         "(2.8000 ± 0.0090)e-3",
         "(2.8340 ± 0.0070)e-3",
     ]
+
+
+def test_a_model_that_still_lacks_much_casts_doubt_on_its_estimates():
+    far = replace(
+        ordinary(1), curves=(), spectra=(), trends=(), held_out=HeldOut(14.3, 3.05, 40, 4), noise_floor_mps2=0.47
+    )
+    assert "The error after is still 6.49 noise floors" in Page(diagnosis_html(far)).text
+    assert "estimates may be off" in "\n".join(closure_summary_lines(far))
+    near = replace(far, noise_floor_mps2=3.0)
+    assert "noise floors. Standard errors" not in Page(diagnosis_html(near)).text
+    assert "estimates may be off" not in "\n".join(closure_summary_lines(near))
+
+
+def test_what_no_fit_has_moved_is_not_called_determined():
+    given = {"Bs": Fitted(0.003, 1e-5), "contact_half_angle_rad": Fitted(0.2, 0.0, "rad")}
+    rows = estimate_rows(replace(empty(), estimates_before=given, estimates_after=given))
+    assert [row.determined_text for row in rows] == ["yes", "not fitted"]
 
 
 def test_one_step_is_not_told_twice():
