@@ -58,7 +58,7 @@ class _Lines:
         before, after = fixed(held_out.rms_before_mps2, 2), fixed(held_out.rms_after_mps2, 2)
         yield self._row("held-out rms", f"{before} m/s² before, {after} m/s² after{': it has grown' if grown else ''}")
         share = ratio(held_out.rms_after_mps2, floor)
-        far = ": estimates may be off beyond their errors" if share > FAR_OFF else ""
+        far = ": estimates may be biased" if share > FAR_OFF else ""
         yield self._row("noise floor", f"{fixed(floor, 2)} m/s²; after / floor {fixed(share, 2)}{far}")
         undecided = undecided_sets(diagnosis)
         yield from self._named(diagnosis.named, bool(undecided))

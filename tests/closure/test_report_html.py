@@ -129,10 +129,10 @@ def test_a_model_that_still_lacks_much_casts_doubt_on_its_estimates():
         ordinary(1), curves=(), spectra=(), trends=(), held_out=HeldOut(14.3, 3.05, 40, 4), noise_floor_mps2=0.47
     )
     assert "The error after is still 6.49 noise floors" in Page(diagnosis_html(far)).text
-    assert "estimates may be off" in "\n".join(closure_summary_lines(far))
+    assert "estimates may be biased" in "\n".join(closure_summary_lines(far))
     near = replace(far, noise_floor_mps2=3.0)
     assert "noise floors. Standard errors" not in Page(diagnosis_html(near)).text
-    assert "estimates may be off" not in "\n".join(closure_summary_lines(near))
+    assert "estimates may be biased" not in "\n".join(closure_summary_lines(near))
 
 
 def test_what_no_fit_has_moved_is_not_called_determined():
