@@ -26,6 +26,8 @@ from gateway.errors import TreadlinkError
 FloatArray = NDArray[np.float64]
 
 _FEW_REVOLUTIONS: Final = 20
+# Held-out error over the noise floor from which no estimate counts as determined.
+_BIASED: Final = 1.5
 
 
 def diagnose(
@@ -64,6 +66,9 @@ def diagnose(
     on_progress(0.97, "figures")
     before, _ = estimates_of(selection.start, data)
     after, determined = estimates_of(selection.final, selection.data)
+    if held_out.rms_after_mps2 > _BIASED * noise:
+        # What the model still lacks moves its numbers by more than their errors say.
+        determined = dict.fromkeys(determined, False)
     left: tuple[Unexplained, ...] = (*unexplained(selection.final, selection.data), *time_locked.unexplained)
     on_progress(1.0, "done")
     return Diagnosis(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gateway.closure.effects.base import Checked
-from gateway.closure.fit import Fit
+from gateway.closure.fit import Fit, held_out_without
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
 
@@ -129,6 +129,20 @@ def _verdict(values: FloatArray, spread: FloatArray, groups: list[str]) -> str:
     std = np.sqrt(np.diagonal(spread)).reshape(count, own)
     worst = int(np.argmax(np.max(np.abs(values) / std, axis=1)))
     return f"it would have to be of another size in other recordings (most so in {groups[worst]})"
+
+
+def useless(fit: Fit, effect: AngleEffect) -> str:
+    """Return that an effect does not lower the error of data held out, in words; empty when it does."""
+    gain = held_out_without(fit, fit.model.layout.effect(effect.name)) - fit.held_out()
+    if float(gain.sum()) > spread(gain):
+        return ""
+    return "without it data held out are predicted as well"
+
+
+def spread(gain: FloatArray) -> float:
+    """Return the standard error of a sum over folds (K,); folds with 0 are not seen."""
+    seen = gain[gain != 0.0]
+    return float(np.std(seen, ddof=1)) * math.sqrt(len(seen)) if len(seen) > 1 else 0.0
 
 
 def explained_and_left(fit: Fit, without: Sequence[ComplexArray], data: Whitened) -> tuple[float, float]:

@@ -142,9 +142,7 @@ def _reason_against(
 ) -> str | None:
     """Return why an effect is refused, empty when it passes, None when there is nothing to speak of."""
     evidence = (fit.misfit - after.misfit) / scale
-    seen = gain[gain != 0.0]
-    spread = float(np.std(seen, ddof=1)) * math.sqrt(len(seen)) if len(seen) > 1 else 0.0
-    if evidence < gates.evidence_needed(effect) or float(gain.sum()) <= spread:
+    if evidence < gates.evidence_needed(effect) or float(gain.sum()) <= gates.spread(gain):
         return None
     if fit.misfit - after.misfit < least:
         return None

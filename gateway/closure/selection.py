@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gateway.closure import gates
 from gateway.closure.cores import Core, NoShapeError
 from gateway.closure.effects.base import Approximate
-from gateway.closure.fit import Fit, FitFailedError, fit_model
+from gateway.closure.fit import Fit, FitFailedError, fit_model, held_out_without
 from gateway.closure.judging import AT_NOISE, Step, is_taken, judged, price, stands
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
@@ -168,10 +168,8 @@ def _prune(selection: Selection, data: Whitened) -> None:
         if needless is None:
             return
         step, without = needless
-        last = selection.steps[-1]
         selection.steps = [kept for kept in selection.steps if kept is not step]
-        gain = last.before.held_out() - without.held_out()
-        selection.steps[-1] = Step(last.effect, last.before, without, gain, last.fall)
+        selection.steps[-1] = _now(selection.steps[-1], without)
 
 
 def _judge_leftovers(selection: Selection, data: Whitened) -> None:
@@ -182,7 +180,7 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         suspects: list[tuple[float, Step, str]] = []
         for step in selection.steps:
             explained, left = gates.explained_and_left(final, predicted_without(final, step.effect), data)
-            reason = gates.implausible(final, step.effect, scale)
+            reason = gates.implausible(final, step.effect, scale) or gates.useless(final, step.effect)
             if reason or gates.stands_in(step.effect, _SUSPECT * explained, left):
                 suspects.append((left / max(explained, 1e-300), step, reason))
         worst = _worst(sorted(suspects, key=lambda suspect: -suspect[0]), final, data)
@@ -192,9 +190,13 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         selection.refused[step.effect.name] = (reason, without.misfit - final.misfit, step.gain, final)
         selection.steps = [kept for kept in selection.steps if kept is not step]
         if selection.steps:
-            last = selection.steps[-1]
-            gain = last.before.held_out() - without.held_out()
-            selection.steps[-1] = Step(last.effect, last.before, without, gain, last.fall)
+            selection.steps[-1] = _now(selection.steps[-1], without)
+
+
+def _now(last: Step, final: Fit) -> Step:
+    """Return the last step as it is in a fit from which another effect has been taken out."""
+    gain = held_out_without(final, final.model.layout.effect(last.effect.name)) - final.held_out()
+    return replace(last, after=final, gain=gain)
 
 
 def _worst(suspects: list[tuple[float, Step, str]], final: Fit, data: Whitened) -> tuple[Step, str, Fit] | None:

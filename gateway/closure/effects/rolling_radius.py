@@ -46,7 +46,8 @@ class RollingRadius:
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the share of the ring's accelerations."""
-        return float(parameters[0]) * self.derivative(here, parameters)[0]
+        result: FloatArray = float(parameters[0]) * self.derivative(here, parameters)[0]
+        return result
 
     def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the ring's accelerations without what the sensor's depth adds."""
