@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.cores import Shape, moved
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
-from gateway.closure.out_of_round import LOAD_STEP, LoadedShape, out_of_round
+from gateway.closure.out_of_round import LoadedShape, load_step, out_of_round
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
 from gateway.physics.constants import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
@@ -91,13 +91,14 @@ class ExactCore:
         if not (options.runout_cosine_m or options.runout_sine_m):
             return self._round(parameters, conditions, options)
         round_options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
+        share = load_step(options.runout_cosine_m, options.runout_sine_m)
         # Softer by as much is the same shape as loaded more.
         lighter, middle, heavier = (
             LoadedShape(
                 self._round(softer, conditions, round_options),
                 self._solve(softer, conditions, round_options, self._grid(conditions)).ring.axle_height_m,
             )
-            for softer in (parameters - math.log1p(step) for step in (-LOAD_STEP, 0.0, LOAD_STEP))
+            for softer in (parameters - math.log1p(step) for step in (-share, 0.0, share))
         )
         heights = options.runout_cosine_m, options.runout_sine_m
         return out_of_round(lighter, middle, heavier, conditions.radius_m, *heights)

@@ -105,7 +105,8 @@ def uneven(fit: Fit, effect: AngleEffect, scale: float) -> str:
     each = np.concatenate([np.arange(where.start, where.stop), np.arange(size, total)])
     values = change[each].reshape(len(groups), own)
     spread = scale * covariance[np.ix_(each, each)]
-    tolerance = _TOLERANCE * _sizes(fit.vector[where], effect)
+    own_size = np.array([parameter.prior_std if parameter.varies else 0.0 for parameter in effect.parameters])
+    tolerance = np.maximum(own_size, _TOLERANCE * _sizes(fit.vector[where], effect))
     spread = spread + np.diag(np.tile(np.square(tolerance), len(groups)))
     return _verdict(values, spread, groups=[group.label for group in groups])
 
@@ -131,8 +132,16 @@ def _verdict(values: FloatArray, spread: FloatArray, groups: list[str]) -> str:
     return f"it would have to be of another size in other recordings (most so in {groups[worst]})"
 
 
-def useless(fit: Fit, effect: AngleEffect) -> str:
-    """Return that an effect does not lower the error of data held out, in words; empty when it does."""
+def useless(fit: Fit, effect: AngleEffect, scale: float) -> str:
+    """Return that an effect is not needed beside the others, in words; empty when it is.
+
+    Args:
+        fit: with all in.
+        effect: the effect.
+        scale: overdispersion.
+    """
+    if significance(fit, effect) < evidence_needed(effect) * scale:
+        return "beside the others it is too small to be told from nothing"
     gain = held_out_without(fit, fit.model.layout.effect(effect.name)) - fit.held_out()
     if float(gain.sum()) > spread(gain):
         return ""

@@ -14,8 +14,9 @@ from gateway.physics.rolling_ring_waveform import SensorWaveform
 
 FloatArray = NDArray[np.float64]
 
-LOAD_STEP: Final = 0.04
-"""Share of the load by which the shapes beside the middle one differ from it."""
+# Shares of the load by which the shapes beside the middle one differ from it, and the height from which on it is the
+# larger: a millimetre swings the load of a car's tire by 5 %, and the parabola holds within its shapes.
+_STEP, _LARGE_STEP, _LARGE_M = 0.04, 0.1, 7e-4
 _THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE, dtype=np.float64)
 
 
@@ -24,6 +25,11 @@ class LoadedShape(NamedTuple):
 
     shape: Shape
     axle_height_m: float
+
+
+def load_step(cosine_m: float, sine_m: float) -> float:
+    """Return the share of the load by which the shapes beside the middle one are to differ from it."""
+    return _STEP if math.hypot(cosine_m, sine_m) < _LARGE_M else _LARGE_STEP
 
 
 def out_of_round(
@@ -36,9 +42,9 @@ def out_of_round(
     sensor rides on a radius that is larger by the cosine.
 
     Args:
-        lighter: the round tire at (1 - LOAD_STEP) of its load.
+        lighter: the round tire at (1 - load step) of its load.
         middle: at its load.
-        heavier: at (1 + LOAD_STEP) of it.
+        heavier: at (1 + load step) of it.
         radius_m: belt radius.
         cosine_m: height at the sensor.
         sine_m: height on the road a quarter of a turn after the sensor's bottom.

@@ -180,7 +180,7 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         suspects: list[tuple[float, Step, str]] = []
         for step in selection.steps:
             explained, left = gates.explained_and_left(final, predicted_without(final, step.effect), data)
-            reason = gates.implausible(final, step.effect, scale) or gates.useless(final, step.effect)
+            reason = gates.implausible(final, step.effect, scale) or gates.useless(final, step.effect, scale)
             if reason or gates.stands_in(step.effect, _SUSPECT * explained, left):
                 suspects.append((left / max(explained, 1e-300), step, reason))
         worst = _worst(sorted(suspects, key=lambda suspect: -suspect[0]), final, data)

@@ -69,6 +69,7 @@ class Parameter:
         prior_mean: 0 for all but shapes: a corner frequency, an order.
         factor: display value = value * factor.
         display_unit: unit of the displayed value; `unit` when empty.
+        varies: True where it may differ from recording to recording by what it stands for.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Parameter:
     prior_mean: float = 0.0
     factor: float = 1.0
     display_unit: str = ""
+    varies: bool = False
 
     @property
     def known(self) -> bool:

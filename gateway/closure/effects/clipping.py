@@ -39,7 +39,7 @@ class Clipping:
     # speed that varies by 3 % within a group.
     parameters: tuple[Parameter, ...] = (
         Parameter("inverse_limit_s2pm", "s^2/m", 0.0, 0.01, 1e-3, 1e-7),
-        Parameter("knee", "", -0.1, 0.1, 0.01, 1e-4, prior_mean=0.01, factor=100.0, display_unit="%"),
+        Parameter("knee", "", -0.1, 0.1, 0.01, 1e-4, prior_mean=0.01, factor=100.0, display_unit="%", varies=True),
     )
     seen_by = "radial axis, the fastest recordings: overshoot at the contact's edges, then the whole free arc"
     confused_with = (
