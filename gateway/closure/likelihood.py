@@ -87,7 +87,7 @@ def whiten(campaign: Campaign, *, with_mean: bool, unseen: int | None = None) ->
 
     Args:
         campaign: the data.
-        with_mean: False leaves out order 0 of the radial axis.
+        with_mean: False leaves out order 0.
         unseen: fold that has no part in the weights of any, its own included.
     """
     orders, weights, variances = [], [], []
@@ -98,7 +98,8 @@ def whiten(campaign: Campaign, *, with_mean: bool, unseen: int | None = None) ->
         floor = _floor(_seen(group, unseen))
         known = np.isfinite(data) & np.isfinite(variance) & (variance + floor > 0.0)
         if not with_mean:
-            known[:, 2, 0] = False
+            # A tilt leaks the radial mean, which the model does not have, into the other axes.
+            known[:, :, 0] = False
         weight = np.where(known, 1.0 / np.sqrt(np.where(known, variance + floor, 1.0)), 0.0)
         orders.append(np.where(known, data, 0.0))
         weights.append(weight)

@@ -141,3 +141,11 @@ def test_they_are_no_better_than_what_is_there(name: str, values: tuple[float, .
     except FitFailedError:
         return
     assert wrong.misfit > right.misfit + 100.0
+
+
+@pytest.mark.parametrize(("order", "pitch"), [(0.0, 60.0), (-5.0, 60.0), (50.0, -40.0), (1e4, 130.0)])
+def test_a_fit_on_its_way_may_ask_for_what_is_no_wave(order: float, pitch: float) -> None:
+    parameters = np.array([0.1, 0.1, order, 1.0, 0.1, 0.1, order, 1.0, pitch, 0.1, 0.1, order, 0.2, 0.1])
+    here = here_of(offset_m=OFFSET_M)
+    assert np.isfinite(effect().contribution(here, parameters)).all()
+    assert np.isfinite(effect().derivative(here, parameters)).all()

@@ -28,6 +28,9 @@ REFERENCE_MPS: Final = 20.0
 _ONSET_RAD: Final = 0.03
 # Pitch from which waves travel at a speed of their own; those of less stand still on the road, whatever its speed.
 _TRAVELLING: Final = 15.0
+_LEAST_ORDER: Final = 1.0
+# Logarithm of the most that an order may change by with speed.
+_MOST: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +64,11 @@ def seen(order: float, pitch: float, speed_mps: float) -> Seen:
     square = pitch**2 + _TRAVELLING**2
     power = pitch * (order - pitch) / square
     ratio = math.log(speed_mps / REFERENCE_MPS)
-    stretch = math.exp(power * ratio)
+    stretch = math.exp(min(max(power * ratio, -_MOST), _MOST))
     by_order = stretch * ratio * pitch / square
     by_pitch = stretch * ratio * (order - 2.0 * pitch * (1.0 + power)) / square
-    there = order * stretch
+    # A fit on its way may ask for what is no wave any more.
+    there = max(order * stretch, _LEAST_ORDER)
     share_by = (pitch * (stretch + order * by_order) / there**2, pitch * order * by_pitch / there**2 - 1.0 / there)
     return Seen(stretch, 1.0 - pitch / there, (by_order, by_pitch), share_by)
 
