@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gateway.closure import gates
 from gateway.closure.cores import Core, NoShapeError
 from gateway.closure.effects.base import Approximate
-from gateway.closure.fit import Fit, FitFailedError, fit_model, held_out_without
+from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.judging import AT_NOISE, Step, is_taken, judged, price, stands
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
@@ -169,7 +169,7 @@ def _prune(selection: Selection, data: Whitened) -> None:
             return
         step, without = needless
         selection.steps = [kept for kept in selection.steps if kept is not step]
-        selection.steps[-1] = _now(selection.steps[-1], without)
+        selection.steps[-1] = replace(selection.steps[-1], after=without)
 
 
 def _judge_leftovers(selection: Selection, data: Whitened) -> None:
@@ -190,13 +190,7 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         selection.refused[step.effect.name] = (reason, without.misfit - final.misfit, step.gain, final)
         selection.steps = [kept for kept in selection.steps if kept is not step]
         if selection.steps:
-            selection.steps[-1] = _now(selection.steps[-1], without)
-
-
-def _now(last: Step, final: Fit) -> Step:
-    """Return the last step as it is in a fit from which another effect has been taken out."""
-    gain = held_out_without(final, final.model.layout.effect(last.effect.name)) - final.held_out()
-    return replace(last, after=final, gain=gain)
+            selection.steps[-1] = replace(selection.steps[-1], after=without)
 
 
 def _worst(suspects: list[tuple[float, Step, str]], final: Fit, data: Whitened) -> tuple[Step, str, Fit] | None:
