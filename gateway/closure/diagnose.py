@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.closing import close_loop
 from gateway.closure.contribution import contribution_table
-from gateway.closure.diagnosis import Diagnosis, Unexplained, Verdict
+from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Unexplained, Verdict
 from gateway.closure.edge_finding import beside_edges, edge_findings
 from gateway.closure.effects.base import StartModel
 from gateway.closure.estimates import estimates_of
@@ -26,8 +26,6 @@ from gateway.errors import TreadlinkError
 FloatArray = NDArray[np.float64]
 
 _FEW_REVOLUTIONS: Final = 20
-# Held-out error over the noise floor from which no estimate counts as determined.
-_BIASED: Final = 1.5
 
 
 def diagnose(
@@ -66,8 +64,7 @@ def diagnose(
     on_progress(0.97, "figures")
     before, _ = estimates_of(selection.start, data)
     after, determined = estimates_of(selection.final, selection.data)
-    if held_out.rms_after_mps2 > _BIASED * noise:
-        # What the model still lacks moves its numbers by more than their errors say.
+    if held_out.rms_after_mps2 > FAR_OFF * noise:
         determined = dict.fromkeys(determined, False)
     left: tuple[Unexplained, ...] = (*unexplained(selection.final, selection.data), *time_locked.unexplained)
     on_progress(1.0, "done")

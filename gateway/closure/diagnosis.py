@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.signal.correction import CorrectionTable
+
+FAR_OFF: Final = 1.5
+"""An error after that is this many noise floors: what the model still lacks may move estimates beyond their errors."""
 
 FloatArray = NDArray[np.float64]
 

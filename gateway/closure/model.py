@@ -136,10 +136,6 @@ class ClosureModel:
         result: ComplexArray = orders[0] + square * of_square + drift * of_drift
         return result
 
-    def group_orders(self, vector: FloatArray, index: int) -> ComplexArray:
-        """Return the orders of one group at its own mean conditions, (3, ORDERS)."""
-        return self._orders(vector, index, self.shape(vector, index), self.campaign.groups[index].conditions)
-
     def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: Conditions) -> ComplexArray:
         here = base_signal(self.core, shape, conditions)
         here, _ = self._chain(vector, here, _declared(self.campaign.groups[index]))

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gateway import __version__
-from gateway.closure.diagnosis import Diagnosis
+from gateway.closure.diagnosis import FAR_OFF, Diagnosis
 from gateway.views.closure_chapters import Chapter, chapters
 from gateway.views.closure_rows import (
-    FAR_OFF,
     GROWN,
     listed,
     model_words,

@@ -29,9 +29,6 @@ VERDICTS: Final = {
 GROWN: Final = 1.02
 """A held-out error that is this many times the one before has grown."""
 
-FAR_OFF: Final = 1.5
-"""An error after that is this many noise floors: what the model still lacks may move estimates beyond their errors."""
-
 # Units of the names' suffixes, spelled out, of those that are shown in another unit.
 _SI: Final = {"_rad": "rad", "_m": "m", "_mps": "m/s", "_pa": "Pa"}
 # Suffixes of names whose unit always stands beside the number.

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from gateway.closure.diagnosis import Diagnosis, Finding
+from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Finding
 from gateway.views.closure_rows import (
-    FAR_OFF,
     GROWN,
     listed,
     model_words,

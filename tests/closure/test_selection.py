@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gateway.closure import gates
+from gateway.closure.diagnose import diagnose
+from gateway.closure.diagnosis import FAR_OFF
 from gateway.closure.effects.base import Checked, Conditions, StartModel
 from gateway.closure.effects.catalogue import candidates, catalogue
+from gateway.closure.fit import held_out_without
 from gateway.closure.judging import is_taken
 from gateway.closure.likelihood import whiten
 from gateway.closure.model import AngleEffect
+from gateway.closure.rivals import fit_without
 from gateway.closure.selection import Selection, select
 from gateway.closure.starting import angle_effects, make_core
-from tests.closure.planted_campaign import Plant, campaign_of, conditions, gain, nothing
+from tests.closure.planted_campaign import Plant, campaign_of, conditions, fitted, gain, nothing
 
 FloatArray = NDArray[np.float64]
 
@@ -83,3 +88,27 @@ def test_waves_that_travel_have_a_pitch(pitch: float, std: float, may_be: bool) 
     assert isinstance(effect, Checked)
     values = np.array([0.1, 0.1, 92.0, 4.0, 0.1, 0.1, 52.0, 1.4, pitch, 0.0, 0.0, 30.0, 0.25, 0.09])
     assert (effect.reason_against(values, np.full(14, std)) == "") is may_be
+
+
+def test_of_a_model_far_from_the_data_no_estimate_is_determined() -> None:
+    def bent(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        # Nothing in the catalogue swells with the fifth power of the speed.
+        bump = np.exp(-0.5 * np.square((theta - 1.9) / 0.08))
+        return signal + 60.0 * (here.omega_radps / 55.0) ** 5 * bump
+
+    few = (conditions(60.0), conditions(40.0))
+    near, far = (diagnose(campaign_of(few, plant, noise_mps2=1.5)) for plant in (nothing, bent))
+    assert far.held_out.rms_after_mps2 > FAR_OFF * far.noise_floor_mps2
+    assert any(near.determined.values())
+    assert not any(far.determined.values())
+
+
+def test_held_out_error_without_an_effect_is_that_of_a_fit_without_it() -> None:
+    effect = angle_effect("zero-g offset")
+    fit, data = fitted(campaign_of(CONDITIONS, noise_mps2=1.5), effect)
+    without = fit_without(fit, effect, data)
+    assert without is not None
+    linear = held_out_without(fit, fit.model.layout.effect(effect.name))
+    assert linear == pytest.approx(without.held_out(), abs=0.5)
+    # One that is not there lowers nothing.
+    assert gates.useless(fit, effect, gates.overdispersion(fit, data))
