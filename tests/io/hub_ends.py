@@ -22,6 +22,7 @@ class PtyPort:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._master = -1
+        self._hung_up, self._hang_up = os.pipe()
         self.plug()
 
     def plug(self) -> None:
@@ -33,10 +34,18 @@ class PtyPort:
         self.path.symlink_to(name)
 
     def send(self, data: bytes) -> None:
+        """Write until all is taken or the port hangs up; fails when nobody reads."""
         view = memoryview(data)
         while view:
-            assert select.select([], [self._master], [], TIMEOUT_S)[1], "the gateway does not read"
+            hung_up, ready, _ = select.select([self._hung_up], [self._master], [], TIMEOUT_S)
+            if hung_up:
+                return
+            assert ready, "the gateway does not read"
             view = view[os.write(self._master, view[:2048]) :]
+
+    def hang_up(self) -> None:
+        """End a `send` that another thread is in: a descriptor closed under it could be another file's by then."""
+        os.write(self._hang_up, b"x")
 
     def unplug(self) -> None:
         os.close(self._master)
@@ -46,6 +55,8 @@ class PtyPort:
     def close(self) -> None:
         if self._master >= 0:
             self.unplug()
+        os.close(self._hung_up)
+        os.close(self._hang_up)
 
 
 class TcpHub:

@@ -13,7 +13,7 @@ import pytest
 from gateway.clock import ManualClock
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, open_source
 from gateway.recording.writer import RecordingWriter
-from tests.io.hub_ends import PtyPort, Reader, TcpHub
+from tests.io.hub_ends import TIMEOUT_S, PtyPort, Reader, TcpHub
 
 Opened = tuple[Source, Callable[[], None]]
 """A source, and what makes its hub send; to be called when it is connected."""
@@ -30,13 +30,14 @@ def nothing() -> None:
 def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Opened]:
     clock = ManualClock()
     closing: list[Callable[[], object]] = []
+    hang_up = nothing
     if request.param == "serial":
         port = PtyPort(tmp_path / "ttyHUB")
         closing.append(port.close)
+        hang_up = port.hang_up
 
         def send() -> None:
-            with contextlib.suppress(OSError, ValueError):  # the port may be closed under it
-                port.send(STREAM)
+            port.send(STREAM)
 
         source = open_source(f"serial:{port.path}", clock)
     elif request.param == "tcp":
@@ -61,22 +62,26 @@ def opened(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Opened]:
         source, send = open_source(f"replay:{tmp_path}/d.bin?rate=100000", clock), nothing
     else:
         source, send = open_source("sim:demo?seed=1", clock), nothing
-    yield source, send
+    sender = threading.Thread(target=send)
+    yield source, sender.start
     source.close()
+    hang_up()
+    if sender.ident is not None:
+        sender.join(TIMEOUT_S)
+        assert not sender.is_alive(), "the hub's end does not let go"
     for close in closing:
         close()
 
 
 def read_some(source: Source, send: Callable[[], None], reader: Reader) -> list[LinkItem]:
     """Return items up to the third chunk; the hub sends as soon as the link is open."""
-    sender = threading.Thread(target=send, daemon=True)  # may be left with bytes that nobody reads
     items: list[LinkItem] = []
     while sum(isinstance(item, Chunk) for item in items) < ENOUGH_CHUNKS:
         item = reader.next()
         assert item is not None, f"ended early: {reader.error}"
         items.append(item)
         if isinstance(item, LinkEvent) and item.kind is LinkEventKind.CONNECTED:
-            sender.start()
+            send()
     return items
 
 
