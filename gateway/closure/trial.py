@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -37,6 +38,7 @@ class Trial:
     Attributes:
         effect: the effect.
         model: the model with it.
+        start: the effect's parameters that it was tried from.
         vector: where the linear fit puts the parameters.
         misfit: chi-square of the data there, by the linear fit.
         held_out: (K,) misfit of every fold under the fit of all others.
@@ -44,6 +46,7 @@ class Trial:
 
     effect: AngleEffect
     model: ClosureModel
+    start: FloatArray
     vector: FloatArray
     misfit: float
     held_out: FloatArray
@@ -56,29 +59,30 @@ def try_effect(fit: Fit, data: Whitened, effect: AngleEffect) -> Trial | None:
     if not isinstance(effect, SignalEffect):
         # The ring answers a large change of itself otherwise than a small one.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
-    best, near = _best_of(fit, data, effect, starts)
-    if best is not None and isinstance(effect, Scanned):
+    best = min(_trials(fit, data, effect, starts), key=_unseen, default=None)
+    if best is None:
+        return None
+    if isinstance(effect, Scanned):
         for place, values in effect.scan:
+            near = best.start.tolist()
             varied = [(*near[:place], value, *near[place + 1 :]) for value in values]
-            trial, start = _best_of(fit, data, effect, varied)
-            if trial is not None and trial.held_out.sum() < best.held_out.sum():
-                best, near = trial, start
+            best = min([best, *_trials(fit, data, effect, varied)], key=_unseen)
+    elif isinstance(effect, SignalEffect) and not effect.linear:
+        # What a start far too large adds by its curvature hides a small effect, so it is tried where that start leads.
+        reached = np.clip(best.vector[best.model.layout.effect(effect.name)], *_bounds(effect))
+        best = min([best, *_trials(fit, data, effect, [reached.tolist()])], key=_unseen)
     return best
 
 
-def _best_of(
-    fit: Fit, data: Whitened, effect: AngleEffect, starts: Sequence[tuple[float, ...]]
-) -> tuple[Trial | None, tuple[float, ...]]:
-    """Return the best trial, by held-out misfit, with its start."""
-    best: Trial | None = None
-    near: tuple[float, ...] = ()
-    for start in starts:
-        trial = _try_from(fit, data, effect, np.array(start, dtype=np.float64))
-        if trial is None or not np.isfinite(trial.misfit):
-            continue
-        if best is None or trial.held_out.sum() < best.held_out.sum():
-            best, near = trial, start
-    return best, near
+def _trials(fit: Fit, data: Whitened, effect: AngleEffect, starts: Sequence[Sequence[float]]) -> list[Trial]:
+    """Return the trials from these starts, as far as they can be had."""
+    trials = [_try_from(fit, data, effect, np.array(start, dtype=np.float64)) for start in starts]
+    return [trial for trial in trials if trial is not None and math.isfinite(trial.misfit + _unseen(trial))]
+
+
+def _unseen(trial: Trial) -> float:
+    """Return the misfit of all folds, each under the fit of the others."""
+    return float(trial.held_out.sum())
 
 
 def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
@@ -96,8 +100,7 @@ def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
     where = trial.model.layout.effect(trial.effect.name)
     if not isinstance(trial.effect, SignalEffect):
         # A ring is not solved for stiffnesses and dampings below zero.
-        bounds = [(parameter.low, parameter.high) for parameter in trial.effect.parameters]
-        vector[where] = np.clip(vector[where], *np.array(bounds).T)
+        vector[where] = np.clip(vector[where], *_bounds(trial.effect))
     mean, _ = trial.model.priors()
     states = trial.model.layout.states
     if float(np.abs(vector[states] - mean[states]).max()) < _BENT or _is_better(trial.model, vector, fit, data):
@@ -119,6 +122,11 @@ def bare(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
         return linearised(model, data, fit.model.layout.moved(fit.vector, model.layout), mean, std * _tightened(fit))
     except (NoShapeError, np.linalg.LinAlgError):
         return None
+
+
+def _bounds(effect: AngleEffect) -> FloatArray:
+    """Return the lowest and the highest plausible value of each parameter, (2, P)."""
+    return np.array([(parameter.low, parameter.high) for parameter in effect.parameters]).T
 
 
 def _is_better(model: ClosureModel, vector: FloatArray, fit: Fit, data: Whitened) -> bool:
@@ -155,7 +163,7 @@ def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) 
         return None
     if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
         return None
-    return _solved(effect, model, there, Normal(matrix, gradient, misfit), _tightened(fit))
+    return _solved(effect, start, model, there, Normal(matrix, gradient, misfit), _tightened(fit))
 
 
 def _places(fit: Fit, model: ClosureModel) -> NDArray[np.intp]:
@@ -174,7 +182,7 @@ def _tightened(fit: Fit) -> float:
 
 
 def _solved(
-    effect: AngleEffect, model: ClosureModel, there: FloatArray, normal: Normal, tightened: float
+    effect: AngleEffect, start: FloatArray, model: ClosureModel, there: FloatArray, normal: Normal, tightened: float
 ) -> Trial | None:
     mean, std = model.priors()
     # What is wrong with the states may be the effect's doing, so its own prior stays wide.
@@ -191,4 +199,4 @@ def _solved(
         return None
     misfit = float(normal.misfit.sum() - 2.0 * change @ normal.gradient.sum(axis=0) + change @ total @ change)
     known = model.witness_misfit(there + change)
-    return Trial(effect, model, there + change, misfit + known, held_out + known / len(held_out))
+    return Trial(effect, model, start, there + change, misfit + known, held_out + known / len(held_out))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
@@ -219,7 +220,7 @@ def _effect(finding: Finding) -> EffectRow:
         told = finding.verdict is Verdict.INDISTINGUISHABLE
         remarks.append(("Cannot be told from:" if told else "Explains the same as:", others))
     if finding.verdict is Verdict.INDISTINGUISHABLE:
-        remarks.append(("Because:", printed(finding.reason)))
+        remarks.append(("Because:", _reason(finding)))
     remarks.append(("To decide:", printed(finding.decide_with)))
     change = (
         f"{significant(finding.rms_before_mps2)} → {significant(finding.rms_after_mps2)}"
@@ -236,9 +237,17 @@ def _effect(finding: Finding) -> EffectRow:
         held_out=change,
         gain=plain(finding.held_out_gain, finding.held_out_std),
         chi2=significant(finding.chi2),
-        reason=printed(finding.reason),
+        reason=_reason(finding),
         remarks=tuple((label, text) for label, text in remarks if text),
     )
+
+
+def _reason(finding: Finding) -> str:
+    """Return why an effect is refused or not told from others, its parameters called as they are beside it."""
+    reason = finding.reason
+    for name, fitted in finding.parameters.items():
+        reason = re.sub(rf"\b{re.escape(name)}\b", show_fitted(name, fitted).label, reason)
+    return printed(reason)
 
 
 def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined: bool) -> EstimateRow:

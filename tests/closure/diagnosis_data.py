@@ -181,7 +181,7 @@ def ordinary(groups: int = 4) -> Diagnosis:
                 held_out_gain=2.0,
                 held_out_std=5.0,
                 rms_mps2=0.2,
-                reason="no gain on held-out revolutions; the limit lies above the largest sample",
+                reason="limit_mps2 would be 9000 m/s^2, which is not plausible: above the largest sample",
             ),
         ),
         unexplained=(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gateway.closure import gates
 from gateway.closure.diagnose import diagnose
 from gateway.closure.diagnosis import FAR_OFF
-from gateway.closure.effects.base import Checked, Conditions, StartModel
+from gateway.closure.effects.base import LATERAL, Checked, Conditions, StartModel
 from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.fit import held_out_without
 from gateway.closure.judging import is_taken
@@ -18,7 +18,8 @@ from gateway.closure.model import AngleEffect
 from gateway.closure.rivals import fit_without
 from gateway.closure.selection import Selection, select
 from gateway.closure.starting import angle_effects, make_core
-from tests.closure.planted_campaign import Plant, campaign_of, conditions, fitted, gain, nothing
+from gateway.closure.trial import refit, try_effect
+from tests.closure.planted_campaign import ALL_AXES, Plant, campaign_of, conditions, fitted, gain, nothing, turned
 
 FloatArray = NDArray[np.float64]
 
@@ -65,6 +66,16 @@ def test_a_gain_that_bends_the_ring_out_of_shape_is_still_found_alone() -> None:
     assert step.effect.name in {"gain", "rolling radius"}
     assert found.final.vector[found.final.model.layout.effect(step.effect.name)] == pytest.approx(0.0201, rel=0.02)
     assert found.final.misfit < 1.1 * found.data.used
+
+
+def test_a_tilt_far_smaller_than_a_trial_begins_with_is_promised_what_it_is_worth() -> None:
+    angle_rad = 5e-5
+    fit, data = fitted(campaign_of(CONDITIONS, turned(LATERAL, angle_rad), noise_mps2=0.05, axes=ALL_AXES))
+    trial = try_effect(fit, data, angle_effect("roll tilt"))
+    assert trial is not None
+    assert trial.vector[trial.model.layout.effect("roll tilt")] == pytest.approx(angle_rad, rel=0.1)
+    # What is promised is what a fit in earnest keeps.
+    assert trial.misfit == pytest.approx(refit(trial, fit, data).misfit, abs=3.0)
 
 
 def test_waves_of_the_edges_stand_or_travel() -> None:
