@@ -56,7 +56,7 @@ def test_keys_that_scripts_rely_on(tmp_path):
     undecided = found["effects"][verdicts.index("indistinguishable")]
     assert undecided["rivals"] == ["run-out"]
     assert "another temperature" in undecided["decide_with"]
-    assert "no gain" in found["effects"][verdicts.index("refused")]["reason"]
+    assert "limit_mps2 would be" in found["effects"][verdicts.index("refused")]["reason"]
 
     tone, bump = found["unexplained"]
     assert (tone["axis"], tone["lock"], tone["orders"], tone["hz"]) == (
