@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from gateway.closure.cores import Core
 from gateway.closure.diagnosis import Finding
+from gateway.closure.direction import turned_round
 from gateway.closure.effects.base import StartModel
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.findings import findings_of, refused
-from gateway.closure.fit import FitFailedError, fit_model
+from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.held_out import FoldError, HoldOut, agreement
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import ClosureModel
@@ -52,14 +53,20 @@ def close_loop(
     on_progress: Callable[[float, str], None],
     jobs: int,
 ) -> Closed:
-    """Select, and hold out; an effect that most folds do not come to by themselves is taken out, and all done again."""
+    """Select, and hold out; an effect that most folds do not come to by themselves is taken out, and all done again.
+
+    Raises:
+        TreadlinkError: the starting model cannot be fitted, or a recording is of the other direction than stated.
+    """
     on_progress = _Forward(on_progress)
     every = angle_effects(candidates(model))
     unsteady: dict[str, Finding] = {}
     try:
-        start = fit_model(ClosureModel(campaign, core), data, from_afar=True).vector
+        first = fit_model(ClosureModel(campaign, core), data, from_afar=True)
     except FitFailedError as error:
         raise _cannot_be_fitted(model, error) from error
+    _check_directions(first, data)
+    start = first.vector
     folds = range(min(data.folds, _OUTER_FOLDS))
     while True:
         # Ends: every time around there is one candidate less at least.
@@ -88,6 +95,31 @@ def _cannot_be_fitted(model: StartModel, error: FitFailedError) -> TreadlinkErro
     return TreadlinkError(
         f"the starting model '{model}' cannot be fitted to these recordings: {error}",
         "Check belt radius, load and pressure in the configuration.",
+    )
+
+
+def _check_directions(fit: Fit, data: Whitened) -> None:
+    """Refuse recordings that contradict the direction they are said to be of: no effect could make good for that.
+
+    Raises:
+        TreadlinkError: one does.
+    """
+    campaign = fit.model.campaign
+    wrong = turned_round(fit, data)
+    if not wrong:
+        return
+    stated = {group.recording for group in campaign.groups if group.conditions.reverse}
+    remedies = [
+        f"leave out --reverse {campaign.recordings[number]}"
+        if number in stated
+        else f"say --reverse {campaign.recordings[number]}"
+        for number in wrong
+    ]
+    raise TreadlinkError(
+        "the circumferential axis is the opposite of a rolling tire's in "
+        + ", ".join(f"'{campaign.recordings[number]}'" for number in wrong),
+        f"If the tire rolled the other way round than stated, {' and '.join(remedies)}; if it did not, "
+        "the sensor's axis points backwards: record or import it with its sign turned.",
     )
 
 

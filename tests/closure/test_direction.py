@@ -1,0 +1,75 @@
+"""A recording that rolls the other way round than stated is told as that, and not explained by an effect."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gateway.closure.diagnose import diagnose
+from gateway.closure.direction import turned_round
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions
+from gateway.errors import TreadlinkError
+from tests.closure.planted_campaign import (
+    Plant,
+    campaign_of,
+    conditions,
+    fitted,
+    gain,
+    nothing,
+    ring,
+    turned,
+)
+
+FloatArray = NDArray[np.float64]
+
+THREE = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
+BACKWARDS = conditions(40.0, reverse=True)
+
+
+def offset(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    """A sensor 5 mm below where it is said to be: the belt's turning moves it along the circumference."""
+    depth_m = 0.005
+    wave = ring(here.load_n).sensor.radial_m
+    slope = np.gradient(wave, 2.0 * math.pi / len(wave))
+    read = signal.copy()
+    read[CIRCUMFERENTIAL] += here.omega_radps**2 * depth_m / here.radius_m * slope
+    return read
+
+
+def backwards(plant: Plant) -> Plant:
+    def planted(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        read = plant(signal, theta, here)
+        read[CIRCUMFERENTIAL] *= -1.0
+        return read
+
+    return planted
+
+
+@pytest.mark.parametrize("plant", [nothing, gain, offset, turned(CIRCUMFERENTIAL, 0.1)])
+@pytest.mark.parametrize("noise_mps2", [1.0, 5.0])
+def test_nothing_else_turns_the_circumferential_axis_round(plant: Plant, noise_mps2: float) -> None:
+    assert turned_round(*fitted(campaign_of(THREE, plant, noise_mps2=noise_mps2))) == []
+    found = turned_round(*fitted(campaign_of(THREE, backwards(plant), noise_mps2=noise_mps2)))
+    assert found == [0, 1, 2]
+
+
+def test_one_of_several_is_found() -> None:
+    def second(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        return (backwards(nothing) if here.omega_radps == THREE[1].omega_radps else nothing)(signal, theta, here)
+
+    assert turned_round(*fitted(campaign_of(THREE, second))) == [1]
+
+
+def test_without_that_axis_nothing_is_said() -> None:
+    assert turned_round(*fitted(campaign_of(THREE[:1], axes=(RADIAL,)))) == []
+
+
+@pytest.mark.parametrize(("here", "remedy"), [(THREE[0], "say --reverse run 1"), (BACKWARDS, "leave out --reverse")])
+def test_the_recording_and_the_remedy_are_named(here: Conditions, remedy: str) -> None:
+    campaign = campaign_of((here,), backwards(nothing))
+    with pytest.raises(TreadlinkError, match="opposite of a rolling tire's in 'run 1'") as caught:
+        diagnose(campaign)
+    assert remedy in caught.value.remedy
