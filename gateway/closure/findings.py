@@ -18,7 +18,8 @@ from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect
 from gateway.closure.residual import POWER_SHARE
 from gateway.closure.rivals import rivals_of
-from gateway.closure.selection import Selection, contribution_sizes
+from gateway.closure.selection import Selection
+from gateway.closure.taking_out import added_by
 from gateway.closure.witness import CLOCK
 
 FloatArray = NDArray[np.float64]
@@ -122,9 +123,9 @@ def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
 
 def _size(fit: Fit, effect: AngleEffect) -> float:
     """Return the rms of what an effect adds, over the groups, on the axis where it is largest."""
-    sizes = contribution_sizes(fit, effect)
-    total = sum(np.asarray((POWER_SHARE * np.square(size)).sum(axis=1)) for size in sizes)
-    return math.sqrt(float(np.max(total)) / len(sizes))
+    every = added_by(fit, effect)
+    total = sum(np.asarray((POWER_SHARE * np.abs(added[0]) ** 2).sum(axis=1)) for added in every)
+    return math.sqrt(float(np.max(total)) / len(every))
 
 
 def _rms(fit: Fit) -> float:

@@ -122,19 +122,6 @@ def held_out_misfit(normal: Normal, from_prior: FloatArray, prior_std: FloatArra
     return result
 
 
-def held_out_without(fit: Fit, where: slice) -> FloatArray:
-    """Return the misfit of every fold under the linear fit of all others with some parameters at 0, (K,)."""
-    kept = np.ones(len(fit.vector), dtype=bool)
-    kept[where] = False
-    change = -fit.vector[where]
-    matrix, gradient = fit.normal.matrix, fit.normal.gradient
-    across = matrix[:, :, where] @ change
-    misfit = fit.normal.misfit - 2.0 * gradient[:, where] @ change + across[:, where] @ change
-    reduced = Normal(matrix[:, kept][:, :, kept], gradient[:, kept] - across[:, kept], misfit)
-    own = held_out_misfit(reduced, (fit.vector - fit.prior_mean)[kept], fit.prior_std[kept])
-    return own + fit.model.witness_misfit(np.where(kept, fit.vector, 0.0)) / len(own)
-
-
 def held_out_residuals(fit: Fit) -> list[ComplexArray]:
     """Return every group's residual (blocks, 3, ORDERS), m/s^2, each fold's under the linear fit of all others."""
     changes = _changes_without(fit.normal, fit.vector - fit.prior_mean, fit.prior_std)

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gateway.closure.effects.base import Checked
-from gateway.closure.fit import Fit, held_out_without
+from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
+from gateway.closure.taking_out import TakenOut
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -45,13 +46,6 @@ def overdispersion(fit: Fit, data: Whitened) -> float:
 def evidence_needed(effect: AngleEffect) -> float:
     """Return the least fall of the misfit."""
     return LEAST_EVIDENCE + PER_PARAMETER * (len(effect.parameters) - 1)
-
-
-def significance(fit: Fit, effect: AngleEffect) -> float:
-    """Return the chi-square of an effect's parameters against 0, by the linear fit."""
-    where = fit.model.layout.effect(effect.name)
-    values = fit.vector[where]
-    return float(values @ np.linalg.solve(fit.covariance()[where, where], values))
 
 
 def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = False) -> str:
@@ -132,17 +126,18 @@ def _verdict(values: FloatArray, spread: FloatArray, groups: list[str]) -> str:
     return f"it would have to be of another size in other recordings (most so in {groups[worst]})"
 
 
-def useless(fit: Fit, effect: AngleEffect, scale: float) -> str:
+def useless(fit: Fit, effect: AngleEffect, without: TakenOut, scale: float) -> str:
     """Return that an effect is not needed beside the others, in words; empty when it is.
 
     Args:
         fit: with all in.
         effect: the effect.
+        without: the fit without it.
         scale: overdispersion.
     """
-    if significance(fit, effect) < evidence_needed(effect) * scale:
+    if without.fall < evidence_needed(effect) * scale:
         return "beside the others it is too small to be told from nothing"
-    gain = held_out_without(fit, fit.model.layout.effect(effect.name)) - fit.held_out()
+    gain = without.held_out - fit.held_out()
     if float(gain.sum()) > spread(gain):
         return ""
     return "without it data held out are predicted as well"

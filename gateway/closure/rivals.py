@@ -5,16 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.closure import gates
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.trial import FAR_OFF, bare, refit, try_effect
-
-ComplexArray = NDArray[np.complex128]
 
 # Rivals whose misfit is no further from the effect's own than this, times the overdispersion, explain the same.
 _ALIKE: Final = 10.0
@@ -56,20 +51,3 @@ def fit_without(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
         return fit_model(model, data, fit.model.layout.moved(fit.vector, model.layout))
     except FitFailedError:
         return None
-
-
-def predicted_without(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
-    """Return the prediction with one effect taken out and the rest adapted, all of it linear; as `Fit.predicted`."""
-    where = fit.model.layout.effect(effect.name)
-    kept = np.ones(fit.model.layout.size, dtype=bool)
-    kept[where] = False
-    matrix = fit.normal.matrix.sum(axis=0) + np.diag(fit.prior_std**-2.0)
-    change = np.zeros(fit.model.layout.size)
-    change[where] = -fit.vector[where]
-    change[kept] = -np.linalg.solve(matrix[np.ix_(kept, kept)], matrix[np.ix_(kept, ~kept)] @ change[where])
-    result = []
-    for rows, there in zip(fit.rows, fit.predicted, strict=True):
-        used = rows.weight > 0.0
-        moved = np.tensordot(rows.rows, change[rows.places], axes=([1], [0]))
-        result.append(there + np.where(used, moved / np.where(used, rows.weight, 1.0), 0.0))
-    return result

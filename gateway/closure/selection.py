@@ -10,19 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure import gates
-from gateway.closure.cores import Core, NoShapeError
+from gateway.closure.cores import Core
 from gateway.closure.effects.base import Approximate
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.judging import AT_NOISE, Step, is_taken, judged, price, stands
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Campaign
-from gateway.closure.rivals import fit_without, predicted_without
+from gateway.closure.rivals import fit_without
+from gateway.closure.taking_out import added_by, taken_out
 
 FloatArray = NDArray[np.float64]
 
 _MOST_EFFECTS: Final = 10
-# Squared parameters over their errors, times what is needed, from which an effect is not tried without.
+# Fall of the misfit by the linear fit, times what is needed, from which an effect is not tried without.
 _SURELY: Final = 10.0
 # What an effect's equation is good to, as a share of what it adds: against the simulator they leave 0.2 to 3 %, most of
 # it taken up by the other parameters. What is smaller than this beside an effect must not be called by a name.
@@ -101,7 +102,7 @@ def _doubt(selection: Selection, data: Whitened) -> None:
     errors = []
     for effect in final.model.effects:
         share = effect.equation_share if isinstance(effect, Approximate) else _EQUATION_SHARE
-        errors.append([share * size for size in contribution_sizes(final, effect)])
+        errors.append([share * np.abs(added[0]) for added in added_by(final, effect)])
     judged = data.doubting(errors)
     try:
         refitted = fit_model(final.model, judged, final.vector)
@@ -109,20 +110,6 @@ def _doubt(selection: Selection, data: Whitened) -> None:
         return
     selection.data = judged
     selection.steps[-1] = replace(selection.steps[-1], after=refitted)
-
-
-def contribution_sizes(fit: Fit, effect: AngleEffect) -> list[FloatArray]:
-    """Return the size of what an effect adds to the orders of every group, (3, ORDERS) each; 0 where not known."""
-    without = fit.vector.copy()
-    without[fit.model.layout.effect(effect.name)] = 0.0
-    sizes = []
-    for index, there in enumerate(fit.predicted):
-        try:
-            sizes.append(np.abs(there[0] - fit.model.predict_group(without, index)[0]))
-        except (NoShapeError, np.linalg.LinAlgError):
-            # The ring does not stand without it at these parameters.
-            sizes.append(np.zeros(there[0].shape))
-    return sizes
 
 
 def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> list[Step]:
@@ -157,7 +144,7 @@ def _prune(selection: Selection, data: Whitened) -> None:
         needless = None
         for step in selection.steps[:-1]:
             needed = gates.evidence_needed(step.effect) * gates.overdispersion(final, data)
-            if gates.significance(final, step.effect) > _SURELY * needed:
+            if taken_out(final, step.effect).fall > _SURELY * needed:
                 continue
             without = fit_without(final, step.effect, data)
             if without is None:
@@ -179,18 +166,19 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         scale = gates.overdispersion(final, data)
         suspects: list[tuple[float, Step, str]] = []
         for step in selection.steps:
-            explained, left = gates.explained_and_left(final, predicted_without(final, step.effect), data)
-            reason = gates.implausible(final, step.effect, scale) or gates.useless(final, step.effect, scale)
+            without = taken_out(final, step.effect)
+            explained, left = gates.explained_and_left(final, without.predicted, data)
+            reason = gates.implausible(final, step.effect, scale) or gates.useless(final, step.effect, without, scale)
             if reason or gates.stands_in(step.effect, _SUSPECT * explained, left):
                 suspects.append((left / max(explained, 1e-300), step, reason))
         worst = _worst(sorted(suspects, key=lambda suspect: -suspect[0]), final, data)
         if worst is None:
             return
-        step, reason, without = worst
-        selection.refused[step.effect.name] = (reason, without.misfit - final.misfit, step.gain, final)
+        step, reason, refitted = worst
+        selection.refused[step.effect.name] = (reason, refitted.misfit - final.misfit, step.gain, final)
         selection.steps = [kept for kept in selection.steps if kept is not step]
         if selection.steps:
-            selection.steps[-1] = replace(selection.steps[-1], after=without)
+            selection.steps[-1] = replace(selection.steps[-1], after=refitted)
 
 
 def _worst(suspects: list[tuple[float, Step, str]], final: Fit, data: Whitened) -> tuple[Step, str, Fit] | None:

@@ -11,13 +11,13 @@ from gateway.closure.diagnose import diagnose
 from gateway.closure.diagnosis import FAR_OFF
 from gateway.closure.effects.base import LATERAL, Checked, Conditions, StartModel
 from gateway.closure.effects.catalogue import candidates, catalogue
-from gateway.closure.fit import held_out_without
 from gateway.closure.judging import is_taken
 from gateway.closure.likelihood import whiten
 from gateway.closure.model import AngleEffect
 from gateway.closure.rivals import fit_without
 from gateway.closure.selection import Selection, select
 from gateway.closure.starting import angle_effects, make_core
+from gateway.closure.taking_out import taken_out
 from gateway.closure.trial import refit, try_effect
 from tests.closure.planted_campaign import ALL_AXES, Plant, campaign_of, conditions, fitted, gain, nothing, turned
 
@@ -119,7 +119,8 @@ def test_held_out_error_without_an_effect_is_that_of_a_fit_without_it() -> None:
     fit, data = fitted(campaign_of(CONDITIONS, noise_mps2=1.5), effect)
     without = fit_without(fit, effect, data)
     assert without is not None
-    linear = held_out_without(fit, fit.model.layout.effect(effect.name))
-    assert linear == pytest.approx(without.held_out(), abs=0.5)
+    linear = taken_out(fit, effect)
+    assert linear.held_out == pytest.approx(without.held_out(), abs=0.5)
+    assert linear.fall == pytest.approx(without.misfit - fit.misfit, abs=0.5)
     # One that is not there lowers nothing.
-    assert gates.useless(fit, effect, gates.overdispersion(fit, data))
+    assert gates.useless(fit, effect, linear, gates.overdispersion(fit, data))
