@@ -19,6 +19,7 @@ from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
 from gateway.session.batch import estimate_items
+from gateway.views.report_file import check_outputs, write_whole
 
 ESTIMATOR: Final = "weak-form"
 # The first revolutions of a wheel are found before there is an average to time them against.
@@ -51,8 +52,7 @@ def calibrate(
     [tire.reference], which the wear counts from: make it with new tires. The fit's errors are told, also those of
     leaving out one recording at a time.
     """
-    if out_path is not None and out_path.exists() and not force:
-        raise TreadlinkError(f"{out_path} exists already", "Choose another name, or give --force.")
+    check_outputs((out_path,), (*recordings, config_path), force=force)
     fallback = load_vehicle(config_path) if config_path is not None else None
     points: list[TirePoint] = []
     for path in recordings:
@@ -71,10 +71,7 @@ def calibrate(
     if out_path is None:
         click.echo("\n" + text, nl=False)
         return
-    try:
-        out_path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise TreadlinkError(f"{out_path} cannot be written: {error.strerror}", "Check the folder.") from error
+    write_whole(out_path, text, force=force)
     click.echo(f"written: {out_path}  (put its tables in place of [tire.reference] and [tire.load_calibration])")
 
 

@@ -17,7 +17,8 @@ from gateway.cli.opening import config_option, keys_option
 from gateway.config.effects_file import effects_text
 from gateway.config.load import load_vehicle
 from gateway.errors import TreadlinkError
-from gateway.views.report_file import check_target, write_whole
+from gateway.security.keys import default_key_file
+from gateway.views.report_file import check_outputs, write_whole
 from gateway.views.text import clean
 
 if TYPE_CHECKING:
@@ -111,14 +112,11 @@ def diagnose(
             "--save-effects goes with --model exact",
             f"Leave out --model {model}: what it lacks beside the exact ring, live and estimate take into account.",
         )
-    outputs = [path for path in (json_path, html_path, effects_path) if path is not None]
-    for path in outputs:
-        check_target(path, force=force)
-    files = [path.resolve() for path in outputs if path.is_file() or not path.exists()]
-    if len(set(files)) < len(files):
-        raise TreadlinkError(
-            "two outputs would be written to one file", "Give --json, --html and --save-effects a name each."
-        )
+    check_outputs(
+        (json_path, html_path, effects_path),
+        (*recordings, *reverse, config_path, key_file or default_key_file()),
+        force=force,
+    )
     if html_path is not None:
         from gateway.views.closure_svg import require_report_packages
 

@@ -25,8 +25,10 @@ from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.setup import CorrectionTable
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import Guard
+from gateway.security.keys import default_key_file
 from gateway.security.opening import open_guard
 from gateway.session.batch import estimate_items
+from gateway.views.report_file import check_outputs
 from gateway.views.summary import ResultSummary, summary_lines
 from gateway.views.tables import TableFormat, open_table
 from gateway.views.text import clean
@@ -64,6 +66,9 @@ def estimate(
     summary follows on the terminal. Times, speed, contact edges, numbers, standard errors and status go to the files.
     """
     outputs = {TableFormat.CSV: csv_path, TableFormat.JSON: json_path, TableFormat.PARQUET: parquet_path}
+    check_outputs(
+        outputs.values(), (*recordings, config_path, *effects_paths, key_file or default_key_file()), force=force
+    )
     damaged: list[str] = []
     with contextlib.ExitStack() as stack:
         tables = [

@@ -1,12 +1,49 @@
-"""A report that is written whole or not at all."""
+"""Files that commands write: checked before the work, and a report is written whole or not at all."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from gateway.errors import OutputError
+
+
+def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None], *, force: bool = False) -> None:
+    """Fail now, before minutes of work, where an output cannot be written or would cost a file that is read.
+
+    Every command that can overwrite asks this first. None stands for what was not given.
+
+    Raises:
+        OutputError: as `check_target`; an output is an input, whatever `force` says; two outputs are one file.
+    """
+    read = [path for path in inputs if path is not None]
+    seen: list[Path] = []
+    for path in outputs:
+        if path is None:
+            continue
+        if any(_same_file(path, other) for other in read):
+            raise OutputError(
+                f"'{path}' is one of the files that are read, and would be lost",
+                "Choose another name; --force does not overwrite what is read either.",
+            )
+        if any(_same_file(path, other) for other in seen):
+            raise OutputError(f"two outputs would be written to one file, '{path}'", "Give each a name of its own.")
+        check_target(path, force=force)
+        seen.append(path)
+
+
+def _same_file(path: Path, other: Path) -> bool:
+    """Return whether two paths lead to one file, be it through links; devices and pipes hold nothing to lose."""
+    try:
+        if path.exists() and not path.is_file():
+            return False
+        return os.path.realpath(path) == os.path.realpath(other) or (
+            path.exists() and other.exists() and path.samefile(other)
+        )
+    except OSError:
+        return False  # what cannot be looked at is told where it is opened
 
 
 def check_target(path: Path, *, force: bool = False) -> None:

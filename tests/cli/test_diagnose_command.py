@@ -184,7 +184,7 @@ def test_two_outputs_have_two_names(closed, recording, tmp_path):
     path = tmp_path / "a"
     message, remedy = refused(recording, "--json", path, "--html", tmp_path / "." / "a")
     assert "one file" in message
-    assert "--html" in remedy
+    assert "a name of its own" in remedy
     assert closed[0] == []
     assert run(recording, "--json", "/dev/null", "--html", "/dev/null").exit_code == 0
 

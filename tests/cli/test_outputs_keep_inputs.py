@@ -1,0 +1,115 @@
+"""No command writes over a file that it reads, whatever --force says."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import COMMANDS, treadlink
+from gateway.errors import TreadlinkError
+
+# Commands that can overwrite, each of its inputs as an output.
+OVERWRITING = [
+    f"{command} rec.mcap {more} {out}"
+    for command, outs in {
+        "diagnose": ("--json", "--html", "--save-effects"),
+        "estimate": ("--csv", "--json", "--parquet"),
+        "calibrate": ("--out",),
+    }.items()
+    for option in outs
+    for more, out in (
+        ("", f"{option} rec.mcap"),
+        ("", f"{option} ./folder/../rec.mcap"),
+        ("", f"{option} symbolic.mcap"),
+        ("", f"{option} hard.mcap"),
+        ("--config car.toml", f"{option} car.toml"),
+        *((("--keys keys", f"{option} keys"),) if command != "calibrate" else ()),
+        *((("--effects effects.json", f"{option} effects.json"),) if command == "estimate" else ()),
+    )
+]
+# Commands that write new files only.
+NEVER = [
+    "import rec.csv --map car.toml --out rec.csv",
+    "import rec.csv --map car.toml --out car.toml",
+    "repair rec.mcap --force --out rec.mcap",
+    "compact rec.mcap --out rec.mcap",
+    "simulate scenario.toml --out scenario.toml",
+    "simulate scenario.toml --duration 1 --out new.mcap --vehicle scenario.toml",
+    "record replay:rec.mcap?speed=max --out rec.mcap",
+    "live replay:rec.mcap?speed=max --plain --record rec.mcap",
+]
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    Path("scenario.toml").write_text("[[wheel]]\nposition = 'FL'\nwheel = 0\n")
+    made = CliRunner().invoke(treadlink, "simulate scenario.toml --duration 0.5 --out rec.mcap --vehicle car.toml")
+    assert made.exit_code == 0, made.output
+    for name in ("keys", "effects.json", "rec.csv"):
+        Path(name).write_text("kept")
+    Path("symbolic.mcap").symlink_to("rec.mcap")
+    os.link("rec.mcap", "hard.mcap")
+    return tmp_path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+@pytest.mark.parametrize("force", ["", " --force"], ids=["plain", "forced"])
+@pytest.mark.parametrize("line", OVERWRITING)
+def test_an_input_is_no_output(files: Path, line: str, force: str) -> None:
+    before = contents(files)
+    result = CliRunner().invoke(treadlink, line + force)
+    assert isinstance(result.exception, TreadlinkError), result.output
+    assert "files that are read" in str(result.exception)
+    assert result.exception.remedy
+    assert contents(files) == before
+
+
+@pytest.mark.parametrize("line", NEVER)
+def test_what_is_there_is_never_overwritten(files: Path, line: str) -> None:
+    before = contents(files)
+    result = CliRunner().invoke(treadlink, line)
+    assert isinstance(result.exception, TreadlinkError), result.output
+    after = contents(files)
+    assert {name: after[name] for name in before} == before
+
+
+@pytest.mark.parametrize("command", ["diagnose", "estimate"])
+def test_the_users_own_key_file_is_no_output(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"gateway.cli.{command}.default_key_file", lambda: Path("keys").resolve())
+    result = CliRunner().invoke(treadlink, f"{command} rec.mcap --json keys --force")
+    assert "files that are read" in str(result.exception)
+    assert Path("keys").read_text() == "kept"
+
+
+def test_two_outputs_are_not_one_file(files: Path) -> None:
+    result = CliRunner().invoke(treadlink, "estimate rec.mcap --csv a --json ./folder/../a --force")
+    assert "two outputs" in str(result.exception)
+    assert not Path("a").exists()
+
+
+def test_every_command_with_force_is_tried_here() -> None:
+    """Figures, `protocol` and `repair` read nothing that they could overwrite, or never overwrite."""
+    forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
+    assert forcing == {line.split()[0] for line in OVERWRITING} | {
+        "figures", "repair", "protocol header", "protocol encoder", "protocol vectors",
+    }  # fmt: skip
+
+
+def _commands() -> Iterator[tuple[str, click.Command]]:
+    context = click.Context(treadlink)
+    for name in COMMANDS:
+        command = treadlink.get_command(context, name)
+        assert command is not None
+        yield name, command
+        if isinstance(command, click.Group):
+            yield from ((f"{name} {under}", one) for under, one in command.commands.items())
