@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Finding
+from gateway.views.closure_doubt import why_undetermined
 from gateway.views.closure_rows import (
     GROWN,
     listed,
@@ -109,9 +110,6 @@ class _Lines:
         for name in names:
             old, new = show_fitted(name, before.get(name)), show_fitted(name, after[name])
             cells.append(f"{new.label} {old.text} -> {new.joined()}".replace(" ± ", "±"))
-        doubtful = [name for name in undetermined(diagnosis) if name in names]
-        if doubtful:
-            cells.append(f"not determined: {', '.join(doubtful)}")
         label = "estimates"
         while cells:
             line = cells.pop(0)
@@ -119,6 +117,9 @@ class _Lines:
                 line += "   " + cells.pop(0)
             yield self._row(label, line)
             label = ""
+        if doubtful := [name for name in undetermined(diagnosis) if name in names]:
+            why = why_undetermined(diagnosis, doubtful)
+            yield from self._rows(label, f"not determined: {', '.join(doubtful)} ({why})")
 
     def _row(self, label: str, text: str, tail: str = "") -> str:
         """Return a line; when it is too long its text is cropped, never its tail."""
@@ -136,7 +137,7 @@ class _Lines:
 def _first_of(start: str, cells: Sequence[str], room: int) -> str:
     """Return as many whole cells as there is room for, and how many more there are."""
     for shown in range(len(cells), 0, -1):
-        rest = f", +{len(cells) - shown}" if shown < len(cells) else ""
+        rest = f" and {_count(len(cells) - shown, 'more parameter')}" if shown < len(cells) else ""
         text = f"{start}{', '.join(cells[:shown])}{rest}"
         if width(text) <= room:
             return text

@@ -5,6 +5,8 @@ from dataclasses import replace
 import pytest
 
 from gateway.closure.diagnosis import Fitted
+from gateway.closure.effects.gravity import EFFECT as GRAVITY
+from gateway.closure.findings import fitted_parameter
 from gateway.views.closure_rows import printed, show_fitted, significant, span_text
 from gateway.views.closure_summary import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
@@ -32,7 +34,7 @@ def test_the_summary_says_what_was_found():
     assert "606.0 to 614.5 Hz" in text
     assert "Bs (2.610±0.011)e-3 -> (2.8340±0.0070)e-3" in text
     assert "Ts 2.95±0.12 -> 2.41±0.90" in text
-    assert "not determined: Ts" in text
+    assert "not determined: Ts (load assumed; state it)" in text
     assert "clipping" not in text
 
 
@@ -54,6 +56,29 @@ def test_many_findings_are_counted_not_listed():
     assert "b (and 1 more)" in text
 
 
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"noise_floor_mps2": 1.0}, "the model still lacks too much; explain what is left first"),
+        ({"assumed": ("pressure 220 kPa (neither stated nor measured)",)}, "pressure assumed; state it"),
+        ({"assumed": ("temperature steady",)}, "known to no better than 30 %; record longer, or at more loads"),
+    ],
+)
+def test_what_is_not_determined_has_its_main_reason_and_remedy(changes, reason):
+    text = " ".join(line.strip() for line in closure_summary_lines(replace(ordinary(), **changes)))
+    assert f"not determined: Ts ({reason})" in text
+
+
+def test_a_share_says_of_what():
+    finding = replace(
+        ordinary().findings[0],
+        name="gravity",
+        parameters={"gravity_share": fitted_parameter(GRAVITY.parameters[0], 0.9923, 0.0029)},
+    )
+    text = "\n".join(closure_summary_lines(replace(ordinary(), findings=(finding,))))
+    assert "gravity: 0.9923±0.0029 of its known size" in text
+
+
 def test_a_wide_terminal_shows_more():
     diagnosis = replace(ordinary(), notes=("words " * 30,))
     narrow, wide = closure_summary_lines(diagnosis), closure_summary_lines(diagnosis, 120)
@@ -70,7 +95,7 @@ def test_parameters_are_whole_and_the_rest_is_counted():
     many = {f"order_{index}": Fitted(20.0 + index, 0.5) for index in range(9)}
     finding = replace(diagnosis.findings[0], name="waves", parameters=many)
     text = "\n".join(closure_summary_lines(replace(diagnosis, findings=(finding,))))
-    assert "waves: order 0 20.00±0.50, order 1 21.00±0.50, +7  11.2 m/s²" in text
+    assert "waves: order 0 20.00±0.50 and 8 more parameters  11.2 m/s²" in text
     finding = replace(finding, name="waves " * 9 + "x")
     text = "\n".join(closure_summary_lines(replace(diagnosis, findings=(finding,))))
     assert "±0.50" not in text

@@ -16,7 +16,11 @@ class BeltKinematics:
     equation = "c_n: n^2 w_n[radial push] -> n^2 w_n + share ((n^2 - 1) w_n[vertical push] - n^2 w_n[radial push])"
     # It is either so or not. On the exact ring at 3000 to 8000 N it comes out as 0.69 to 0.84 beside the pressure's
     # shape alone, and as 1.01 to 1.08 when the belt's tension loss is in as well.
-    parameters = (Parameter("share", "", low=0.6, high=1.4, prior_std=0.01, step=0.05, prior_mean=1.0),)
+    parameters = (
+        Parameter(
+            "share", "", low=0.6, high=1.4, prior_std=0.01, step=0.05, prior_mean=1.0, display_unit="of its known size"
+        ),
+    )
     seen_by = "radial axis, lowest orders: all of order 1, a quarter of order 2; any speed and load"
     confused_with = "gravity (order 1 only, does not grow with speed); sidewall numbers Rs and Ts"
     already_in = CORRECTED

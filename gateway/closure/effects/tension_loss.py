@@ -16,7 +16,11 @@ class TensionLoss:
     equation = "s: + share (s[exact ring, same numbers] - s[linear ring under the exact ring's contact pressure])"
     # It is geometry, all or nothing. Two Legendre amounts do not follow the pressure of a high load, and with them it
     # comes out on the exact ring as 1.01 to 1.04 from the corrected series and 1.07 to 1.25 from the printed one.
-    parameters = (Parameter("share", "", low=0.6, high=1.5, prior_std=0.01, step=0.05, prior_mean=1.0),)
+    parameters = (
+        Parameter(
+            "share", "", low=0.6, high=1.5, prior_std=0.01, step=0.05, prior_mean=1.0, display_unit="of its known size"
+        ),
+    )
     seen_by = "radial axis, any order, growing with the load; at one load as Cw, Rs and Ts that change with load"
     confused_with = (
         "tension number Cw and sidewall numbers at one load, which take up 91 % of it and end up to 40 % off; pressure "
