@@ -50,7 +50,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
     alone = Campaign(campaign.wheel, campaign.recordings, imagined, 1, {})
     with_all = ClosureModel(alone, fit.model.core, fit.model.effects)
     vector = np.zeros(with_all.layout.size)
-    vector[with_all.layout.state(0)] = fit.vector[fit.model.layout.state(group.state)]
+    vector[with_all.layout.state(0)] = fit.model.tire(fit.vector, index)
     for place in range(len(imagined)):
         vector[with_all.layout.centre(place)] = fit.vector[fit.model.layout.centre(index)]
     for effect in fit.model.effects:

@@ -16,7 +16,9 @@ LOAD_WIDTH: Final = 0.02
 PRESSURE_WIDTH: Final = 0.02
 TEMPERATURE_WIDTH_K: Final = 5.0
 DRIFT_WIDTH: Final = 0.015
-STATE_WIDTH: Final = 0.04
+STATE_LOAD_WIDTH: Final = 0.04
+# How much of a sidewall's stiffness the pressure makes is not known, so that a state holds little of a change.
+STATE_PRESSURE_WIDTH: Final = 0.01
 _ANGLE_WIDTH: Final = 0.08
 # Speeds that are so far apart, as a logarithm, tell as much as they can about what goes with speed.
 _APART: Final = 0.2
@@ -79,12 +81,12 @@ def tire_states(
 ) -> IntArray:
     """Return the tire's state of each group, numbered from 0 in the order of the groups.
 
-    Groups of one state have the same load and pressure within 4 %; where the load is not known, the same half angle of
-    the contact within 8 % instead.
+    Groups of one state have the same load within 4 % and pressure within 1 %; where the load is not known, the same
+    half angle of the contact within 8 % instead.
     """
-    loads = modes(np.where(load_known, np.log(load_n), np.nan), STATE_WIDTH)
+    loads = modes(np.where(load_known, np.log(load_n), np.nan), STATE_LOAD_WIDTH)
     angles = modes(np.where(load_known, np.nan, np.log(half_angle_rad)), _ANGLE_WIDTH)
-    pressures = modes(np.log(pressure_pa), STATE_WIDTH)
+    pressures = modes(np.log(pressure_pa), STATE_PRESSURE_WIDTH)
     keys = list(zip(loads.tolist(), angles.tolist(), pressures.tolist(), strict=True))
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
     return np.array([numbers[key] for key in keys], dtype=np.intp)

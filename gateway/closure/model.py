@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,6 +17,7 @@ from gateway.closure.effects.base import Conditions, Here, RingEffect, SignalEff
 from gateway.closure.layout import Layout
 from gateway.closure.observation import ORDERS, Campaign, Group
 from gateway.closure.ring_options import RingOptions
+from gateway.closure.tire_state import references, shift, slopes
 from gateway.closure.witness import witnesses
 from gateway.physics.rolling_ring import RingNotConvergedError
 
@@ -29,6 +31,9 @@ _NUDGE: Final = 1e-4
 # Steps of speed (relative) and of its change by which a group's answer to them is taken.
 _SPEED_STEP: Final = 1e-3
 _DRIFT_STEP_RADPS2: Final = 0.01
+# Step of the logarithm of load or pressure, and how far it may differ within a group for nobody to ask.
+_STATE_STEP: Final = 1e-3
+_STEADY: Final = 1e-5
 
 
 class ClosureModel:
@@ -52,6 +57,8 @@ class ClosureModel:
         self.effects: tuple[AngleEffect, ...] = (*self._ring, *self._signal)
         self._witnesses = witnesses(campaign)
         self.layout = Layout(len(core.names), campaign.states, len(campaign.groups), self.effects)
+        at = references(campaign)
+        self._shifts = [shift(core.names, group.conditions, at[group.state]) for group in campaign.groups]
 
     def priors(self) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of every parameter before the waveforms are seen, (P,) each."""
@@ -70,25 +77,29 @@ class ClosureModel:
             total += witness.misfit(float(vector[self.layout.effect(witness.effect)][0]) if inside else 0.0)
         return total
 
+    def tire(self, vector: FloatArray, index: int) -> FloatArray:
+        """Return the parameters of the tire's state, (K,), as they are at the load and pressure of one group."""
+        state: FloatArray = vector[self.layout.state(self.campaign.groups[index].state)] + self._shifts[index]
+        return state
+
     def shape(self, vector: FloatArray, index: int) -> Shape:
         """Return the belt's shape of one group."""
-        group = self.campaign.groups[index]
-        state = vector[self.layout.state(group.state)]
+        group, tire = self.campaign.groups[index], self.tire(vector, index)
         with _standing():
-            return self.core.shape(state, group.conditions, self.options(vector, index), group.half_angle_rad)
+            return self.core.shape(tire, group.conditions, self.options(vector, index), group.half_angle_rad)
 
     def _shape_near(self, vector: FloatArray, index: int, name: str) -> Shape:
         """Return the belt's shape of one group, what an effect does to it only roughly."""
         effect = next((effect for effect in self._ring if effect.name == name), None)
         if effect is None:
             return self.shape(vector, index)
-        group, state = self.campaign.groups[index], vector[self.layout.state(self.campaign.groups[index].state)]
+        group, tire = self.campaign.groups[index], self.tire(vector, index)
         without = self.options(vector, index, without=name)
         before = without.rounded()
         after = effect.options(before, vector[self.layout.effect(name)], group.conditions)
         with _standing():
-            shape = self.core.shape(state, group.conditions, without, group.half_angle_rad)
-            change = self.core.change(state, group.conditions, before, after, group.half_angle_rad)
+            shape = self.core.shape(tire, group.conditions, without, group.half_angle_rad)
+            change = self.core.change(tire, group.conditions, before, after, group.half_angle_rad)
         return moved(shape, change, 1.0)
 
     def options(self, vector: FloatArray, index: int, without: str = "") -> RingOptions:
@@ -105,7 +116,7 @@ class ClosureModel:
         """Measure the error of the core's grid at these parameters, where it has one."""
         for index, group in enumerate(self.campaign.groups):
             with _standing():
-                self.core.refine(vector[self.layout.state(group.state)], group.conditions, self.options(vector, index))
+                self.core.refine(self.tire(vector, index), group.conditions, self.options(vector, index))
 
     def predict(self, vector: FloatArray) -> list[ComplexArray]:
         """Return the orders of every block, a (blocks, 3, ORDERS) array a group.
@@ -134,7 +145,20 @@ class ClosureModel:
         of_drift = (orders[2] - orders[0]) / _DRIFT_STEP_RADPS2
         square, drift = _apart(group)
         result: ComplexArray = orders[0] + square * of_square + drift * of_drift
+        for slope, apart in zip(slopes(self.core.names), _load_and_pressure_apart(group), strict=True):
+            if np.abs(apart).max() > _STEADY:
+                there_shape = shape
+                for tangent, along in zip(self._tangents(vector, index), slope.tolist(), strict=True):
+                    there_shape = moved(there_shape, tangent, _STATE_STEP * along)
+                answer = (self._orders(vector, index, there_shape, there) - orders[0]) / _STATE_STEP
+                result = result + apart * answer
         return result
+
+    def _tangents(self, vector: FloatArray, index: int) -> tuple[Shape, ...]:
+        """Return the derivatives of one group's shape by the tire's parameters."""
+        group, options = self.campaign.groups[index], self.options(vector, index)
+        with _standing():
+            return self.core.tangent(self.tire(vector, index), group.conditions, options, group.half_angle_rad)
 
     def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: Conditions) -> ComplexArray:
         here = base_signal(self.core, shape, conditions)
@@ -170,10 +194,7 @@ class ClosureModel:
 
         if only is None:
             where = layout.state(group.state)
-            with _standing():
-                tangents = self.core.tangent(
-                    vector[where], group.conditions, self.options(vector, index), group.half_angle_rad
-                )
+            tangents = self._tangents(vector, index)
             for place, step, tangent in zip(range(where.start, where.stop), self.core.steps, tangents, strict=True):
                 add(place, float(step), moved(shape, tangent, float(step)), vector)
             places.append(layout.centre(index))
@@ -264,6 +285,14 @@ def _apart(group: Group) -> tuple[FloatArray, FloatArray]:
     square = np.array([block.conditions.omega_radps**2 - there.omega_radps**2 for block in group.blocks])
     drift = np.array([block.conditions.omega_dot_radps2 - there.omega_dot_radps2 for block in group.blocks])
     return square[:, None, None], drift[:, None, None]
+
+
+def _load_and_pressure_apart(group: Group) -> tuple[FloatArray, FloatArray]:
+    """Return by how much the blocks' load and pressure differ from the group's, logarithms, (blocks, 1, 1) each."""
+    there = group.conditions
+    loads = np.array([math.log(block.conditions.load_n / there.load_n) for block in group.blocks])
+    pressures = np.array([math.log(block.conditions.pressure_pa / there.pressure_pa) for block in group.blocks])
+    return loads[:, None, None], pressures[:, None, None]
 
 
 def _declared(group: Group) -> FloatArray | None:

@@ -1,0 +1,89 @@
+"""One tire at loads and pressures that differ by a little is one state, with its stiffnesses its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gateway.closure.effects.base import RADIAL, StartModel
+from gateway.closure.effects.catalogue import candidates
+from gateway.closure.exact_core import ExactCore, ring_parameters
+from gateway.closure.grouping import tire_states
+from gateway.closure.likelihood import whiten
+from gateway.closure.model import ClosureModel
+from gateway.closure.observation import Campaign
+from gateway.closure.ring_options import RingOptions
+from gateway.closure.selection import select
+from gateway.closure.starting import angle_effects, make_core
+from gateway.closure.tire_state import shift, slopes
+from tests.closure.planted_campaign import LOAD_N, PLANE, campaign_of, conditions
+
+FloatArray = NDArray[np.float64]
+
+NAMES = ExactCore.names
+HERE = conditions()
+
+
+@pytest.mark.parametrize(("load", "pressure"), [(1.03, 1.0), (1.0, 1.009), (0.97, 0.995)])
+def test_another_load_and_pressure_leave_the_tire_as_it_is(load: float, pressure: float) -> None:
+    there = replace(HERE, load_n=load * HERE.load_n, pressure_pa=pressure * HERE.pressure_pa)
+    state = np.array([0.1, -0.2, 0.05, 0.3, -0.1])
+    known = ring_parameters(state, HERE, RingOptions())
+    ring = ring_parameters(state + shift(NAMES, there, HERE), there, RingOptions())
+    for name in ("bending_stiffness_nm2", "tension_width_m", "tread_stiffness_npm2"):
+        assert getattr(ring, name) == pytest.approx(getattr(known, name), rel=1e-12)
+    grown = 1.0 + 0.5 * (pressure - 1.0)
+    assert ring.radial_stiffness_npm2 == pytest.approx(grown * known.radial_stiffness_npm2, rel=1e-12)
+    assert ring.tangential_stiffness_npm2 == pytest.approx(grown * known.tangential_stiffness_npm2, rel=1e-12)
+
+
+def test_slopes_are_those_of_the_shift() -> None:
+    step = 1e-6
+    for slope, name in zip(slopes(NAMES), ("load_n", "pressure_pa"), strict=True):
+        there = replace(HERE, **{name: getattr(HERE, name) * np.exp(step)})
+        assert slope == pytest.approx(shift(NAMES, there, HERE) / step, abs=1e-4)
+
+
+def test_a_percent_of_pressure_is_another_state_and_four_of_load_are_not() -> None:
+    load = np.array([4000.0, 4100.0, 4000.0, 4000.0])
+    pressure = np.array([2.0e5, 2.0e5, 2.01e5, 2.04e5])
+    assert tire_states(load, pressure, np.full(4, 0.2), np.ones(4, dtype=bool)).tolist() == [0, 0, 0, 1]
+
+
+def one_state(campaign: Campaign) -> Campaign:
+    return replace(campaign, groups=tuple(replace(group, state=0) for group in campaign.groups), states=1)
+
+
+def test_recordings_at_loads_a_little_apart_lack_nothing() -> None:
+    """The ring of the test keeps its numbers at every load, which is what one tire does."""
+    loads = (conditions(load_n=LOAD_N), conditions(load_n=1.02 * LOAD_N), conditions(load_n=0.98 * LOAD_N))
+    campaign = one_state(campaign_of(loads, noise_mps2=1.0))
+    core = make_core(StartModel.EXACT)
+    found = select(campaign, core, whiten(campaign, with_mean=True), angle_effects(candidates(StartModel.EXACT)))
+    assert not found.steps
+    assert found.final.misfit < 1.1 * found.data.used
+
+
+def test_blocks_of_a_group_whose_load_drifts_are_predicted_at_their_own() -> None:
+    """A block's waveform goes with its own load: what the group's mean says is off by the drift."""
+    here = conditions(load_n=LOAD_N)
+    core = make_core(StartModel.EXACT)
+    steady = campaign_of((here,), axes=PLANE)
+    (group,) = steady.groups
+    drifting = [
+        replace(block, conditions=replace(here, load_n=LOAD_N * (1.0 + 0.004 * (number - 2))))
+        for number, block in enumerate(group.blocks)
+    ]
+    model = ClosureModel(replace(steady, groups=(replace(group, blocks=tuple(drifting)),)), core)
+    vector, _ = model.priors()
+    predicted = model.predict_group(vector, 0)
+    for number, block in enumerate(drifting):
+        alone = replace(group, conditions=block.conditions, blocks=(block,))
+        there = ClosureModel(replace(steady, groups=(group, alone)), core)
+        at, _ = there.priors()
+        exact = there.predict_group(at, 1)[0]
+        change = np.abs(exact[RADIAL] - predicted[2, RADIAL]).max()
+        assert np.abs(exact[RADIAL] - predicted[number, RADIAL]).max() < 0.05 * change + 1e-9
