@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from gateway.closure.effects.base import Checked
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Checked
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
@@ -18,6 +18,10 @@ from gateway.closure.taking_out import TakenOut
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Part = tuple[int, slice]
+"""A group, and axes of it."""
+
+AXES: Final = ((CIRCUMFERENTIAL, "circumferential"), (LATERAL, "lateral"), (RADIAL, "radial"))
 
 # Fall of the misfit from which something is no chance find among some hundred trials (a chi-square of one degree
 # exceeds 25 once in two million), and what every further parameter adds.
@@ -72,37 +76,49 @@ def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = 
 
 
 def uneven(fit: Fit, effect: AngleEffect, scale: float) -> str:
-    """Return how an effect fails to be the same in every group, in words; empty when it is, or there is one group."""
-    groups = fit.model.campaign.groups
-    if len(groups) < 2:
+    """Return how an effect fails to be the same in every group and on every axis, in words; empty when it is."""
+    groups = [(group.label, [(index, slice(None))]) for index, group in enumerate(fit.model.campaign.groups)]
+    axes = [(f"the {name} axis", [(index, slice(a, a + 1)) for index in range(len(groups))]) for a, name in AXES]
+    found = _odd_one(fit, effect, scale, groups)
+    if found:
+        return f"it would have to be of another size in other recordings (most so in {found})"
+    found = _odd_one(fit, effect, scale, axes)
+    return f"it would have to be of another size on other axes (most so on {found})" if found else ""
+
+
+def _odd_one(fit: Fit, effect: AngleEffect, scale: float, parts: Sequence[tuple[str, list[Part]]]) -> str:
+    """Return the part of the data that wants the effect most unlike the others, where they are not alike; else ""."""
+    if len(parts) < 2:
         return ""
     where = fit.model.layout.effect(effect.name)
     size, own = fit.model.layout.size, where.stop - where.start
-    total = size + own * (len(groups) - 1)
+    total = size + own * (len(parts) - 1)
     matrix, gradient = np.zeros((total, total)), np.zeros(total)
-    for index, rows in enumerate(fit.rows):
-        places = rows.places.copy()
-        if index:
-            inside = (places >= where.start) & (places < where.stop)
-            places[inside] += size - where.start + own * (index - 1)
-        flat = as_real(rows.rows.swapaxes(0, 1))
-        flat = flat.reshape(len(flat), -1)
-        matrix[np.ix_(places, places)] += flat @ flat.T
-        gradient[places] += flat @ as_real(rows.residual).reshape(-1)
-    prior = np.concatenate([fit.prior_std, np.tile(fit.prior_std[where], len(groups) - 1)])
-    mean = np.concatenate([fit.vector - fit.prior_mean, np.tile((fit.vector - fit.prior_mean)[where], len(groups) - 1)])
+    for number, (_, pieces) in enumerate(parts):
+        for index, axes in pieces:
+            rows = fit.rows[index]
+            places = rows.places.copy()
+            if number:
+                inside = (places >= where.start) & (places < where.stop)
+                places[inside] += size - where.start + own * (number - 1)
+            flat = as_real(rows.rows[:, :, axes].swapaxes(0, 1))
+            flat = flat.reshape(len(flat), -1)
+            matrix[np.ix_(places, places)] += flat @ flat.T
+            gradient[places] += flat @ as_real(rows.residual[:, axes]).reshape(-1)
+    prior = np.concatenate([fit.prior_std, np.tile(fit.prior_std[where], len(parts) - 1)])
+    mean = np.concatenate([fit.vector - fit.prior_mean, np.tile((fit.vector - fit.prior_mean)[where], len(parts) - 1)])
     try:
         covariance = np.linalg.inv(matrix + np.diag(prior**-2.0))
     except np.linalg.LinAlgError:
         return ""
     change = covariance @ (gradient - mean * prior**-2.0)
     each = np.concatenate([np.arange(where.start, where.stop), np.arange(size, total)])
-    values = change[each].reshape(len(groups), own)
+    values = change[each].reshape(len(parts), own)
     spread = scale * covariance[np.ix_(each, each)]
     own_size = np.array([parameter.prior_std if parameter.varies else 0.0 for parameter in effect.parameters])
     tolerance = np.maximum(own_size, _TOLERANCE * _sizes(fit.vector[where], effect))
-    spread = spread + np.diag(np.tile(np.square(tolerance), len(groups)))
-    return _verdict(values, spread, groups=[group.label for group in groups])
+    spread = spread + np.diag(np.tile(np.square(tolerance), len(parts)))
+    return _verdict(values, spread, [label for label, _ in parts])
 
 
 def _sizes(values: FloatArray, effect: AngleEffect) -> FloatArray:
@@ -113,8 +129,8 @@ def _sizes(values: FloatArray, effect: AngleEffect) -> FloatArray:
     )
 
 
-def _verdict(values: FloatArray, spread: FloatArray, groups: list[str]) -> str:
-    """Test whether all groups' parameters (G, p) are one, given their joint covariance."""
+def _verdict(values: FloatArray, spread: FloatArray, labels: list[str]) -> str:
+    """Return the part with the most unlike parameters (G, p), given their joint covariance; "" where all are one."""
     count, own = values.shape
     contrast = np.kron(np.eye(count)[1:] - np.eye(count)[0], np.eye(own))
     difference = contrast @ values.reshape(-1)
@@ -123,7 +139,7 @@ def _verdict(values: FloatArray, spread: FloatArray, groups: list[str]) -> str:
         return ""
     std = np.sqrt(np.diagonal(spread)).reshape(count, own)
     worst = int(np.argmax(np.max(np.abs(values) / std, axis=1)))
-    return f"it would have to be of another size in other recordings (most so in {groups[worst]})"
+    return labels[worst]
 
 
 def useless(fit: Fit, effect: AngleEffect, without: TakenOut, scale: float) -> str:

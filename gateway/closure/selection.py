@@ -168,7 +168,11 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         for step in selection.steps:
             without = taken_out(final, step.effect)
             explained, left = gates.explained_and_left(final, without.predicted, data)
-            reason = gates.implausible(final, step.effect, scale) or gates.useless(final, step.effect, without, scale)
+            reason = (
+                gates.implausible(final, step.effect, scale)
+                or gates.useless(final, step.effect, without, scale)
+                or gates.uneven(final, step.effect, scale)
+            )
             if reason or gates.stands_in(step.effect, _SUSPECT * explained, left):
                 suspects.append((left / max(explained, 1e-300), step, reason))
         worst = _worst(sorted(suspects, key=lambda suspect: -suspect[0]), final, data)

@@ -98,9 +98,8 @@ def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
     """
     vector = trial.vector.copy()
     where = trial.model.layout.effect(trial.effect.name)
-    if not isinstance(trial.effect, SignalEffect):
-        # A ring is not solved for stiffnesses and dampings below zero.
-        vector[where] = np.clip(vector[where], *_bounds(trial.effect))
+    # A ring is not solved for stiffnesses and dampings below zero, and beyond its range an effect may have no slope.
+    vector[where] = np.clip(vector[where], *_bounds(trial.effect))
     mean, _ = trial.model.priors()
     states = trial.model.layout.states
     if float(np.abs(vector[states] - mean[states]).max()) < _BENT or _is_better(trial.model, vector, fit, data):

@@ -105,10 +105,10 @@ class EdgeWaves:
         return (_START,)
 
     def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
-        """Refuse a pitch that is not told from 0: such waves stand still."""
+        """Refuse a pitch that is not told from 0 (such waves stand still), and packets that end within one wave."""
         pitch, error = float(parameters[_PITCH]), float(std[_PITCH])
         if pitch > _TOLD * error:
-            return ""
+            return no_wave(parameters, std)
         return f"its pitch, {pitch:.3g} +- {error:.2g} per revolution, is not told from 0: such waves stand still"
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
@@ -135,6 +135,20 @@ class EdgeWaves:
                 rows[place] += order_by * by_order
                 along[place] += (order_by * share) * by_order + share_by * wave.real
         return felt(here, rows, along)
+
+
+def no_wave(parameters: FloatArray, std: FloatArray) -> str:
+    """Return that a packet at an edge fades before it has gone through one wave, in words; empty where none does.
+
+    Args:
+        parameters: of either form of waves.
+        std: of them.
+    """
+    for side, at in (("ahead of", 0), ("behind", 4)):
+        order, decay = float(parameters[at + 2]), float(parameters[at + 3])
+        if np.hypot(*parameters[at : at + 2]) > _TOLD * np.hypot(*std[at : at + 2]) and order < 2.0 * np.pi * decay:
+            return f"{side} the contact it fades within {order / (2.0 * np.pi * decay):.2f} of a wave: a bump, no wave"
+    return ""
 
 
 Answers = list[tuple[int, float, float]]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, NOWHERE, RADIAL, Conditions, Here, Stage
 from gateway.closure.effects.edge_waves import EFFECT as TRAVELLING
-from gateway.closure.effects.edge_waves import NO_PITCH, ORDERS_AFTER, ORDERS_BEFORE
+from gateway.closure.effects.edge_waves import NO_PITCH, ORDERS_AFTER, ORDERS_BEFORE, no_wave
 
 FloatArray = NDArray[np.float64]
 
@@ -45,6 +45,10 @@ class StandingWaves:
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
         """Return one start; `scan` goes on from it."""
         return (_START,)
+
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+        """Refuse packets that end within one wave."""
+        return no_wave(parameters, std)
 
     def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
         """Return the packets: those that travel, without a pitch."""
