@@ -22,6 +22,7 @@ from gateway.config.model import VehicleConfig
 from gateway.errors import RecordingError
 from gateway.session.campaign_clock import combined
 from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_recording
+from gateway.session.campaign_wheel import the_wheel
 
 LEAST_REVOLUTIONS: Final = 4
 """Groups of fewer are left out, unless there is nothing else."""
@@ -67,7 +68,8 @@ def read_campaign(
     """
     if folds < 2 or not paths:
         raise ValueError("a campaign needs a recording and two folds at least")
-    strangers = [path for path in reverse if path not in paths]
+    places, turned = {path.resolve() for path in paths}, {path.resolve() for path in reverse}
+    strangers = [path for path in reverse if path.resolve() not in places]
     if strangers:
         raise RecordingError(
             f"'{strangers[0]}' is said to be reverse but is not among the recordings", "Name it as one of them too."
@@ -81,7 +83,7 @@ def read_campaign(
             vehicle=vehicle,
             wheel=wheel,
             folds=folds,
-            reverse=path in reverse,
+            reverse=path.resolve() in turned,
             key_file=key_file,
         )
         for index, path in enumerate(paths)
@@ -89,7 +91,7 @@ def read_campaign(
     told = on_bytes or (lambda _: None)
     parallel = jobs > 1 and len(orders) > 1
     reads = _side_by_side(orders, told, min(jobs, len(orders))) if parallel else _one_by_one(orders, told)
-    return _assemble(orders, reads, _the_wheel(orders, reads, wheel))
+    return _assemble(orders, reads, the_wheel(orders, reads, wheel))
 
 
 def _one_by_one(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None]) -> list[RecordingRead]:
@@ -151,28 +153,6 @@ def _side_by_side(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None], 
         return [future.result() for future in futures]
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _the_wheel(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str | None) -> str:
-    seen = list(dict.fromkeys(name for read in reads for name in read.wheels))
-    if not seen:
-        raise RecordingError(
-            f"no revolution in {', '.join(str(order.path) for order in orders)}",
-            "Did the wheel roll? `treadlink inspect` shows what was recorded.",
-        )
-    if wheel is None:
-        if len(seen) > 1:
-            raise RecordingError(
-                f"the recordings are of several wheels: {', '.join(seen)}", f"Choose one: --wheel {seen[0]}."
-            )
-        return seen[0]
-    for order, read in zip(orders, reads, strict=True):
-        if wheel not in read.wheels:
-            raise RecordingError(
-                f"'{order.path}' holds no revolution of wheel {wheel}",
-                f"It holds {', '.join(read.wheels) or 'none at all'}; leave it out or choose another wheel.",
-            )
-    return wheel
 
 
 def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str) -> Campaign:

@@ -14,6 +14,7 @@ from gateway.errors import RecordingError
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from gateway.recording.reader import RecordingReader
+from gateway.recording.writer import RecordingWriter
 from gateway.session.batch import estimate_items
 from gateway.session.campaign import MOST_GROUPS, SPARE, read_campaign
 from gateway.signal.clipping import SATURATED_FAULT
@@ -180,7 +181,13 @@ class TestWheels:
     def test_one_that_is_not_there_is_told(self, pair, fast):
         with pytest.raises(RecordingError, match=r"fast.mcap' holds no revolution of wheel W1") as caught:
             read_campaign([pair, fast], wheel="W1", jobs=1)
-        assert "W0" in caught.value.remedy
+        assert "it holds W0" in str(caught.value)
+        assert caught.value.remedy == "Choose another wheel: --wheel W0. Or leave this recording out."
+
+    def test_one_that_no_recording_holds_leads_to_those_that_there_are(self, pair):
+        with pytest.raises(RecordingError, match="no revolution of wheel fl; it holds W0, W1") as caught:
+            read_campaign([pair], wheel="fl")
+        assert caught.value.remedy == "Choose another wheel: --wheel W0 or --wheel W1."
 
     def test_one_that_nobody_configured_is_taken_with_what_is_assumed(self, folder):
         path = write_recording(folder / "bare.mcap", AT_60, configured=False, duration_s=16.0)
@@ -230,11 +237,26 @@ class TestConditions:
         assert {block.count for block in campaign.groups[0].blocks} == {1}
         assert len(campaign.groups[0].blocks) >= 3
 
-    def test_no_revolution_at_all_is_told(self, folder):
-        path = write_recording(folder / "still.mcap", "[motion]\nspeed_kmh = 0.0", duration_s=2.0)
-        with pytest.raises(RecordingError, match="no revolution") as caught:
+    @pytest.mark.parametrize(
+        ("tables", "duration_s", "found", "remedy"),
+        [
+            ("[motion]\nspeed_kmh = 0.0", 6.0, r"6\.0 s of samples", "Did the wheel roll"),
+            ("[motion]\nspeed_kmh = 5.0", 0.5, r"0\.5 s of samples", "Record longer"),
+        ],
+        ids=["still", "short"],
+    )
+    def test_no_revolution_at_all_is_told_with_what_there_is(self, tmp_path, tables, duration_s, found, remedy):
+        path = write_recording(tmp_path / "none.mcap", tables, duration_s=duration_s)
+        with pytest.raises(RecordingError, match=f"no whole revolution in .*none.mcap': {found}$") as caught:
             read_campaign([path])
-        assert caught.value.remedy
+        assert remedy in caught.value.remedy
+
+    def test_no_sample_at_all_is_told(self, tmp_path):
+        path = tmp_path / "empty.mcap"
+        RecordingWriter(path, start_ns=START_NS).close()
+        with pytest.raises(RecordingError, match="no sample$") as caught:
+            read_campaign([path])
+        assert "inspect" in caught.value.remedy
 
     def test_rolling_backwards_turns_the_circumferential_axis_and_the_declared_pitch(self, folder):
         path = write_recording(
@@ -252,6 +274,13 @@ class TestConditions:
     def test_a_stranger_cannot_be_reverse(self, slow, fast):
         with pytest.raises(RecordingError, match="not among"):
             read_campaign([slow], reverse=[fast])
+
+    def test_one_recording_may_be_written_in_two_ways(self, slow, tmp_path, monkeypatch):
+        monkeypatch.chdir(slow.parent)
+        (tmp_path / "link.mcap").symlink_to(slow)
+        for other in (Path(slow.name), tmp_path / "link.mcap"):
+            for one, reverse in ((slow, other), (other, slow)):
+                assert read_campaign([one], reverse=[reverse]).groups[0].conditions.reverse
 
 
 class TestSensors:
