@@ -17,7 +17,6 @@ from gateway.cli.opening import (
     keys_option,
     open_effects,
 )
-from gateway.config.effects_file import effects_notices
 from gateway.config.model import VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
@@ -29,7 +28,7 @@ from gateway.security.keys import default_key_file
 from gateway.security.opening import open_guard
 from gateway.session.batch import estimate_items
 from gateway.views.report_file import check_outputs
-from gateway.views.summary import ResultSummary, summary_lines
+from gateway.views.summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables import TableFormat, open_table
 from gateway.views.text import clean
 
@@ -121,9 +120,12 @@ def _estimate_one(
             reader, vehicle, take, estimators=estimators, on_bytes=on_bytes, guard=guard, effects=effects
         )
     click.echo(f"{path}" + ("" if vehicle is not None else "  (no configuration: belt radius 320 mm assumed)"))
-    for notice in effects_notices(effects):
-        click.echo(f"  {clean(notice)}")
-    for line in summary_lines(summary.wheels()):
+    wheels = summary.wheels()
+    for table in effects:
+        for wheel in wheels:
+            if wheel.position == table.position:
+                click.echo(clean(f"  {effects_line(wheel, [effect.name for effect in table.effects])}"))
+    for line in summary_lines(wheels):
         click.echo(clean(f"  {line}".rstrip()))
     for finding in guard.findings() if guard is not None else ():
         click.echo(f"  {clean(finding)}")

@@ -215,11 +215,19 @@ def with_effects(setups: Iterable[WheelSetup], tables: Sequence[CorrectionTable]
 
 
 def effects_notices(tables: Sequence[CorrectionTable]) -> list[str]:
-    """Return a line for each wheel whose known effects are taken off."""
+    """Return a line for each wheel that effects are known of: which, and where they hold and are taken off."""
     return [
-        f"{table.position}: taken off its axes: {', '.join(effect.name for effect in table.effects)}"
+        f"{table.position}: taken off its axes at {_range_text(table)}: "
+        f"{', '.join(effect.name for effect in table.effects)}"
         for table in tables
     ]
+
+
+def _range_text(table: CorrectionTable) -> str:
+    ranges = [(table.omega_range_radps, 3.6 * table.radius_m, "km/h")]
+    ranges += [(table.load_range_n, 1.0, "N")] if table.load_range_n is not None else []
+    ranges += [(table.pressure_range_pa, 1e-3, "kPa")] if table.pressure_range_pa is not None else []
+    return ", ".join(f"{low * factor:.0f} to {high * factor:.0f} {unit}" for (low, high), factor, unit in ranges)
 
 
 def _version(text: str, path: Path) -> object:

@@ -175,4 +175,6 @@ def _doubted(estimate: Estimate, why: str) -> Estimate:
     """Return an estimate of a waveform that still holds the known effects."""
     status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
     reason = f"known effects not taken off: {why}"
+    if reason in estimate.reason:
+        return replace(estimate, status=status)  # it repeats what the estimate that it is made of says
     return replace(estimate, status=status, reason=f"{estimate.reason}; {reason}" if estimate.reason else reason)

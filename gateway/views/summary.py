@@ -30,6 +30,8 @@ class WheelSummary:
         speed_max_mps: fastest revolution.
         missing_fraction: share of the samples that were lost on the link, by time.
         estimates: the last of each name, the last one that was not invalid where there was one.
+        uncorrected: revolutions that known effects were not taken off.
+        uncorrected_reason: why, of the last such.
     """
 
     position: str
@@ -44,6 +46,8 @@ class WheelSummary:
     speed_max_mps: float
     missing_fraction: float
     estimates: tuple[Estimate, ...]
+    uncorrected: int = 0
+    uncorrected_reason: str = ""
 
 
 @dataclass(slots=True)
@@ -51,6 +55,8 @@ class _Wheel:
     revolutions: int = 0
     valid: int = 0
     saturated: int = 0
+    uncorrected: int = 0
+    uncorrected_reason: str = ""
     rolling_s: float = 0.0
     missing_s: float = 0.0
     distance_m: float = 0.0
@@ -73,6 +79,9 @@ class ResultSummary:
         wheel.revolutions += 1
         wheel.valid += not revolution.faults
         wheel.saturated += revolution.saturated
+        if revolution.uncorrected:
+            wheel.uncorrected += 1
+            wheel.uncorrected_reason = revolution.uncorrected
         wheel.faults.update(revolution.faults)
         wheel.rolling_s += revolution.period_s
         wheel.missing_s += revolution.missing_fraction * revolution.period_s
@@ -105,7 +114,22 @@ class ResultSummary:
             speed_max_mps=wheel.speed_max_mps if rolled else math.nan,
             missing_fraction=wheel.missing_s / wheel.rolling_s if rolled else math.nan,
             estimates=tuple(wheel.estimates.values()),
+            uncorrected=wheel.uncorrected,
+            uncorrected_reason=wheel.uncorrected_reason,
         )
+
+
+def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
+    """Return what became of a wheel's known effects, which hold under the conditions that they were found at only."""
+    names, count, left = ", ".join(effects), wheel.revolutions, wheel.uncorrected
+    if not left:
+        return f"{wheel.position}: taken off its axes: {names}"
+    if left == count:
+        return f"{wheel.position}: NOT taken off its axes: {names}: {wheel.uncorrected_reason}"
+    return (
+        f"{wheel.position}: taken off its axes in {count - left} of {count} revolutions: {names}; "
+        f"not in the others: {wheel.uncorrected_reason}"
+    )
 
 
 def summary_lines(wheels: Iterable[WheelSummary], links: Sequence[LinkSnapshot] = ()) -> list[str]:

@@ -227,6 +227,17 @@ class TestEffectsFiles:
         assert plain.splitlines()[0] == freed.splitlines()[0]
         assert plain.splitlines()[-1] != freed.splitlines()[-1]
 
+    def test_beyond_their_load_none_are_said_to_be_taken_off(self, closed, recording, tmp_path):
+        closed[1][0] = replace(ordinary(), correction=table(load_range_n=(3000.0, 4000.0)))
+        path = tmp_path / "w0.effects.json"
+        assert run(recording, "--save-effects", path).exit_code == 0
+        _, printed = self.radial_of(tmp_path / "off", recording, "--effects", path)
+        assert "NOT taken off its axes: imbalance: 5000 N is outside of the 3000 to 4000 N" in printed
+        result = CliRunner().invoke(
+            treadlink, ["replay", str(recording), "--speed", "max", "--plain", "--effects", str(path)]
+        )
+        assert "W0: taken off its axes at 48 to 72 km/h, 3000 to 4000 N: imbalance" in result.output
+
     def test_replay_gives_the_same_as_estimate(self, saved, recording, tmp_path):
         def lines(*more):
             arguments = ["replay", str(recording), "--speed", "max", "--plain", *map(str, more)]

@@ -13,7 +13,7 @@ from gateway.config.faults import parse_document
 from gateway.config.load import parse_vehicle
 from gateway.estimators.base import Status
 from gateway.io.source import Chunk
-from gateway.pipeline.setup import CorrectedEffect, CorrectionTable, WheelSetup
+from gateway.pipeline.setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore
 from gateway.signal.correction import EffectParameter
@@ -142,6 +142,15 @@ class TestTakenOff:
         # The two do not mix: what is estimated at the end owes nothing to the revolutions in between.
         steady, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT)
         assert numbers(inside)["Bs"].value == pytest.approx(numbers(steady)["Bs"].value, rel=0.1)
+
+    def test_what_is_made_of_a_doubted_estimate_says_why_once(self, table):
+        elsewhere = replace(table, load_range_n=(3000.0, 4000.0))
+        new = TireData(ring_thickness_m=0.015, reference=ReferenceNumbers(Bs=3.0e-3, pressure_pa=2.1e5))
+        setup = replace(SETUP, correction=elsewhere, tire=new)
+        results, _ = simulated(STEADY, 6.0, setup, (*ESTIMATORS, "wear"))
+        wear = numbers(results)["wear_mm"]
+        assert math.isfinite(wear.value)
+        assert wear.reason.count("known effects not taken off") == 1
 
     def test_another_sensor_is_not_corrected(self, table):
         other = replace(table, sensor_id=0xDEAD)

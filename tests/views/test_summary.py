@@ -1,11 +1,12 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gateway.estimators.base import Conditions, Estimate, Revolution, Status
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
-from gateway.views.summary import ResultSummary, summary_lines
+from gateway.views.summary import ResultSummary, effects_line, summary_lines
 
 
 def result(
@@ -107,3 +108,25 @@ def test_faults_and_links_are_told() -> None:
 
 def test_nothing_at_all() -> None:
     assert summary_lines(ResultSummary().wheels()) == ["no revolution was completed"]
+
+
+@pytest.mark.parametrize(
+    ("uncorrected", "says"),
+    [
+        ((), "FL: taken off its axes: roll tilt, imbalance"),
+        ((0, 1, 2), "FL: NOT taken off its axes: roll tilt, imbalance: 6500 N is outside"),
+        (
+            (0,),
+            "FL: taken off its axes in 2 of 3 revolutions: roll tilt, imbalance; not in the others: 6500 N is outside",
+        ),
+    ],
+    ids=["all", "none", "some"],
+)
+def test_known_effects_are_said_to_be_taken_off_where_they_are(uncorrected: tuple[int, ...], says: str) -> None:
+    summary = ResultSummary()
+    for number in range(3):
+        one = result("FL", 0.1)
+        reason = "6500 N is outside" if number in uncorrected else ""
+        summary.add(replace(one, revolution=replace(one.revolution, uncorrected=reason)))
+    (wheel,) = summary.wheels()
+    assert effects_line(wheel, ["roll tilt", "imbalance"]) == says
