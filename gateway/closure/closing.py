@@ -38,11 +38,19 @@ _SELECTED, _HELD_OUT = 0.4, 0.8
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """A selection that holds out, the errors of its folds, and what became of every effect."""
+    """A selection that holds out, the errors of its folds, and what became of every effect.
+
+    Attributes:
+        selection: the last one.
+        errors: of its folds.
+        findings: what became of every effect.
+        undecided: for every effect with rivals the fits with each of them in its place.
+    """
 
     selection: Selection
     errors: list[FoldError]
     findings: list[Finding]
+    undecided: list[tuple[Fit, ...]]
 
 
 def close_loop(
@@ -87,8 +95,8 @@ def close_loop(
             reason = f"found in {times} of {len(errors)} folds only when one fold is left out"
             unsteady[step.effect.name] = refused(step, selection.final, reason)
     on_progress(_HELD_OUT, "comparing rivals")
-    findings = [*findings_of(selection, selection.data, every), *unsteady.values()]
-    return Closed(selection, errors, findings)
+    findings, undecided = findings_of(selection, selection.data, every)
+    return Closed(selection, errors, [*findings, *unsteady.values()], undecided)
 
 
 def _cannot_be_fitted(model: StartModel, error: FitFailedError) -> TreadlinkError:

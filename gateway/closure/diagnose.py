@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.closure.changing import beside_changes, changing
 from gateway.closure.closing import close_loop
 from gateway.closure.contribution import contribution_table
 from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Unexplained, Verdict
@@ -59,14 +60,19 @@ def diagnose(
     selection, findings = closed.selection, closed.findings
     held_out, noise, corrected = summary(closed.errors)
     on_progress(0.9, "what does not repeat with the wheel")
-    time_locked = diagnose_time_locked(campaign.groups)
+    changes = changing(selection.final, selection.data)
+    time_locked = diagnose_time_locked(campaign.groups, changing=bool(changes))
     edges = edge_findings(campaign.groups)
     on_progress(0.97, "figures")
     before, _ = estimates_of(selection.start, data)
-    after, determined = estimates_of(selection.final, selection.data)
+    after, determined = estimates_of(selection.final, selection.data, closed.undecided)
     if held_out.rms_after_mps2 > FAR_OFF * noise:
         determined = dict.fromkeys(determined, False)
-    left: tuple[Unexplained, ...] = (*unexplained(selection.final, selection.data), *time_locked.unexplained)
+    left: tuple[Unexplained, ...] = (
+        *changes,
+        *unexplained(selection.final, selection.data),
+        *beside_changes(time_locked.unexplained, changes),
+    )
     on_progress(1.0, "done")
     return Diagnosis(
         model=str(model),

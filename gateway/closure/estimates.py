@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Fitted
+from gateway.closure.effects.base import Conditions
+from gateway.closure.effects.rolling_radius import EFFECT as ROLLING_RADIUS
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import ORDERS
@@ -45,10 +48,18 @@ def full_covariance(fit: Fit, data: Whitened) -> FloatArray:
     return total
 
 
-def estimates_of(fit: Fit, data: Whitened) -> tuple[dict[str, Fitted], dict[str, bool]]:
+def estimates_of(
+    fit: Fit, data: Whitened, undecided: Sequence[Sequence[Fit]] = ()
+) -> tuple[dict[str, Fitted], dict[str, bool]]:
     """Return every estimate, and whether the data determine it.
 
     The state with the most revolutions goes by the plain names, `Bs`; others by `Bs (3500 N, 210 kPa)`.
+
+    Args:
+        fit: the model.
+        data: whitened.
+        undecided: for every effect that the data do not tell from its rivals the fits with each of these in its place;
+            an error holds as well by how much they would change the estimate.
     """
     covariance = full_covariance(fit, data)
     found: dict[str, Fitted] = {}
@@ -67,61 +78,72 @@ def estimates_of(fit: Fit, data: Whitened) -> tuple[dict[str, Fitted], dict[str,
         if state != reference:
             suffix = f" ({conditions.load_n:.0f} N, {conditions.pressure_pa / 1e3:.0f} kPa)"
         known = groups[index].load_known and groups[index].pressure_known
-        for name, (value, enough) in _of_state(fit, covariance, index, known).items():
-            found[name + suffix], determined[name + suffix] = value, enough
+        values = _values(fit, fit.vector, index)
+        errors = _errors(fit, covariance, index, values)
+        for rivals in undecided:
+            others = [_values(rival, rival.vector, index) for rival in rivals]
+            for name, value in values.items():
+                errors[name] = math.hypot(errors[name], max(abs(other[name] - value) for other in others))
+        for name, value in values.items():
+            found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""))
+            determined[name + suffix] = _is_determined(name, values, errors, known)
     return found, determined
 
 
-def _of_state(fit: Fit, covariance: FloatArray, index: int, known: bool) -> dict[str, tuple[Fitted, bool]]:
-    group, core = fit.model.campaign.groups[index], fit.model.core
-    where = fit.model.layout.state(group.state)
-    state = fit.vector[where]
-    own = covariance[where, where]
-    result: dict[str, tuple[Fitted, bool]] = {}
-    numbers = core.numbers(state, group.conditions)
-    for name, value in numbers.items():
-        gradient = _gradient(core.numbers, state, group.conditions, name)
-        std = math.sqrt(max(float(gradient @ own @ gradient), 0.0))
-        enough = std < _WORST_SHARE * abs(value)
-        if name == "Bs":
-            enough = enough and value > _LEAST_BENDING * numbers["Cw"]
-        result[name] = Fitted(value, std, _UNITS.get(name, "")), enough and known
-    for name in ("Bs", "Rs", "Ts"):
-        ratio = numbers[name] / numbers["Cw"]
-        at, tension = NUMBERS.index(name), NUMBERS.index("Cw")
-        variance = own[at, at] + own[tension, tension] - 2.0 * own[at, tension]
-        std = ratio * math.sqrt(max(float(variance), 0.0))
-        result[f"{name}/Cw"] = Fitted(ratio, std), result[name][1] or (not known and std < _WORST_SHARE * ratio)
-    result[_HALF_ANGLE] = _half_angle(fit, covariance, index)
-    return result
+def _is_determined(name: str, values: Mapping[str, float], errors: Mapping[str, float], known: bool) -> bool:
+    enough = errors[name] < _WORST_SHARE * abs(values[name])
+    if name == _HALF_ANGLE:
+        return enough
+    number, _, ratio = name.partition("/")
+    if ratio and not known:
+        return enough
+    if ratio:
+        return _is_determined(number, values, errors, known)
+    if name == "Bs":
+        enough = enough and values[name] > _LEAST_BENDING * values["Cw"]
+    return enough and known
 
 
-def _gradient(numbers, state: FloatArray, conditions, name: str) -> FloatArray:  # type: ignore[no-untyped-def]
-    base = numbers(state, conditions)[name]
-    gradient = np.zeros(len(state))
-    for place in range(len(state)):
-        moved = state.copy()
-        moved[place] += 1e-6
-        gradient[place] = (numbers(moved, conditions).get(name, base) - base) * 1e6
-    return gradient
+def _values(fit: Fit, vector: FloatArray, index: int) -> dict[str, float]:
+    """Return the estimates of one group's state at these parameters."""
+    group, layout = fit.model.campaign.groups[index], fit.model.layout
+    numbers = fit.model.core.numbers(vector[layout.state(group.state)], _in_earnest(fit, vector, group.conditions))
+    values = dict(numbers)
+    values.update({f"{name}/Cw": numbers[name] / numbers["Cw"] for name in ("Bs", "Rs", "Ts")})
+    shape = fit.model.shape(vector, index)
+    values[_HALF_ANGLE] = 0.5 * (shape.trailing_edge_rad - shape.leading_edge_rad)
+    return values
 
 
-def _half_angle(fit: Fit, covariance: FloatArray, index: int) -> tuple[Fitted, bool]:
-    group = fit.model.campaign.groups[index]
-    where = fit.model.layout.state(group.state)
+def _in_earnest(fit: Fit, vector: FloatArray, conditions: Conditions) -> Conditions:
+    """Return the conditions with the radius that the belt has if the one stated is wrong.
 
-    def half_angle(vector: FloatArray) -> float:
-        shape = fit.model.shape(vector, index)
-        return 0.5 * (shape.trailing_edge_rad - shape.leading_edge_rad)
+    The waveform over R omega^2 tells every stiffness over the load: EI / (Q R^2), p0 b R / Q, kw R^2 / Q, kv R^2 / Q,
+    tread likewise. So Bs, Cw, Rs, Ts are what it tells times the load number Q / (p0 R^2), the tread's stiffness times
+    Q / R^2, and at the same load and pressure all of them fall with R^2. Their ratios and the contact's angle do not.
+    """
+    for effect in fit.model.effects:
+        if effect.name == ROLLING_RADIUS.name:
+            error = float(vector[fit.model.layout.effect(effect.name)][0])
+            return replace(conditions, radius_m=conditions.radius_m * (1.0 + error))
+    return conditions
 
-    value = half_angle(fit.vector)
-    gradient = np.zeros(len(fit.vector))
-    for place, step in zip(range(where.start, where.stop), fit.model.core.steps, strict=True):
+
+def _errors(fit: Fit, covariance: FloatArray, index: int, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the standard error of each of the estimates of one group's state."""
+    layout = fit.model.layout
+    where = layout.state(fit.model.campaign.groups[index].state)
+    steps = dict(zip(range(where.start, where.stop), fit.model.core.steps.tolist(), strict=True))
+    for effect in fit.model.effects:
+        if effect.name == ROLLING_RADIUS.name:
+            steps[layout.effect(effect.name).start] = effect.parameters[0].step
+    gradients = {name: np.zeros(layout.size) for name in values}
+    for place, step in steps.items():
         moved = fit.vector.copy()
         moved[place] += step
-        gradient[place] = (half_angle(moved) - value) / step
-    std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
-    return Fitted(value, std, "rad"), std < _WORST_SHARE * value
+        for name, value in _values(fit, moved, index).items():
+            gradients[name][place] = (value - values[name]) / step
+    return {name: math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)) for name, gradient in gradients.items()}
 
 
 def before_and_after(before: Mapping[str, Fitted], after: Mapping[str, Fitted]) -> dict[str, tuple[Fitted, Fitted]]:

@@ -41,12 +41,17 @@ def refused(step: Step, fit: Fit, reason: str) -> Finding:
     )
 
 
-def findings_of(selection: Selection, data: Whitened, effects: Mapping[str, AngleEffect]) -> list[Finding]:
-    """Return what became of every effect that the data speak about."""
-    found = []
+def findings_of(
+    selection: Selection, data: Whitened, effects: Mapping[str, AngleEffect]
+) -> tuple[list[Finding], list[tuple[Fit, ...]]]:
+    """Return what became of every effect that the data speak about, and for every undecided one its rivals' fits."""
+    found, undecided = [], []
     final = selection.final
     for step in selection.steps:
-        rivals = rivals_of(final, step.effect, effects, data)
+        fits = rivals_of(final, step.effect, effects, data)
+        rivals = tuple(fits)
+        if fits:
+            undecided.append(tuple(fits.values()))
         found.append(_added(final, step, data, rivals, _decide_with(final, step.effect, rivals, effects, data)))
     for name, (reason, fall, gain, fit) in selection.refused.items():
         found.append(
@@ -63,7 +68,7 @@ def findings_of(selection: Selection, data: Whitened, effects: Mapping[str, Angl
                 equation=effects[name].equation,
             )
         )
-    return found
+    return found, undecided
 
 
 def _decide_with(

@@ -17,16 +17,16 @@ _ALIKE: Final = 10.0
 _WORTH: Final = 0.7
 
 
-def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect], data: Whitened) -> tuple[str, ...]:
-    """Return the effects that explain as much in the place of `effect`, all others of the final model kept."""
+def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect], data: Whitened) -> dict[str, Fit]:
+    """Return the effects that explain as much in the place of `effect`, all others of the final model kept, fitted."""
     without = bare(final, effect, data)
     if without is None:
-        return ()
+        return {}
     scale = gates.overdispersion(final, data)
     misfit = without.linear_misfit()
     most = min(misfit - _WORTH * (misfit - final.misfit), FAR_OFF * final.misfit)
     taken = {other.name for other in final.model.effects}
-    found = []
+    found: dict[str, Fit] = {}
     for name, rival in effects.items():
         if name in taken:
             continue
@@ -39,8 +39,8 @@ def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect
             continue
         near = fit.misfit - final.misfit < _ALIKE * scale
         if near and not gates.implausible(fit, rival, scale) and not gates.uneven(fit, rival, scale):
-            found.append(name)
-    return tuple(found)
+            found[name] = fit
+    return found
 
 
 def fit_without(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:

@@ -48,8 +48,9 @@ def test_the_clock_is_asked_for_first(
         seen.append(f"{effect.name} or {rival.name}")
         return "a recording"
 
-    monkeypatch.setattr(findings, "rivals_of", lambda *_: rivals)
+    monkeypatch.setattr(findings, "rivals_of", lambda *_: dict.fromkeys(rivals))
     monkeypatch.setattr(findings, "deciding_recording", deciding)
     monkeypatch.setattr(findings, "_added", lambda *told: told[-1])
-    assert cast(list[object], findings.findings_of(selection, data, effects)) == [words]
+    found, _ = findings.findings_of(selection, data, effects)
+    assert cast(list[object], found) == [words]
     assert seen == [f"rolling radius or {asked}"]
