@@ -98,8 +98,12 @@ def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
     """
     vector = trial.vector.copy()
     where = trial.model.layout.effect(trial.effect.name)
-    # A ring is not solved for stiffnesses and dampings below zero, and beyond its range an effect may have no slope.
-    vector[where] = np.clip(vector[where], *_bounds(trial.effect))
+    low, high = _bounds(trial.effect)
+    if isinstance(trial.effect, SignalEffect):
+        # Where the linear step leads out of its range an effect may have no slope to lead back by.
+        vector[where] = np.where((vector[where] < low) | (vector[where] > high), trial.start, vector[where])
+    # A ring is not solved for stiffnesses and dampings below zero.
+    vector[where] = np.clip(vector[where], low, high)
     mean, _ = trial.model.priors()
     states = trial.model.layout.states
     if float(np.abs(vector[states] - mean[states]).max()) < _BENT or _is_better(trial.model, vector, fit, data):
