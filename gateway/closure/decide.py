@@ -12,16 +12,25 @@ from numpy.typing import NDArray
 
 from gateway.closure.cores import NoShapeError
 from gateway.closure.effects.base import Conditions
+from gateway.closure.equation_doubt import equation_share
 from gateway.closure.fit import Fit, FitFailedError, fit_model
-from gateway.closure.likelihood import Whitened
+from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Block, Campaign, Group
 from gateway.closure.witness import CLOCK, HOST_CLOCK
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 # Fall of the misfit at which two explanations count as told apart.
 _TOLD_APART: Final = 25.0
+# Share of an axis's orders that hold nothing but the sensor's own noise.
+_QUIETEST: Final = 0.1
+# What is the same at any speed, load, temperature and direction is decided by other means, or not at all.
+_AT_REST: Final = {
+    frozenset(("camber", "zero-g offset")): "the sensor at rest with the axle level, the tire lifted or off the car, "
+    "would decide: its lateral axis reads the zero-g offset alone there"
+}
 NOTHING: Final = "no recording at another speed, load, temperature or direction tried here would decide"
 
 _OTHERS: Final[tuple[tuple[str, Callable[[Conditions], Conditions]], ...]] = (
@@ -43,6 +52,9 @@ def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data
     """
     if CLOCK in (effect.name, rival.name):
         return _clock_decides(final.model.campaign)
+    at_rest = _AT_REST.get(frozenset((effect.name, rival.name)))
+    if at_rest is not None:
+        return at_rest
     others = tuple(other for other in final.model.effects if other.name != effect.name)
     best: tuple[float, str] | None = None
     for words, change in _OTHERS:
@@ -73,7 +85,11 @@ def _told_apart(
     there = change(known.conditions)
     other_state = (there.load_n, there.pressure_pa) != (known.conditions.load_n, known.conditions.pressure_pa)
     state = campaign.states if other_state else known.state
-    blocks = tuple(Block(block.count, change(block.conditions), block.orders_mps2) for block in known.blocks)
+    share = there.omega_radps / known.conditions.omega_radps
+    # As long a recording: fewer revolutions where they are slower.
+    blocks = tuple(
+        Block(max(1, round(share * block.count)), change(block.conditions), block.orders_mps2) for block in known.blocks
+    )
     group: Group = replace(known, label="imagined", conditions=there, blocks=blocks, state=state)
     states = campaign.states + int(other_state)
     larger = Campaign(campaign.wheel, campaign.recordings, (*campaign.groups, group), states, {})
@@ -84,13 +100,44 @@ def _told_apart(
         truth.refine(vector)
         predicted = truth.predict(vector)
         rivals = ClosureModel(larger, final.model.core, effects)
-        weights = (*data.weights, data.weights[reference])
-        imagined = Whitened(tuple(predicted), weights, (*data.variance, data.variance[reference]))
+        weight, variance = _as_recorded(truth, vector, data, reference, predicted[-1])
+        imagined = Whitened(tuple(predicted), (*data.weights, weight), (*data.variance, variance))
         old = _misfit(imagined, rivals, truth, vector, size)
         new = fit_model(rivals, imagined, truth.layout.moved(vector, rivals.layout)).misfit
     except (FitFailedError, NoShapeError):
         return None
     return new - old
+
+
+def _as_recorded(
+    truth: ClosureModel, vector: FloatArray, data: Whitened, reference: int, predicted: ComplexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return weights and variance of the imagined recording, the campaign's last, (blocks, 3, ORDERS) each.
+
+    Its scatter is the reference's at another speed: the sensor's own is white in time, so a revolution's goes with
+    omega; the rest is the ring's, and goes with omega^4. What equations and computing leave is of what is read there.
+    """
+    last = len(truth.campaign.groups) - 1
+    known, there = truth.campaign.groups[reference], truth.campaign.groups[last]
+    counts = np.array([block.count for block in known.blocks], dtype=np.float64)
+    one = (data.variance[reference] * counts[:, None, None]).mean(axis=0)
+    one = np.where(one > 0.0, one, np.nan)
+    quiet = np.isfinite(one).any(axis=1)
+    own = np.zeros((3, 1))
+    own[quiet] = np.nanquantile(one[quiet], _QUIETEST, axis=1)[:, None]
+    ratio = there.conditions.omega_radps / known.conditions.omega_radps
+    scatter = np.minimum(one, own) * ratio + np.maximum(one - own, 0.0) * ratio**4
+    # Alike, so that speeds that differ between blocks are not taken for scatter.
+    alike = tuple(replace(block, orders_mps2=predicted.mean(axis=0)) for block in there.blocks)
+    alone = replace(truth.campaign, groups=(replace(there, blocks=alike, variance=scatter),))
+    recorded = whiten(alone, with_mean=truth.core.mean)
+    left = []
+    for effect in truth.effects:
+        without = vector.copy()
+        without[truth.layout.effect(effect.name)] = 0.0
+        left.append([equation_share(effect) * np.abs(predicted[0] - truth.predict_group(without, last)[0])])
+    doubted = recorded.doubting(left)
+    return doubted.weights[0], doubted.variance[0]
 
 
 def _misfit(data: Whitened, rivals: ClosureModel, truth: ClosureModel, vector: FloatArray, groups: int) -> float:

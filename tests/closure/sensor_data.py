@@ -34,10 +34,12 @@ CONDITIONS = Conditions(OMEGA, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, RATE, 0.0)
 NAMES = (
     "rolling radius",
     "sample clock error",
+    "camber",
     "roll tilt",
     "pitch tilt",
     "gain",
     "gain-temperature drift",
+    "sensor nonlinearity",
     "zero-g offset",
     "clipping",
     "anti-alias filter",

@@ -44,14 +44,14 @@ def test_derivatives_are_those_of_differences(name: str, draw: float, omega_dot:
     effect, here = effect_of(name), here_of(65.0, omega_dot)
     here = replace(here, conditions=replace(here.conditions, temperature_degc=50.0, reverse=reverse))
     at = values_of(effect, draw)
+    for place, parameter in enumerate(effect.parameters):
+        if abs(at[place]) < 3.0 * parameter.step:
+            at[place] += 5.0 * parameter.step
     rows = effect.derivative(here, at)
     assert rows.shape == (len(at), 3, FIELD_SIZE)
     for place, (row, parameter) in enumerate(zip(rows, effect.parameters, strict=True)):
         step = np.zeros(len(at))
         step[place] = parameter.step
-        if abs(at[place]) < 3.0 * parameter.step:
-            at = at + 5.0 * step
-            row = effect.derivative(here, at)[place]
         # Fourth-order differences.
         near = effect.contribution(here, at + step) - effect.contribution(here, at - step)
         far = effect.contribution(here, at + 2.0 * step) - effect.contribution(here, at - 2.0 * step)

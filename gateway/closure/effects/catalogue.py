@@ -38,6 +38,8 @@ MODULES: Final[tuple[str, ...]] = (
     "clock_error",
     # this one acts on all that the belt does
     "torsional_ripple",
+    # a constant that no ripple touches
+    "camber",
     # MOUNTING
     "yaw_tilt",
     "roll_tilt",
@@ -45,6 +47,7 @@ MODULES: Final[tuple[str, ...]] = (
     # ELEMENT
     "gain",
     "gain_temperature",
+    "sensor_nonlinearity",
     "zero_g_offset",
     # ELECTRIC
     "clipping",

@@ -1,0 +1,77 @@
+"""Camber that nobody declared: against the simulator, and beside the zero-g offset that nothing tells it from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.closure.cores import Core
+from gateway.closure.decide import deciding_recording
+from gateway.closure.effects.base import LATERAL, Conditions, StartModel
+from gateway.closure.likelihood import whiten
+from gateway.closure.rivals import rivals_of
+from gateway.closure.selection import select
+from gateway.closure.starting import make_core
+from tests.closure.planted_campaign import (
+    ALL_AXES,
+    TWO_SPEEDS,
+    FloatArray,
+    Plant,
+    among,
+    campaign_of,
+    fitted,
+    sideways,
+)
+from tests.closure.sensor_data import G, applied, at_angles, here_of, plan_of, samples, tail
+
+EFFECTS = among("camber", "zero-g offset", "roll tilt")
+
+
+def on_all_axes(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    return signal + np.array([[0.8], [0.5], [1.5]])
+
+
+@pytest.mark.parametrize("camber_deg", [-5.0, 2.0])
+def test_the_simulators_leaning_wheel_reads_it(camber_deg: float) -> None:
+    leaning, angle = tail(samples(plan_of(f"camber_deg = {camber_deg}")))
+    plain, _ = tail(samples(plan_of()))
+    here = here_of()
+    added = applied(here, camber=(math.radians(camber_deg),)).signal_mps2 - here.signal_mps2
+    expected = at_angles(added, angle)
+    assert expected[:, LATERAL] == pytest.approx(G * math.sin(math.radians(camber_deg)))
+    left = leaning - plain - expected
+    # Two converters' steps of 0.075 m/s^2; what gravity loses in the wheel's plane, g (1 - cos 5 deg), is as small.
+    assert np.abs(left).max() < 0.15
+    assert abs(float(left[:, LATERAL].mean())) < 0.06
+
+
+def test_an_ac_coupled_sensor_does_not_pass_it() -> None:
+    here = here_of()
+    ac = replace(here, conditions=replace(here.conditions, ac_coupled=True))
+    assert not EFFECTS["camber"].contribution(ac, np.array([0.05])).any()  # type: ignore[union-attr]
+    assert not EFFECTS["camber"].derivative(ac, np.array([0.05])).any()  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("name", "rival"), [("camber", "zero-g offset"), ("zero-g offset", "camber")])
+def test_a_constant_of_the_lateral_axis_is_either(name: str, rival: str) -> None:
+    fit, data = fitted(campaign_of(TWO_SPEEDS, sideways(0.5), axes=ALL_AXES), EFFECTS[name])
+    assert tuple(rivals_of(fit, EFFECTS[name], EFFECTS, data)) == (rival,)
+    words = deciding_recording(fit, EFFECTS[name], EFFECTS[rival], data)
+    assert words.startswith("the sensor at rest with the axle level")
+
+
+@pytest.mark.parametrize("plant", [sideways(2.0), on_all_axes], ids=["more than 6 deg", "on other axes too"])
+def test_what_camber_cannot_be_is_an_offset(plant: Plant) -> None:
+    fit, data = fitted(campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES), EFFECTS["zero-g offset"])
+    assert not set(rivals_of(fit, EFFECTS["zero-g offset"], EFFECTS, data))
+
+
+@pytest.mark.parametrize(("plant", "name"), [(sideways(0.5), "camber"), (on_all_axes, "zero-g offset")])
+def test_a_search_adds_one_of_them(plant: Plant, name: str) -> None:
+    campaign = campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES)
+    core: Core = make_core(StartModel.EXACT)
+    found = select(campaign, core, whiten(campaign, with_mean=core.mean), EFFECTS)
+    assert [step.effect.name for step in found.steps] == [name]

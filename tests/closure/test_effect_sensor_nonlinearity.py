@@ -1,0 +1,75 @@
+"""A bent radial axis: against samples bent one by one, and what is not taken for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.base import RADIAL, Conditions
+from gateway.closure.rivals import rivals_of
+from tests.closure.planted_campaign import (
+    TWO_SPEEDS,
+    FloatArray,
+    Plant,
+    among,
+    campaign_of,
+    conditions,
+    fitted,
+    gain,
+    larger_belt,
+)
+from tests.closure.sensor_data import OMEGA, applied, at_angles, here_of, plan_of, rms, samples, tail
+
+NAME = "sensor nonlinearity"
+EFFECTS = among(NAME, "gain", "rolling radius", "run-out", "clipping", "zero-g offset")
+# One percent at 2000 m/s^2 each.
+SQUARE, CUBE = 0.01 / 2000.0, 0.01 / 2000.0**2
+THREE_LOADS = tuple(conditions(load_n=load_n) for load_n in (3500.0, 4500.0, 5500.0))
+
+
+def bent(square: float, cube: float) -> Plant:
+    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        read = signal.copy()
+        read[RADIAL] += square * signal[RADIAL] ** 2 + cube * signal[RADIAL] ** 3
+        return read
+
+    return plant
+
+
+@pytest.mark.parametrize(("square", "cube"), [(SQUARE, 0.0), (0.0, -CUBE), (-SQUARE, 2.0 * CUBE)])
+@pytest.mark.parametrize("speed_kmh", [45.0, 65.0])
+def test_every_sample_bent_is_the_contribution(square: float, cube: float, speed_kmh: float) -> None:
+    plain, angle = tail(samples(plan_of(speed_kmh=speed_kmh)), OMEGA * speed_kmh / 65.0)
+    read = plain[:, RADIAL] * (1.0 + plain[:, RADIAL] * (square + cube * plain[:, RADIAL]))
+    here = here_of(speed_kmh)
+    added = applied(here, sensor_nonlinearity=(square, cube)).signal_mps2 - here.signal_mps2
+    expected = at_angles(added, angle)
+    assert rms(read - plain[:, RADIAL] - expected[:, RADIAL]) < 5e-3 * rms(expected[:, RADIAL])
+    assert not expected[:, :RADIAL].any()
+
+
+@pytest.mark.parametrize("groups", [TWO_SPEEDS, THREE_LOADS], ids=["speeds", "loads"])
+@pytest.mark.parametrize(("square", "cube"), [(SQUARE, 0.0), (0.0, -CUBE)], ids=["square", "cube"])
+def test_it_is_told_from_what_scales(groups: tuple[Conditions, ...], square: float, cube: float) -> None:
+    """One speed is enough: of the overshoot another share is lost than of the free arc."""
+    fit, data = fitted(campaign_of(groups, bent(square, cube)), EFFECTS[NAME])
+    assert fit.misfit < 1.05 * data.used
+    found = fit.vector[fit.model.layout.effect(NAME)]
+    std = np.sqrt(np.diagonal(fit.covariance()))[fit.model.layout.effect(NAME)]
+    assert np.all(np.abs(found - [square, cube]) < 4.0 * std)
+    assert not set(rivals_of(fit, EFFECTS[NAME], EFFECTS, data))
+
+
+@pytest.mark.parametrize(("plant", "name"), [(gain, "gain"), (larger_belt, "rolling radius")])
+@pytest.mark.parametrize("groups", [TWO_SPEEDS, THREE_LOADS], ids=["speeds", "loads"])
+def test_what_scales_is_not_taken_for_it(plant: Plant, name: str, groups: tuple[Conditions, ...]) -> None:
+    fit, data = fitted(campaign_of(groups, plant), EFFECTS[name])
+    assert NAME not in set(rivals_of(fit, EFFECTS[name], EFFECTS, data))
+
+
+def test_small_ones_are_within_range_and_saturation_is_not() -> None:
+    square, cube = EFFECTS[NAME].parameters
+    assert square.high * 2000.0 == pytest.approx(0.03)
+    assert cube.low * 2000.0**2 == pytest.approx(-0.03)
+    assert square.high * square.factor == pytest.approx(1.5)
+    assert cube.high * cube.factor == pytest.approx(0.75)
