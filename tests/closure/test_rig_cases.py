@@ -109,7 +109,7 @@ def test_a_cause_is_felt_and_grows_with_its_size(name: str) -> None:
     changes = []
     for size in (0, 2):
         case = quiet(draw(Order(Kind.EFFECT, 2, (name,), size)))
-        plain = replace(case, tables={}, mirrored=(), per_load=())
+        plain = replace(case, tables={}, mirrored=(), per_load=(), bend=None)
         if name == "rolling radius":
             told = parse_vehicle(declared(scenario_of(case, case.bench.runs[run], 5, 1.0)), "rig").wheel[0].tire
             assert told.radius_mm is not None

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from closure_rig.bench import Bench
+from closure_rig.bent import Bend
 from gateway.physics.constants import STANDARD_GRAVITY_MPS2
 
 Tables = Mapping[str, Mapping[str, Any]]
@@ -55,6 +56,7 @@ class Cause:
         tables: what to change for a size.
         mirrored: (table, key) of phases that change sign when the tire rolls the other way round.
         per_load: (table, key) of what is in proportion to each run's load; their values are for 1 N.
+        bend: of the sensor, which no scenario has; None where the tables say it all.
     """
 
     name: str
@@ -63,6 +65,11 @@ class Cause:
     tables: Callable[[Drawing], Tables]
     mirrored: tuple[tuple[str, str], ...] = ()
     per_load: tuple[tuple[str, str], ...] = ()
+    bend: Callable[[Drawing], Bend] | None = None
+
+
+def _nothing(_: Drawing) -> Tables:
+    return {}
 
 
 def _offset(drawn: Drawing) -> Tables:
@@ -177,6 +184,17 @@ def _slip(drawn: Drawing) -> Tables:
     return {"wheel": {"slip_angle_deg": drawn.sign() * drawn.size}}
 
 
+def _bend(drawn: Drawing) -> Bend:
+    at_mps2, share = 2000.0, 0.01 * drawn.sign() * drawn.size
+    if drawn.rng.random() < 0.5:
+        return Bend(share / at_mps2, 0.0)
+    return Bend(0.0, share / at_mps2**2)
+
+
+def _camber(drawn: Drawing) -> Tables:
+    return {"wheel": {"camber_deg": drawn.sign() * drawn.size}}
+
+
 def _scatter(drawn: Drawing) -> Tables:
     return {"road": {"leading_jitter_mm": drawn.size, "trailing_jitter_mm": drawn.size * drawn.between(0.1, 0.6)}}
 
@@ -193,6 +211,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("yaw tilt", "deg", (0.4, 1.2, 5.0), _yaw),
     Cause("gain", "%", (0.01, 0.03, 2.0), _gain),
     Cause("gain-temperature drift", "%/K", (0.0005, 0.0015, 0.03), _gain_temperature),
+    Cause("sensor nonlinearity", "% at 2000 m/s^2", (0.02, 0.06, 1.0), _nothing, bend=_bend),
     Cause("zero-g offset", "g", (0.006, 0.02, 1.0), _zero_g),
     Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac),
     # Beside its delay, which is the contact centre's, it goes with the cube of what is listed.
@@ -218,6 +237,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("ply steer", "mm (ply separation)", (0.008, 0.024, 1.2), _ply_steer),
     Cause("conicity", "deg", (0.01, 0.03, 0.6), _tire("conicity_deg", signed=True)),
     Cause("carcass compliance", "deg (slip angle)", (0.008, 0.024, 0.3), _slip),
+    Cause("camber", "deg", (0.35, 1.0, 4.0), _camber),
     # Seen in single revolutions, not in their mean; at 15 mg/rtHz it takes three times as much.
     Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from closure_rig.bench import Bench, draw_bench
+from closure_rig.bent import Bend
 from closure_rig.causes import CAUSES, SIZES, Drawing, Tables, cause
 from closure_rig.outside import STRANGERS, Disturbance, stranger
 
@@ -23,6 +24,8 @@ UNPAIRED: Final = frozenset(
         *combinations(("AC coupling", "gain", "zero-g offset", "rolling radius", "sample clock error"), 2),
         ("clipping", "AC coupling"),
         ("gain", "gain-temperature drift"),
+        ("camber", "zero-g offset"),
+        ("camber", "AC coupling"),
     )
 )
 
@@ -69,6 +72,7 @@ class Case:
         mirrored: keys of `tables` that change sign in reverse.
         per_load: keys of `tables` to be multiplied by a run's load.
         disturbance: what is wrong, added to the samples.
+        bend: of the sensor, which the scenario does not have.
         label: what the recordings do not tell; to be sealed.
     """
 
@@ -78,6 +82,7 @@ class Case:
     mirrored: tuple[tuple[str, str], ...]
     per_load: tuple[tuple[str, str], ...]
     disturbance: Disturbance | None
+    bend: Bend | None
     label: Mapping[str, Any]
 
 
@@ -94,12 +99,14 @@ def draw(order: Order) -> Case:
     per_load: list[tuple[str, str]] = []
     sizes: dict[str, dict[str, Any]] = {}
     disturbance: Disturbance | None = None
+    bend: Bend | None = None
     for name in order.names:
         # Both of a pair must be worth finding.
         index = int(rng.integers(1, 3)) if order.kind is Kind.PAIR else order.size
         entry = stranger(name) if order.kind is Kind.OUTSIDE else cause(name)
         size = entry.sizes[index]
-        for table, values in entry.tables(Drawing(size, rng, bench)).items():
+        drawing = Drawing(size, rng, bench)
+        for table, values in entry.tables(drawing).items():
             taken = tables.setdefault(table, {})
             if clash := set(taken) & set(values):
                 raise ValueError(f"{' and '.join(order.names)} both set {table}.{', '.join(sorted(clash))}")
@@ -110,6 +117,8 @@ def draw(order: Order) -> Case:
         else:
             mirrored += cause(name).mirrored
             per_load += cause(name).per_load
+            make_bend = cause(name).bend
+            bend = bend if make_bend is None else make_bend(drawing)
         sizes[name] = {"size": SIZES[index], "value": size, "unit": entry.unit}
     inside = order.kind is not Kind.OUTSIDE
     label = {
@@ -119,9 +128,10 @@ def draw(order: Order) -> Case:
         "outside": None if inside else order.names[0],
         "sizes": sizes,
         "tables": tables,
+        "bend": None if bend is None else asdict(bend),
         "bench": asdict(bench),
     }
-    return Case(order, bench, tables, tuple(mirrored), tuple(per_load), disturbance, label)
+    return Case(order, bench, tables, tuple(mirrored), tuple(per_load), disturbance, bend, label)
 
 
 def blind(seed: int) -> Order:

@@ -42,6 +42,7 @@ CANNOT_TELL: Final[Mapping[frozenset[str], str]] = {
     frozenset(("tread damping (shifted pressure)", "contact asymmetry")): "likewise",
     frozenset(("conicity", "carcass compliance")): "a side force either way; loads tell, when it is large",
     frozenset(("roll tilt", "conicity")): "likewise when small",
+    frozenset(("zero-g offset", "camber")): "a constant of the lateral axis, at any speed, load and direction",
 }
 """Pairs that the rig's campaign cannot tell at every size, and why; only these count as right when left open."""
 

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from closure_rig.bench import EXTENSION_STIFFNESS_MN, RING_NODES, Run
+from closure_rig.bent import BentChain
 from closure_rig.draw import Case
 from closure_rig.outside import DisturbedChain
 from firmware_protocol.wire import HELLO_PERIOD_S
@@ -130,6 +131,10 @@ def settling_s(case: Case) -> float:
 def simulation_of(case: Case, scenario: Scenario, run: Run, seed: int) -> Simulation:
     """Return the run being simulated, with what the simulator itself cannot do."""
     simulation = simulate(scenario, seed=seed)
+    if case.bend is not None:
+        for wheel in simulation.wheels:
+            bent: Any = BentChain(wheel.chain, case.bend)
+            wheel.chain = bent
     if case.disturbance is not None:
         for wheel in simulation.wheels:
             rotation = wheel.plan.rotation(wheel.phase_rad)

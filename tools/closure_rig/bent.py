@@ -1,0 +1,48 @@
+"""A sensor whose radial axis is not straight, which the simulator does not have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.simulator.sensor import SensorChain
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """The radial axis reads a + square a^2 + cube a^3.
+
+    Attributes:
+        square_s2pm: share of the reading per m/s^2.
+        cube_s4pm2: share of the reading per (m/s^2)^2.
+    """
+
+    square_s2pm: float
+    cube_s4pm2: float
+
+    def __call__(self, force_mps2: FloatArray) -> FloatArray:
+        """Return (n, 3) specific force as the element takes it."""
+        read = force_mps2.copy()
+        read[:, 2] *= 1.0 + force_mps2[:, 2] * (self.square_s2pm + self.cube_s4pm2 * force_mps2[:, 2])
+        return read
+
+
+class BentChain:
+    """A sensor chain that takes what it feels for something else."""
+
+    def __init__(self, chain: SensorChain, bend: Bend) -> None:
+        """Take the sensor and its bend."""
+        self._chain = chain
+        self._bend = bend
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._chain, name)
+
+    def __call__(self, force_mps2: FloatArray, time_s: FloatArray, temperature_degc: float) -> NDArray[np.int16]:
+        """Return the sensor's counts of the bent force."""
+        return self._chain(self._bend(force_mps2), time_s, temperature_degc)
