@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.closure import gates
 from gateway.closure.cores import Core
-from gateway.closure.effects.base import Approximate
+from gateway.closure.equation_doubt import equation_share
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.judging import AT_NOISE, Step, is_taken, judged, price, stands
 from gateway.closure.likelihood import Whitened
@@ -25,9 +25,6 @@ FloatArray = NDArray[np.float64]
 _MOST_EFFECTS: Final = 10
 # Fall of the misfit by the linear fit, times what is needed, from which an effect is not tried without.
 _SURELY: Final = 10.0
-# What an effect's equation is good to, as a share of what it adds: against the simulator they leave 0.2 to 3 %, most of
-# it taken up by the other parameters. What is smaller than this beside an effect must not be called by a name.
-_EQUATION_SHARE: Final = 0.01
 # What an effect explains is fitted in earnest where a linear estimate, times this, does not suffice to acquit it.
 _SUSPECT: Final = 0.5
 # Refused candidates that are tried with a second one beside them.
@@ -99,10 +96,10 @@ def select(
 def _doubt(selection: Selection, data: Whitened) -> None:
     """Count what the effects' equations leave as uncertain from now on, where the fit stands that."""
     final = selection.final
-    errors = []
-    for effect in final.model.effects:
-        share = effect.equation_share if isinstance(effect, Approximate) else _EQUATION_SHARE
-        errors.append([share * np.abs(added[0]) for added in added_by(final, effect)])
+    errors = [
+        [equation_share(effect) * np.abs(added[0]) for added in added_by(final, effect)]
+        for effect in final.model.effects
+    ]
     judged = data.doubting(errors)
     try:
         refitted = fit_model(final.model, judged, final.vector)

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from gateway.closure.decide import NOTHING, deciding_recording
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Conditions, Here
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Conditions, Here, StartModel
 from gateway.closure.fit import Fit
-from gateway.closure.likelihood import Whitened
+from gateway.closure.likelihood import Whitened, whiten
+from gateway.closure.selection import select
+from gateway.closure.starting import make_core
 from tests.closure.planted_campaign import (
     ALL_AXES,
     BLOCKS,
@@ -112,6 +114,22 @@ def test_a_clock_is_decided_by_another_clock(plant: Plant, name: str, rival: str
     fit, data = fitted(campaign_of(ONE_SPEED, plant), effects[name])
     found = deciding_recording(fit, effects[name], effects[rival], data)
     assert found == "a recording made live, with the host's own time stamps, would decide"
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "rival", "noise_mps2"),
+    [(gain, "gain", "rolling radius", 0.1), (larger_belt, "rolling radius", "gain", 0.25)],
+)
+def test_a_gain_and_a_larger_belt_are_told_apart_by_gravity_in_a_slow_recording(
+    plant: Plant, name: str, rival: str, noise_mps2: float
+) -> None:
+    """At speed a share of gravity is less than what their equations leave, a hundredth of what they add."""
+    effects = among(name, rival)
+    campaign = campaign_of((conditions(90.0),), plant, noise_mps2=noise_mps2)
+    core = make_core(StartModel.EXACT)
+    found = select(campaign, core, whiten(campaign, with_mean=core.mean), {name: effects[name]})
+    words = deciding_recording(found.final, effects[name], effects[rival], found.data)
+    assert words == sentence("at a quarter of the speed")
 
 
 def test_conditions_are_changed_from_those_of_the_most_revolutions() -> None:
