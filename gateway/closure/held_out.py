@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
+from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from gateway.closure.effects.catalogue import candidates
 from gateway.closure.fit import Fit, FitFailedError
 from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.observation import Campaign
+from gateway.closure.processes import Processes
 from gateway.closure.residual import POWER_SHARE, group_residuals, standing_out
 from gateway.closure.selection import select
 from gateway.closure.starting import angle_effects, make_core
@@ -80,17 +81,19 @@ class HoldOut:
         light = replace(campaign, groups=tuple(replace(group, deviations_mps2=()) for group in campaign.groups))
         self._fold = partial(hold_out_fold, light, model, start, without=without)
         others = min(jobs - 1, len(self._folds))
-        self._pool = ProcessPoolExecutor(others, get_context("spawn")) if others > 0 else None
+        self._pool = Processes(others) if others > 0 else None
         self._waiting = {fold: self._pool.submit(self._fold, fold) for fold in self._folds} if self._pool else {}
 
     def __enter__(self) -> HoldOut:
         """Return itself."""
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         """Give up what has not begun."""
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.__exit__(kind, error, trace)
 
     def errors(self, on_fold: Callable[[int], None] = lambda _: None) -> list[FoldError]:
         """Do in this process what no other has begun, and wait for the rest.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, MutableSequence, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
 from itertools import pairwise
 from multiprocessing import get_context
@@ -18,6 +18,7 @@ from gateway.closure.effects.base import Conditions
 from gateway.closure.group_making import FEW, label
 from gateway.closure.grouping import telling, tire_states
 from gateway.closure.observation import Campaign, Group
+from gateway.closure.processes import Processes
 from gateway.config.model import VehicleConfig
 from gateway.errors import RecordingError
 from gateway.session.campaign_clock import combined
@@ -135,12 +136,10 @@ def _read_apart(order: ReadOrder) -> RecordingRead:
 
 
 def _side_by_side(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None], jobs: int) -> list[RecordingRead]:
-    # A fresh interpreter each: a fork would copy whatever threads and locks the caller has.
-    context = get_context("spawn")
-    positions = context.RawArray("q", len(orders))
+    # Plain shared memory: a process says how far it is without a word on the queue.
+    positions = get_context("spawn").RawArray("q", len(orders))
     done = 0
-    pool = ProcessPoolExecutor(jobs, context, _share_positions, (positions,))
-    try:
+    with Processes(jobs, _share_positions, (positions,)) as pool:
         futures: list[Future[RecordingRead]] = [pool.submit(_read_apart, order) for order in orders]
         waiting = set(futures)
         while waiting:
@@ -151,8 +150,6 @@ def _side_by_side(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None], 
             for future in finished:
                 _of_one_wheel(orders[futures.index(future)], future.result())  # the first fault ends it all
         return [future.result() for future in futures]
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str) -> Campaign:
