@@ -1,0 +1,96 @@
+"""Lateral effects of one tire have one belt: two of them that need two are not both there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.base import LATERAL, Conditions
+from gateway.closure.effects.lateral_load import STIFFNESSES
+from gateway.closure.one_belt import agree, another_belt, common, implausible_belt
+from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
+from tests.closure.planted_campaign import ALL_AXES, TWO_SPEEDS, FloatArray, Plant, among, campaign_of, fitted, ring
+
+EFFECTS = among("ply steer", "conicity", "roll tilt")
+PRIOR = np.array([parameter.prior_std for parameter in STIFFNESSES])
+BELT = LateralBelt()
+OTHER = replace(BELT, tread_stiffness_npm2=0.25 * BELT.tread_stiffness_npm2)
+
+
+def bent_by(ply_steer: LateralBelt, cone: LateralBelt) -> Plant:
+    """Return a tire whose ply steer bends one belt and whose conicity bends another; the physics module's own."""
+    sheared = solve_lateral_belt(ring(), replace(ply_steer, coupling_length_m=1.2e-3))
+    curved = solve_lateral_belt(ring(), replace(cone, coupling_length_m=0.0, conicity_rad=0.03))
+
+    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        read = signal.copy()
+        read[LATERAL] += here.omega_radps**2 * (sheared.lateral_m + curved.lateral_m)
+        return read
+
+    return plant
+
+
+@pytest.mark.parametrize(("cone", "same"), [(BELT, True), (OTHER, False)])
+def test_a_cone_on_another_belt_is_not_of_this_tire(cone: LateralBelt, same: bool) -> None:
+    campaign = campaign_of(TWO_SPEEDS, bent_by(BELT, cone), noise_mps2=0.03, axes=ALL_AXES)
+    ply_steer, conicity = EFFECTS["ply steer"], EFFECTS["conicity"]
+    fit, _ = fitted(campaign, ply_steer, conicity)
+    reason = another_belt(fit, conicity, [ply_steer], 1.0)
+    assert (reason == "") is same
+    assert reason.startswith("" if same else "it would need another belt than ply steer")
+    # Nobody is judged beside itself, or beside what bends no belt.
+    assert not another_belt(fit, conicity, [conicity, EFFECTS["roll tilt"]], 1.0)
+    assert not another_belt(fit, EFFECTS["roll tilt"], [ply_steer, conicity], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("difference", "std", "same"),
+    [
+        # What equations are good to is forgiven, whatever the errors.
+        ((0.15, -0.15, 0.15), 0.01, True),
+        ((0.0, 0.0, 1.4), 0.01, False),
+        ((0.0, 0.0, 1.4), 0.4, True),
+        ((0.9, -0.8, 0.7), 0.05, False),
+    ],
+)
+def test_two_sets_agree_within_their_errors(difference: tuple[float, ...], std: float, same: bool) -> None:
+    values = np.concatenate([np.array(difference) + 0.3, np.full(3, 0.3)])
+    assert agree(values, std**2 * np.eye(6)) is same
+
+
+def test_what_neither_knows_may_differ() -> None:
+    """Where all three grow together an effect hardly answers: that direction is open, the others are not."""
+    open_one = np.full((3, 3), 0.6**2) + 0.02**2 * np.eye(3)
+    covariance = np.block([[open_one, np.zeros((3, 3))], [np.zeros((3, 3)), open_one]])
+    assert agree(np.array([1.0, 1.0, 1.0, -0.5, -0.5, -0.5]), covariance)
+    assert not agree(np.array([1.0, 1.0, 1.0, -0.5, 1.0, 2.5]), covariance)
+
+
+def test_one_belt_has_one_prior() -> None:
+    """Two estimates with a prior each, correlated or not, make what both data make with one prior."""
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(6, 6))
+    information = root @ root.T
+    data = rng.normal(size=6)
+    prior = np.diag(np.tile(PRIOR, 2) ** -2.0)
+    covariance = np.linalg.inv(information + prior)
+    values = covariance @ information @ data
+    both = np.vstack([np.eye(3), np.eye(3)])
+    directly = np.linalg.inv(both.T @ information @ both + np.diag(PRIOR**-2.0))
+    belt, std = common(values, covariance, PRIOR)
+    assert belt == pytest.approx(directly @ both.T @ information @ data)
+    assert std == pytest.approx(np.sqrt(np.diagonal(directly)))
+
+
+@pytest.mark.parametrize(("bending_ln", "plausible"), [(1.0, True), (1.8, False)])
+def test_two_that_strain_a_belt_alike_need_an_implausible_one(bending_ln: float, plausible: bool) -> None:
+    """Each is near enough to a car tire's by itself, held there by its prior; the belt that both need is not."""
+    std = np.full(6, 0.5)
+    values = np.array([bending_ln, 0.0, 0.0, bending_ln, 0.0, 0.0])
+    assert not implausible_belt(values[:3], std[:3])
+    assert agree(values, np.diag(std**2))
+    reason = implausible_belt(*common(values, np.diag(std**2), PRIOR))
+    assert (reason == "") is plausible
+    assert plausible or "bending_ln of 2.8" in reason
