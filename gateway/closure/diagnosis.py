@@ -97,7 +97,7 @@ class Unexplained:
 
     Attributes:
         axis: "circumferential", "lateral" or "radial".
-        lock: "angle" (repeats with the wheel) or "time".
+        lock: "angle" (repeats with the wheel) or "time" (what is left when the mean revolution is taken off).
         orders: (lowest, highest) order of the wheel, None when not locked to it.
         hz: (lowest, highest) frequency at the campaign's speeds, None for what spans orders only.
         angle_rad: (from, to) material angle where most of it sits, None when spread out or not locked.
@@ -105,6 +105,9 @@ class Unexplained:
         rms_mps2: size.
         std_mps2: one standard error.
         text: one sentence for the user.
+        lock_known: False of what is "time" but at multiples of the wheel's frequency: it may be locked to the wheel
+            all the same, and change from revolution to revolution.
+        changes: True of what repeats with the wheel, but changes during the recording; its size is that of the change.
     """
 
     axis: str
@@ -116,6 +119,8 @@ class Unexplained:
     rms_mps2: float
     std_mps2: float
     text: str
+    lock_known: bool = True
+    changes: bool = False
 
 
 @dataclass(frozen=True, slots=True)

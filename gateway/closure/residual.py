@@ -26,8 +26,8 @@ POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 AXES: Final = ("circumferential", "lateral", "radial")
 # Chance at which noise alone in one band of one axis would be called a residual.
 _RARE: Final = 1e-6
-# Bands of orders looked at, each half again as wide as the one before.
-_BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
+BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
+"""Bands of orders looked at, each half again as wide as the one before."""
 # Share of the power that the angle window told to the user holds, and the widest window worth telling.
 _WINDOW_SHARE: Final = 0.7
 _WIDEST_RAD: Final = 2.2
@@ -36,6 +36,8 @@ _SPEED_RATIO: Final = 1.15
 _SCALINGS: Final = ("constant", "omega^1", "omega^2", "omega^3", "omega^4")
 # Share of an axis's excess power below which a band is not told of beside the others.
 _NEGLIGIBLE: Final = 0.02
+# Standard errors that whatever is told of has at least.
+_SIGMAS: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,19 +88,19 @@ def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     residuals = group_residuals(fit, data)
     found = []
     for axis in range(3):
-        bands = [band for band in itertools.pairwise(_BANDS) if _stands_out(residuals, axis, *band)]
-        for first, last in _joined(bands):
+        bands = [band for band in itertools.pairwise(BANDS) if _stands_out(residuals, axis, *band)]
+        for first, last in joined(bands):
             found.append(_described(campaign, residuals, axis, first, last))
     found.sort(key=lambda entry: -entry.rms_mps2)
     largest = found[0].rms_mps2 if found else 0.0
-    return tuple(entry for entry in found if entry.rms_mps2 > _NEGLIGIBLE * largest)
+    return tuple(e for e in found if e.rms_mps2 > max(_NEGLIGIBLE * largest, _SIGMAS * e.std_mps2))
 
 
 def standing_out(residuals: Sequence[GroupResidual]) -> NDArray[np.bool_]:
     """Return the orders of bands that stand out of the noise, (3, ORDERS)."""
     result = np.zeros((3, ORDERS), dtype=np.bool_)
     for axis in range(3):
-        for first, last in itertools.pairwise(_BANDS):
+        for first, last in itertools.pairwise(BANDS):
             result[axis, first:last] = _stands_out(residuals, axis, first, last)
     return result
 
@@ -114,7 +116,7 @@ def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last:
     return freedom > 0 and float(chi2.sf(statistic, freedom)) < _RARE
 
 
-def _joined(bands: list[tuple[int, int]]) -> list[tuple[int, int]]:
+def joined(bands: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Join bands that touch."""
     joined: list[tuple[int, int]] = []
     for first, last in bands:
@@ -130,6 +132,11 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
     error = np.array([_rms_error(r, axis, first, last) for r in residuals])
     rms = np.sqrt(power)
     at = int(np.argmax(rms))
+    size, std = float(rms[at]), float(error[at])
+    if size < _SIGMAS * std:
+        # Groups that show it together only: their mean square.
+        size = math.sqrt(float(power.mean()))
+        std = math.sqrt(float(np.square(rms * error).sum())) / max(len(rms) * size, 1e-300)
     low, high = _core_orders(residuals, axis, first, last)
     omegas = np.array([group.conditions.omega_radps for group in campaign.groups])
     hz = (low * float(omegas.min()) / (2.0 * math.pi), high * float(omegas.max()) / (2.0 * math.pi))
@@ -139,8 +146,8 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
     if window is not None:
         where = f"between {math.degrees(window[0]):.0f} and {math.degrees(window[1]):.0f} deg of the contact's centre"
     name = f"order {low}" if low == high else f"orders {low} to {high}"
-    text = f"{AXES[axis]} axis, {name}, {where}: {rms[at]:.2g} m/s^2 rms that repeats every revolution; {scaling}"
-    return Unexplained(AXES[axis], "angle", (low, high), hz, window, scaling, float(rms[at]), float(error[at]), text)
+    text = f"{AXES[axis]} axis, {name}, {where}: {size:.2g} m/s^2 rms that repeats every revolution; {scaling}"
+    return Unexplained(AXES[axis], "angle", (low, high), hz, window, scaling, size, std, text)
 
 
 def _rms_error(residual: GroupResidual, axis: int, first: int, last: int) -> float:

@@ -62,11 +62,12 @@ class _Refusal:
     open: bool
 
 
-def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
+def diagnose_time_locked(groups: Sequence[Group], *, changing: bool = False) -> TimeLocked:
     """Name the effects that what is left beside the wheel's mean waveform holds.
 
     Args:
         groups: with deviations; those without, or too short for two seconds a fold, are left out and noted.
+        changing: what repeats with the wheel changes during a recording; jitter of edges is no more than a stand-in.
 
     Returns:
         the findings; nothing at all when no group is long enough.
@@ -95,7 +96,7 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
         if refusal.effect.name not in doubted:
             sites = _kept_out(sites, usable, selection.fit, refusal.effect)
     fit = selection.fit
-    notes += _notes(fit, sites)
+    notes += _notes(fit, sites, changing=changing)
     # The noise is white again, so that what was taken for its shape shows.
     plain = tuple(Site.of(site.spectra, site.basis) for site in sites)
     parts, drawn = [], []
@@ -187,9 +188,9 @@ def _kept_out(
     return tuple(result)
 
 
-def _notes(fit: SpectrumFit, sites: Sequence[Site]) -> list[str]:
+def _notes(fit: SpectrumFit, sites: Sequence[Site], *, changing: bool) -> list[str]:
     notes = []
-    if fit.parts.jitter:
+    if fit.parts.jitter and not changing:
         size = 1e3 * math.sqrt(_jitter_rad2(fit)[1]) * float(np.mean([s.spectra.conditions.radius_m for s in sites]))
         notes.append(
             f"{JITTER} from revolution to revolution, about {size:.2g} mm rms, is part of what is not repeated"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Unexplained
-from gateway.closure.timelocked_gates import AXES
+from gateway.closure.timelocked_gates import AXES, several_speeds
 from gateway.closure.timelocked_lines import rare_ratio
 from gateway.closure.timelocked_model import Site
 from gateway.closure.timelocked_spectra import held_scaling
@@ -30,9 +30,16 @@ _SIDEBAND_TURNS: Final = 3.0
 _BESIDE_A_LINE: Final = 0.15
 _BESIDE_TURNS: Final = 10.0
 _MOST_PARTS: Final = 16
+# Standard errors of its rms that anything told of has at least.
+_SIGMAS: Final = 3.0
 _LINE_HZ: Final = 8.0
 _SAME_HZ: Final = 1.0
 _SAME_ORDER: Final = 0.06
+# A multiple of the wheel's frequency, so near; a band is of multiples where it is this many times as high near them.
+_MULTIPLE_HZ: Final = 0.7
+_NEAR_HZ: Final = 1.2
+_COMB: Final = 2.0
+_SPEEDS_APART: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +54,7 @@ class Part:
         centre_hz: of its power.
         rms_mps2: what it has above the model.
         std_mps2: one standard error.
+        multiple: whether it sits at a multiple, or at multiples, of the wheel's frequency.
     """
 
     group: int
@@ -56,6 +64,7 @@ class Part:
     centre_hz: float
     rms_mps2: float
     std_mps2: float
+    multiple: bool = False
 
     @property
     def line(self) -> bool:
@@ -122,7 +131,7 @@ def _parts(
         looks.append((width, mean, rare_ratio(behind, _QUANTILE), rare_ratio(behind, _ENDS)))
     free = np.ones(len(ratio), dtype=bool)
     found: list[Part] = []
-    while len(found) < _MOST_PARTS:
+    for _ in range(_MOST_PARTS):
         best: tuple[float, int, int] | None = None
         for number, (_, mean, limit, _) in enumerate(looks):
             inside = np.where(free, (mean - 1.0) / (limit - 1.0), 0.0)
@@ -142,19 +151,43 @@ def _parts(
         half = width // 2
         first, last = min(first + half, peak), max(last - half, peak)
         first, last = max(0, min(first, peak - 1)), min(len(ratio) - 1, max(last, peak + 1))
-        part = slice(first, last + 1)
-        excess = power[part] - density[part]
-        total = float(excess.sum()) * step
-        if total > 0.0:
-            weight = np.maximum(excess, 0.0)
-            centre = float(weight @ frequency[part]) / float(weight.sum())
+        # What stands out only as a whole, of a wide window, is told as wide as that.
+        for part in (slice(first, last + 1), _within(free, peak, half)):
+            excess = power[part] - density[part]
+            total = float(excess.sum()) * step
             error = math.sqrt(float(np.square(power[part]).sum()) / freedom) * step
-            rms = math.sqrt(total)
-            found.append(
-                Part(group, axis, float(frequency[first]), float(frequency[last]), centre, rms, 0.5 * error / rms)
-            )
+            if total > 0.5 * _SIGMAS * error:
+                weight = np.maximum(excess, 0.0)
+                centre = float(weight @ frequency[part]) / float(weight.sum())
+                rms = math.sqrt(total)
+                low_hz, high_hz = frequency[part][[0, -1]].tolist()
+                multiple = _at_multiples(frequency[part], excess, centre, spectra.wheel_hz)
+                found.append(Part(group, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
+                first, last = min(first, part.start), max(last, part.stop - 1)
+                break
         free[max(0, first - 2 - half) : last + 3 + half] = False
     return found
+
+
+def _within(free: NDArray[np.bool_], peak: int, half: int) -> slice:
+    """Return the free bins about a peak, up to so many to either side."""
+    first = last = peak
+    while first > max(0, peak - half) and free[first - 1]:
+        first -= 1
+    while last < min(len(free) - 1, peak + half) and free[last + 1]:
+        last += 1
+    return slice(first, last + 1)
+
+
+def _at_multiples(frequency: FloatArray, excess: FloatArray, centre_hz: float, wheel_hz: float) -> bool:
+    """Tell whether what stands out of some bins does so at multiples of the wheel's frequency."""
+    if frequency[-1] - frequency[0] <= min(_LINE_HZ, wheel_hz):
+        order = round(centre_hz / wheel_hz)
+        return order > 0 and abs(centre_hz - order * wheel_hz) <= max(_MULTIPLE_HZ, _SAME_ORDER * wheel_hz)
+    near = np.abs(frequency - np.round(frequency / wheel_hz) * wheel_hz) <= _NEAR_HZ
+    if near.all() or not near.any():
+        return False
+    return float(excess[near].mean()) > _COMB * max(float(excess[~near].mean()), 0.0)
 
 
 def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplained]:
@@ -189,7 +222,7 @@ def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
 
 def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
     """Return the speeds that parts were found at, told apart by some percent."""
-    return {round(math.log(sites[part.group].spectra.speed_mps) / 0.05) for part in parts}
+    return {round(math.log(sites[part.group].spectra.speed_mps) / _SPEEDS_APART) for part in parts}
 
 
 def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) -> Unexplained:
@@ -207,37 +240,59 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         rms.append(math.sqrt(sum(part.rms_mps2**2 for part in here)))
         std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in here)) / rms[-1])
     exponent, unsure = held_scaling([sites[group].spectra for group in groups], rms, std)
-    scaling = _scaling(exponent, unsure)
+    several = several_speeds(sites)
+    scaling = _scaling(exponent, unsure, several=several)
     size = math.sqrt(float(np.mean(np.square(rms))))
     error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
     line = all(part.line for part in own)
     low, high = min(part.low_hz for part in own), max(part.high_hz for part in own)
     wheel = [sites[part.group].spectra.wheel_hz for part in own]
+    # What is at the same Hz at several speeds is no multiple but by chance.
+    doubtful = locked is not False and all(part.multiple for part in own)
     orders: tuple[int, int] | None = None
-    if locked:
+    if locked or doubtful:
         ratios = [part.centre_hz / hz for part, hz in zip(own, wheel, strict=True)]
         ends = (
             [part.low_hz / hz for part, hz in zip(own, wheel, strict=True)],
             [part.high_hz / hz for part, hz in zip(own, wheel, strict=True)],
         )
-        orders = math.floor(min(ends[0])), math.ceil(max(ends[1]))
-        where = f"order {np.mean(ratios):.2f} of the wheel, moving with speed, but not in step with it,"
+        if doubtful:
+            # Whole orders, to the line's width.
+            orders = max(1, math.ceil(min(ends[0]) - 0.02)), max(1, math.floor(max(ends[1]) + 0.02))
+            if orders[0] > orders[1]:
+                orders = max(1, round(np.mean(ratios))), max(1, round(np.mean(ratios)))
+        else:
+            orders = math.floor(min(ends[0])), math.ceil(max(ends[1]))
+    if locked:
+        step = "not alike in every revolution" if doubtful else "not in step with it"
+        where = f"order {np.mean(ratios):.2f} of the wheel, moving with speed, but {step},"
     elif line:
         where = f"{np.mean([part.centre_hz for part in own]):.1f} Hz"
     else:
         where = f"{low:.0f} to {high:.0f} Hz"
-    same = " at every speed" if locked is False else ""
+    if doubtful and not locked:
+        where += ", where the wheel's orders are: locked to time or, changing, to the wheel,"
+    same = _at_speeds(sites, parts) if locked is False else ""
     also = ", ".join(f"{value:.2g} m/s^2 {AXES[one]}" for one, value in sizes.items() if one != axis)
     text = (
         f"{'A line' if line else 'A band'} at {where}{same} on the {AXES[axis]} axis, {size:.2g} m/s^2 rms"
         f"{f' (and {also})' if also else ''}; scaling: {scaling}."
     )
-    return Unexplained(AXES[axis], "time", orders, (low, high), None, scaling, size, error, text)
+    return Unexplained(
+        AXES[axis], "time", orders, (low, high), None, scaling, size, error, text, lock_known=not doubtful
+    )
 
 
-def _scaling(exponent: float, unsure: float) -> str:
+def _at_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> str:
+    """Return at how many of the speeds parts are seen, in words."""
+    there = len({round(math.log(site.spectra.speed_mps) / _SPEEDS_APART) for site in sites})
+    seen = len(_speeds(parts, sites))
+    return " at every speed" if seen == there else f" at {seen} of {there} speeds"
+
+
+def _scaling(exponent: float, unsure: float, *, several: bool) -> str:
     if not math.isfinite(exponent):
-        return "not known: one speed"
+        return "not known: seen at one speed on this axis" if several else "not known: one speed"
     if unsure > 0.5:
         return f"not known: omega^({exponent:.1f} +- {unsure:.1f})"
     if abs(exponent) < 0.3 + unsure:

@@ -152,7 +152,8 @@ def _orders(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Draw
 
 def _marked(diagnosis: Diagnosis, axis: int) -> bool:
     return any(
-        left.axis == AXES[axis] and left.lock == "angle" and left.orders is not None for left in diagnosis.unexplained
+        left.axis == AXES[axis] and left.lock == "angle" and left.orders is not None and not left.changes
+        for left in diagnosis.unexplained
     )
 
 

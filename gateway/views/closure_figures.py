@@ -186,7 +186,7 @@ def _residual(panel: Axes, curves: Curves, axis: int, *, before: bool = True) ->
 
 
 def _of(unexplained: Sequence[Unexplained], axis: int, lock: str) -> list[Unexplained]:
-    return [left for left in unexplained if left.axis == AXES[axis] and left.lock == lock]
+    return [left for left in unexplained if left.axis == AXES[axis] and left.lock == lock and not left.changes]
 
 
 def _band_label(noise: float) -> str:

@@ -14,6 +14,7 @@ from gateway import __version__
 from gateway.closure.diagnosis import FAR_OFF, Diagnosis
 from gateway.views.closure_chapters import Chapter, chapters
 from gateway.views.closure_rows import (
+    CHANGES,
     GROWN,
     listed,
     model_words,
@@ -194,6 +195,7 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         rest = len(diagnosis.unexplained) - 1
         more = f", and {rest} more" if rest else ""
         size = plain(first.rms_mps2, first.std_mps2)
-        yield f"Unexplained: {clean(first.axis)}, {place_text(first)}, {size} m/s² rms{more}."
+        doubt = f"; it {CHANGES}" if first.changes else "" if first.lock_known else "; its lock is not known"
+        yield f"Unexplained: {clean(first.axis)}, {place_text(first)}, {size} m/s² rms{doubt}{more}."
     else:
         yield "Nothing else stands out of the noise."

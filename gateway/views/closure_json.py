@@ -116,6 +116,8 @@ def _unexplained(left: Unexplained) -> dict[str, Any]:
     return {
         "axis": _text(left.axis),
         "lock": _text(left.lock),
+        "lock_known": bool(left.lock_known),
+        "changes": bool(left.changes),
         "orders": None if left.orders is None else [int(order) for order in left.orders],
         "hz": None if left.hz is None else _numbers(left.hz),
         "angle_rad": None if left.angle_rad is None else _numbers(left.angle_rad),

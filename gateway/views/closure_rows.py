@@ -29,6 +29,8 @@ VERDICTS: Final = {
 GROWN: Final = 1.02
 """A held-out error that is this many times the one before has grown."""
 
+CHANGES: Final = "changes during the recording"
+
 # Units of the names' suffixes, spelled out, of those that are shown in another unit.
 _SI: Final = {"_rad": "rad", "_m": "m", "_mps": "m/s", "_pa": "Pa"}
 # Suffixes of names whose unit always stands beside the number.
@@ -155,16 +157,20 @@ def place_text(left: Unexplained) -> str:
 
 
 def remark_text(left: Unexplained) -> str:
-    """Return what an entry's sentence says beyond its figures: all that is locked to the wheel, nothing."""
+    """Return what an entry's sentence says beyond its figures: of what is steady and locked to the wheel, nothing."""
+    if left.changes:
+        return f"{CHANGES}: load, slip angle, camber or temperature may; record one state at a time"
     if left.lock == "angle":
         return ""
     if left.lock != "time":
         return printed(left.text)
     parts = []
-    if left.orders is not None:
+    if not left.lock_known:
+        parts.append("at the wheel's orders: locked to time, or to the wheel but not alike in every revolution")
+    elif left.orders is not None:
         parts.append("moves with speed, but not in step with the wheel")
-    elif " at every speed" in left.text:
-        parts.append("the same Hz at every speed")
+    elif seen := re.search(r" at (every speed|\d+ of \d+ speeds)", left.text):
+        parts.append(f"the same Hz at {seen[1]}")
     if also := re.search(r"\(and ([^()]+)\)", left.text):
         parts.append(f"also {printed(also[1])}")
     return "; ".join(parts)

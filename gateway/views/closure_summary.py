@@ -8,6 +8,7 @@ from typing import Final
 from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Finding
 from gateway.views.closure_doubt import why_undetermined
 from gateway.views.closure_rows import (
+    CHANGES,
     GROWN,
     listed,
     model_words,
@@ -102,6 +103,8 @@ class _Lines:
                 size += f" (+{more})"
             text = f"{clean(left.axis)}, {place_text(left)}"
             yield self._row("unexplained" if index == 0 else "", text, size)
+            if left.changes or not left.lock_known:
+                yield self._row("", CHANGES if left.changes else "not known whether locked to time or to the wheel")
 
     def _estimates(self, diagnosis: Diagnosis) -> Iterator[str]:
         before, after = diagnosis.estimates_before, diagnosis.estimates_after
@@ -137,10 +140,10 @@ class _Lines:
 def _first_of(start: str, cells: Sequence[str], room: int) -> str:
     """Return as many whole cells as there is room for, and how many more there are."""
     for shown in range(len(cells), 0, -1):
-        rest = f" and {_count(len(cells) - shown, 'more parameter')}" if shown < len(cells) else ""
-        text = f"{start}{', '.join(cells[:shown])}{rest}"
-        if width(text) <= room:
-            return text
+        text, left = f"{start}{', '.join(cells[:shown])}", len(cells) - shown
+        for rest in (f" and {_count(left, 'more parameter')}", f" and {left} more") if left else ("",):
+            if width(text + rest) <= room:
+                return text + rest
     return f"{start}{_count(len(cells), 'parameter')}" if cells else start.removesuffix(": ")
 
 

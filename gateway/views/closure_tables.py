@@ -29,7 +29,12 @@ from gateway.views.text import clean
 
 _DEGREES: Final = 180.0 / math.pi
 _BAND_STDS: Final = 2.0
-_SCALINGS: Final = {"omega^1": "ω", "not known: one speed": "one speed only"}
+_SCALINGS: Final = {
+    "omega^1": "ω",
+    "not known: one speed": "one speed only",
+    "not known: seen at one speed on this axis": "seen at one speed",
+    "not known: changes during the recording": MISSING,
+}
 
 
 class _HasState(Protocol):
@@ -167,7 +172,9 @@ def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
     return [
         UnexplainedRow(
             clean(left.axis),
-            {"angle": "wheel angle", "time": "time"}.get(left.lock, clean(left.lock)),
+            {"angle": "wheel angle", "time": "time"}.get(left.lock, clean(left.lock))
+            if left.lock_known
+            else "not known",
             orders_text(left.orders),
             span_text(left.hz),
             span_text(left.angle_rad, _DEGREES),

@@ -96,6 +96,11 @@ def test_what_is_left_unexplained_is_said_once():
     moving = replace(ordinary().unexplained[0], orders=(12, 13), text="An order.")
     text = diagnosis_html(replace(empty(), unexplained=(moving,)))
     assert Page(text).text.count("moves with speed, but not in step with the wheel") == 1
+    left = (replace(moving, lock_known=False), replace(ordinary().unexplained[1], changes=True))
+    rows = unexplained_rows(replace(empty(), unexplained=left))
+    assert [row.lock for row in rows] == ["not known", "wheel angle"]
+    assert "to time, or to the wheel" in rows[0].remark
+    assert rows[1].remark.startswith("changes during the recording")
     text = Page(diagnosis_html(replace(empty(), unexplained=ordinary().unexplained[1:]))).text
     assert "repeats every revolution" not in text
     assert "Also" not in text, "no empty column"

@@ -66,6 +66,10 @@ def test_keys_that_scripts_rely_on(tmp_path):
         [606, 614.5],
     )
     assert tone["angle_rad"] is None
+    assert (tone["lock_known"], tone["changes"]) == (True, False)
+    left = (replace(diagnosis.unexplained[0], lock_known=False), replace(diagnosis.unexplained[1], changes=True))
+    tone, bump = diagnosis_json(replace(diagnosis, unexplained=left))["unexplained"]
+    assert (tone["lock"], tone["lock_known"], bump["lock"], bump["changes"]) == ("time", False, "angle", True)
     assert (bump["hz"], bump["scaling"], bump["rms_mps2"], bump["std_mps2"]) == (None, "omega^2", 0.84, 0.05)
 
     assert found["estimates"]["before"]["Bs"] == {"value": 2.61e-3, "std": 1.1e-5, "unit": "", "determined": True}

@@ -69,6 +69,15 @@ def test_what_is_not_determined_has_its_main_reason_and_remedy(changes, reason):
     assert f"not determined: Ts ({reason})" in text
 
 
+def test_what_changes_and_whose_lock_is_not_known_says_so():
+    diagnosis = ordinary()
+    line, wave = diagnosis.unexplained
+    left = (replace(wave, changes=True), replace(line, lock_known=False))
+    text = "\n".join(closure_summary_lines(replace(diagnosis, unexplained=left)))
+    assert "orders 18 to 60, 81.4 to 90.5 deg  0.840±0.050 m/s²\n               changes during the recording\n" in text
+    assert "1.210±0.060 m/s²\n               not known whether locked to time or to the wheel\n" in text
+
+
 def test_a_share_says_of_what():
     finding = replace(
         ordinary().findings[0],
@@ -96,6 +105,12 @@ def test_parameters_are_whole_and_the_rest_is_counted():
     finding = replace(diagnosis.findings[0], name="waves", parameters=many)
     text = "\n".join(closure_summary_lines(replace(diagnosis, findings=(finding,))))
     assert "waves: order 0 20.00±0.50 and 8 more parameters  11.2 m/s²" in text
+    short = replace(finding, parameters={"a": Fitted(1.0, 0.5), "b_" + "c_" * 40 + "d": Fitted(1.0, 0.5)})
+    text = "\n".join(closure_summary_lines(replace(diagnosis, findings=(short,))))
+    assert "waves: a 1.00±0.50 and 1 more parameter  11.2 m/s²" in text
+    steer = {"coupling_length_m": Fitted(1.2245e-3, 3.4e-6, "m"), **dict.fromkeys(("u", "v", "w"), Fitted(1.0, 0.5))}
+    lines = closure_summary_lines(replace(diagnosis, findings=(replace(finding, name="ply steer", parameters=steer),)))
+    assert "ply steer: coupling length 1.2245±0.0034 mm and 3 more  11.2 m/s²" in "\n".join(lines)
     finding = replace(finding, name="waves " * 9 + "x")
     text = "\n".join(closure_summary_lines(replace(diagnosis, findings=(finding,))))
     assert "±0.50" not in text

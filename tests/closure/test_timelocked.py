@@ -13,6 +13,10 @@ from gateway.closure.effects.base import Conditions, SpectrumEffect
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.observation import ORDERS, Block, Group
 from gateway.closure.timelocked import TimeLocked, diagnose_time_locked
+from gateway.closure.timelocked_jitter import TERMS
+from gateway.closure.timelocked_left import parts_left
+from gateway.closure.timelocked_model import Site
+from gateway.closure.timelocked_spectra import group_spectra
 from tests.closure.timelocked_data import simulated_groups
 
 RATE_HZ = 4000.0
@@ -213,3 +217,77 @@ class TestNoNames:
         result = diagnose_time_locked(simulated_groups(tables, (80.0,), 30.0, 7))
         assert named(result) <= {"road vibration"}
         assert result.unexplained
+
+
+class TestLock:
+    """Whether what stands out is told as locked to time."""
+
+    @staticmethod
+    def line(kmh: float, hz: float, seed: int = 8) -> Group:
+        group = noisy_group(kmh, np.random.default_rng(seed))
+        time = np.arange(group.deviations_mps2[0].shape[1]) / RATE_HZ
+        fading = np.linspace(-2.0, 2.0, len(time)) * np.sin(2.0 * np.pi * hz * time)
+        return added(group, np.stack([0.0 * time, fading, 0.0 * time]))
+
+    def test_a_multiple_of_the_wheel_at_one_speed_may_be_the_wheel(self) -> None:
+        wheel_hz = conditions(80.0).omega_radps / (2.0 * np.pi)
+        (entry,) = diagnose_time_locked([self.line(80.0, 2.0 * wheel_hz)]).unexplained
+        assert (entry.lock, entry.lock_known, entry.orders) == ("time", False, (2, 2))
+        assert "at every speed" not in entry.text
+        (entry,) = diagnose_time_locked([self.line(80.0, 2.5 * wheel_hz)]).unexplained
+        assert entry.lock_known
+        assert entry.orders is None
+
+    def test_at_the_same_hz_at_two_speeds_it_is_time(self) -> None:
+        wheel_hz = conditions(80.0).omega_radps / (2.0 * np.pi)
+        groups = [self.line(kmh, 2.0 * wheel_hz, seed) for seed, kmh in enumerate((50.0, 80.0))]
+        (entry,) = diagnose_time_locked(groups).unexplained
+        assert entry.lock_known
+        assert " at every speed" in entry.text
+
+    def test_at_the_same_whole_order_at_two_speeds_it_may_be_the_wheel(self) -> None:
+        turns = [2.0 * conditions(kmh).omega_radps / (2.0 * np.pi) for kmh in (50.0, 80.0)]
+        groups = [self.line(kmh, hz, seed) for seed, (kmh, hz) in enumerate(zip((50.0, 80.0), turns, strict=True))]
+        (entry,) = diagnose_time_locked(groups).unexplained
+        assert (entry.lock_known, entry.orders) == (False, (2, 2))
+
+    def test_seen_at_one_of_two_speeds_it_is_not_told_as_one_speed_only(self) -> None:
+        rng = np.random.default_rng(9)
+        (entry,) = diagnose_time_locked([noisy_group(50.0, rng), self.line(80.0, 321.0)]).unexplained
+        assert entry.scaling == "not known: seen at one speed on this axis"
+        assert "at every speed" not in entry.text
+
+    def test_orders_that_fade_are_multiples_even_where_they_make_one_band(self) -> None:
+        group = noisy_group(80.0, np.random.default_rng(8))
+        wheel_hz = group.conditions.omega_radps / (2.0 * np.pi)
+        time = np.arange(group.deviations_mps2[0].shape[1]) / RATE_HZ
+        comb = sum(np.sin(2.0 * np.pi * wheel_hz * order * time + order) for order in range(3, 15))
+        fading = np.linspace(-1.0, 1.0, len(time)) * comb
+        found = diagnose_time_locked([added(group, np.stack([0.0 * time, fading, 0.0 * time]))]).unexplained
+        assert found
+        assert not any(entry.lock_known for entry in found)
+
+
+def test_what_only_a_wide_window_shows_is_told_as_wide_as_that() -> None:
+    """Its middle, where next to nothing is, was told instead: 0.03 +- 0.02 m/s^2."""
+    (one,) = simulated_groups(speeds_kmh=(80.0,))
+    spectra = group_spectra(one, 5)
+    assert spectra is not None
+    frequency, folds = np.arange(3.0, 1003.0), 5
+    power = np.ones((folds, 3, 1000))
+    power[:, 1, 500:505] = power[:, 1, 510:515] = 1.6
+    power[:, 1, 505:510] = 1.02
+    first = np.arange(1000)
+    spectra = dataclasses.replace(
+        spectra,
+        frequency_hz=frequency,
+        power=power,
+        freedom=np.full(folds, 6.0),
+        first=first,
+        count=np.ones_like(first),
+    )
+    density = np.ones((3, 1000))
+    (part,) = parts_left(Site.of(spectra, np.zeros((TERMS, 3, 1000))), 0, density, density, np.ones(3))
+    assert part.rms_mps2 > 3.0 * part.std_mps2
+    assert part.low_hz <= 505.0
+    assert part.high_hz >= 515.0

@@ -1,0 +1,64 @@
+"""What changes during a recording: told as that, and not where nothing but scatter, or the speed, does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.closure.changing import SCALING, beside_changes, changing
+from gateway.closure.diagnosis import Unexplained
+from gateway.closure.observation import Campaign
+from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, TWO_SPEEDS, campaign_of, fitted, with_blocks
+
+LATERAL_ORDER_3 = (np.arange(3) == 1)[:, None] * (np.arange(111) == 3)
+
+
+def swept(size_mps2: float) -> Campaign:
+    """Return a campaign whose lateral order 3 goes from -2 to 2 sizes over the five blocks."""
+    still = campaign_of(ONE_SPEED, axes=ALL_AXES)
+    return with_blocks(still, lambda k, orders: orders + size_mps2 * (k - 2.0) * LATERAL_ORDER_3)
+
+
+def test_a_sweep_during_a_recording_is_told_with_axis_orders_and_size():
+    (entry,) = changing(*fitted(swept(3.0)))
+    assert (entry.axis, entry.lock, entry.orders, entry.scaling) == ("lateral", "angle", (3, 3), SCALING)
+    assert entry.changes
+    # Mean square of (-2 .. 2) is 2, of a cosine half.
+    assert entry.rms_mps2 == pytest.approx(3.0, rel=0.1)
+    assert entry.std_mps2 == pytest.approx(0.5 * 2.0**0.5 * 20.0**-0.5 * 2.0**0.5 * 5.0**-0.5, rel=0.5)
+    assert "changes during the recording" in entry.text
+
+
+@pytest.mark.parametrize("groups", [ONE_SPEED, TWO_SPEEDS])
+def test_scatter_alone_is_no_change(groups):
+    assert changing(*fitted(campaign_of(groups, axes=ALL_AXES))) == ()
+    assert changing(*fitted(swept(0.15))) == (), "a change as large as the scatter"
+
+
+def test_what_the_model_lacks_and_goes_with_the_speed_is_no_change():
+    def faster(campaign: Campaign) -> Campaign:
+        """The blocks' speeds grow by 1 % each, and with their squares what is there, 100 m/s^2 unknown to the model."""
+        groups = []
+        for group in campaign.groups:
+            blocks = []
+            for k, block in enumerate(group.blocks):
+                share = 1.0 + 0.01 * (k - 2.0)
+                here = replace(block.conditions, omega_radps=block.conditions.omega_radps * share)
+                orders = (block.orders_mps2 + 100.0 * LATERAL_ORDER_3) * share**2
+                blocks.append(replace(block, conditions=here, orders_mps2=orders))
+            groups.append(replace(group, blocks=tuple(blocks)))
+        return replace(campaign, groups=tuple(groups))
+
+    found = changing(*fitted(faster(campaign_of(ONE_SPEED, axes=ALL_AXES))))
+    assert [entry for entry in found if entry.axis == "lateral"] == []
+
+
+def test_orders_of_a_change_are_not_told_over_time_once_more():
+    (change,) = changing(*fitted(swept(3.0)))
+    tone = Unexplained("lateral", "time", None, (20.0, 22.0), None, "constant", 1.0, 0.1, "")
+    multiple = replace(tone, lock_known=False)
+    elsewhere = replace(multiple, axis="radial")
+    assert beside_changes((tone, multiple, elsewhere), (change,)) == (tone, elsewhere)
+    assert beside_changes((tone, multiple), ()) == (tone, multiple)
