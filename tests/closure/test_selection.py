@@ -93,6 +93,23 @@ def test_a_ripple_has_a_whole_order(order: float, std: float, may_be: bool) -> N
     assert (reason == "") is may_be
 
 
+@pytest.mark.parametrize(("curvature", "may_be"), [(0.003, True), (-0.0003, True), (-0.007, False), (-0.5, True)])
+def test_a_hollow_road_is_an_inner_drum(curvature: float, may_be: bool) -> None:
+    effect = angle_effect("drum curvature")
+    assert isinstance(effect, Checked)
+    assert (effect.reason_against(np.array([curvature]), np.array([2e-4])) == "") is may_be
+
+
+@pytest.mark.parametrize(("decay", "may_be"), [(4.0, True), (20.0, False)])
+def test_a_wave_has_a_crest(decay: float, may_be: bool) -> None:
+    effect = angle_effect("tire-locked edge waves")
+    assert isinstance(effect, Checked)
+    values = np.array([0.1, 0.1, 60.0, decay, 0.1, 0.1, 52.0, 1.4])
+    assert (effect.reason_against(values, np.full(8, 0.01)) == "") is may_be
+    # What is not told from nothing is no wave that could be wrong.
+    assert effect.reason_against(values, np.full(8, 0.1)) == ""
+
+
 @pytest.mark.parametrize(("pitch", "std", "may_be"), [(66.0, 2.0, True), (3.0, 2.0, False), (-4.0, 0.5, False)])
 def test_waves_that_travel_have_a_pitch(pitch: float, std: float, may_be: bool) -> None:
     effect = angle_effect("travelling edge waves")

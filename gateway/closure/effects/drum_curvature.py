@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 from gateway.closure.effects.base import NOWHERE, Conditions, FloatArray, Parameter
 from gateway.closure.ring_options import RingOptions
+
+_LEAST_HOLLOW_PM: Final = -0.2
+# Errors from 0 at which the road is hollow.
+_TOLD: Final = 3.0
 
 
 class DrumCurvature:
@@ -27,6 +32,13 @@ class DrumCurvature:
     def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
         """Return a drum of 1.7 m diameter and an inner drum of 3.8 m."""
         return ((1.2,), (-0.5,))
+
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+        """Refuse a hollow road that no inner drum is: an outer one may be large, as any road is crowned somewhere."""
+        curvature, error = float(parameters[0]), float(std[0])
+        if not _LEAST_HOLLOW_PM < curvature < -_TOLD * error:
+            return ""
+        return f"the road would be hollow with a radius of {-1.0 / curvature:.3g} m, and inner drums have 5 m at most"
 
     def options(self, options: RingOptions, parameters: FloatArray, conditions: Conditions) -> RingOptions:
         """Return the options with the drum's curvature."""
