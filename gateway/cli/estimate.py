@@ -27,6 +27,7 @@ from gateway.security.guard import Guard
 from gateway.security.keys import default_key_file
 from gateway.security.opening import open_guard
 from gateway.session.batch import estimate_items
+from gateway.session.wheel_identity import SensorsHeard
 from gateway.views.report_file import check_outputs
 from gateway.views.summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables import TableFormat, open_table
@@ -106,7 +107,7 @@ def _estimate_one(
     effects: tuple[CorrectionTable, ...],
 ) -> None:
     path = reader.info.path
-    shown = sys.stderr.isatty()
+    shown, sensors = sys.stderr.isatty(), SensorsHeard()
     bar = click.progressbar(length=reader.info.size_bytes, label=path.name, file=sys.stderr, hidden=not shown)
     with bar as progress:
         done = 0
@@ -117,18 +118,27 @@ def _estimate_one(
             done = reader.position
 
         counters = estimate_items(
-            reader, vehicle, take, estimators=estimators, on_bytes=on_bytes, guard=guard, effects=effects
+            reader,
+            vehicle,
+            take,
+            estimators=estimators,
+            on_bytes=on_bytes,
+            guard=guard,
+            on_batch=lambda _link, batch, _arrivals: sensors.take(batch),
+            effects=effects,
         )
     click.echo(f"{path}" + ("" if vehicle is not None else "  (no configuration: belt radius 320 mm assumed)"))
     wheels = summary.wheels()
+    findings = guard.findings() if guard is not None else []
+    # Where signatures matter, the guard tells strangers apart, and what became of them.
+    for text in findings or sensors.strangers(vehicle, [wheel.position for wheel in wheels]):
+        click.echo(f"  {clean(text)}")
     for table in effects:
         for wheel in wheels:
             if wheel.position == table.position:
                 click.echo(clean(f"  {effects_line(wheel, [effect.name for effect in table.effects])}"))
     for line in summary_lines(wheels):
         click.echo(clean(f"  {line}".rstrip()))
-    for finding in guard.findings() if guard is not None else ():
-        click.echo(f"  {clean(finding)}")
     for link, counted in counters.items():
         click.echo(
             f"  {clean(link)}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "

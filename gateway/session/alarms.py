@@ -9,6 +9,7 @@ from gateway.config.model import Thresholds
 from gateway.estimators.base import Status
 from gateway.pipeline.results import Alarm, LinkSnapshot, WheelSnapshot
 from gateway.security.guard import SUSPICIOUS
+from gateway.session.wheel_identity import misplaced
 
 
 def alarms(
@@ -41,20 +42,9 @@ MISPLACED: Final = "wrong sensor"
 
 def _of_sensors(wheels: Sequence[WheelSnapshot], wanted: Mapping[str, str]) -> Iterator[Alarm]:
     """Wheels whose sensor says that it is another than the configuration wants there."""
-    belongs = {sensor_id: position for position, sensor_id in wanted.items()}
     for wheel in wheels:
-        expected = wanted.get(wheel.position)
-        if expected is None or not wheel.sensor_id or wheel.sensor_id == expected:
-            continue
-        owner = belongs.get(wheel.sensor_id)
-        if owner is None:
-            text = f"sensor {wheel.sensor_id} speaks here, the configuration names {expected}: a new sensor or tire?"
-        else:
-            text = (
-                f"sensor {wheel.sensor_id} of {owner} speaks here: wheels swapped? "
-                f"Estimates use load and tire of {wheel.position}"
-            )
-        yield Alarm(wheel.position, MISPLACED, text)
+        if text := misplaced(wheel.position, wheel.sensor_id, wanted):
+            yield Alarm(wheel.position, MISPLACED, text)
 
 
 def _of_wheel(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[Alarm]:

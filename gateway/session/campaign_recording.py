@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,17 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.batch import FrameBatch
-from firmware_protocol.messages import Hello, MessageType
 from gateway.closure.collecting import RevolutionStore
 from gateway.closure.group_making import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA, Declared, make_groups
 from gateway.closure.observation import Group
 from gateway.config.load import parse_vehicle
 from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
 from gateway.security.opening import open_guard
 from gateway.session.batch import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
+from gateway.session.wheel_identity import SensorsHeard, address, configured
 
 # With several wheels and none chosen, so many more revolutions are looked at to name the wheels.
 _LOOK_ON: Final = 200
@@ -128,7 +128,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         vehicle = parse_vehicle(reader.vehicle_toml, str(order.path))
     taker, clock = _Taker(order), HubClockError()
     links: set[str] = set()
-    sensors: dict[tuple[int, int], set[int]] = {}
+    sensors = SensorsHeard()
 
     def on_bytes(_: int) -> None:
         if on_position is not None:
@@ -137,10 +137,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     def on_batch(link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         links.add(link)
         clock.take(link, batch, arrivals_ns)
-        for at in np.flatnonzero(batch.type == MessageType.HELLO).tolist():
-            hello = batch.message(at)
-            assert isinstance(hello, Hello)
-            sensors.setdefault((int(batch.hub[at]), int(batch.wheel[at])), set()).add(hello.sensor_id)
+        sensors.take(batch)
 
     guard = open_guard(vehicle, order.key_file, remembers=False)
     try:
@@ -150,9 +147,19 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     if on_position is not None:
         on_position(reader.info.size_bytes)
     wheels = tuple(taker.wheels)
+    told = tuple(guard.findings()) if guard is not None else ()
     if taker.last is None or (order.wheel is None and len(wheels) > 1):
-        return RecordingRead(wheels, damage=reader.damage, notes=tuple(guard.findings()) if guard is not None else ())
-    wheel = _configured(vehicle, taker.last.position)
+        return RecordingRead(wheels, damage=reader.damage, notes=(*told, *sensors.strangers(vehicle, wheels)))
+    position = taker.last.position
+    seen = sensors.at(vehicle, position)
+    strangers = tuple(sensors.strangers(vehicle, [position]))
+    wheel = configured(vehicle, position)
+    if order.vehicle is not None and wheel is not None and strangers and wheel.sensor_number not in seen:
+        raise ConfigError(
+            f"'{order.path}' is not of the configuration given: {'; '.join(strangers)}",
+            "Give the configuration of this wheel, or correct the sensor_id in it."
+            + (" Without --config the recording's own is used." if reader.vehicle_toml else ""),
+        )
     table = taker.store.table()
     declared = Declared(
         name=order.name,
@@ -167,8 +174,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     groups = make_groups(table, declared, order.folds, taker.store.reject) if len(table) else []
     host_s = table["host_s"]
     real = bool(links) and not any(link.startswith(_WITHOUT_HOST_TIME) for link in links)
-    address = (wheel.hub, wheel.wheel) if wheel is not None else _address_in(taker.last.position)
-    seen = sensors.get(address, set()) if address is not None else set()
+    where = address(vehicle, position)
     return RecordingRead(
         wheels=wheels,
         groups=tuple(groups),
@@ -176,23 +182,12 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         last_s=float(host_s.max()) if len(table) else 0.0,
         host_times=real,
         rejected=taker.store.rejected,
-        clock_error=clock.error(address[0]) if real and address is not None else UNKNOWN,
+        clock_error=clock.error(where[0]) if real and where is not None else UNKNOWN,
         assumed=_assumed(vehicle, wheel, groups),
         damage=reader.damage,
         sensor_id=next(iter(seen)) if len(seen) == 1 else None,
-        notes=(*(guard.findings() if guard is not None else ()), *taker.store.notes()),
+        notes=(*(told or strangers), *taker.store.notes()),
     )
-
-
-def _configured(vehicle: VehicleConfig | None, position: str) -> Wheel | None:
-    wheels = vehicle.wheel if vehicle is not None else ()
-    return next((wheel for wheel in wheels if wheel.position == position), None)
-
-
-def _address_in(position: str) -> tuple[int, int] | None:
-    """Return hub and number of a wheel that is not configured: the pipeline calls it `hub0.wheel2`."""
-    found = re.match(r"hub(\d+)\.wheel(\d+)", position)
-    return (int(found[1]), int(found[2])) if found else None
 
 
 def _assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: list[Group]) -> tuple[str, ...]:

@@ -43,7 +43,8 @@ def _not_there(order: ReadOrder, read: RecordingRead, reads: Sequence[RecordingR
     elif not choices:
         choices.append("Give recordings of one wheel.")
     held = f"it holds {', '.join(read.wheels)}" if read.wheels else "it holds none at all"
-    return RecordingError(f"'{order.path}' holds no revolution of wheel {wheel}; {held}", " ".join(choices))
+    told = "; ".join((f"'{order.path}' holds no revolution of wheel {wheel}; {held}", *read.notes))
+    return RecordingError(told, " ".join(choices))
 
 
 def _no_revolution(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> RecordingError:

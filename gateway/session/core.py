@@ -25,6 +25,7 @@ from gateway.session.diagnosis import LinkDiagnosis
 from gateway.session.recording_stage import Recorder
 from gateway.session.security_watch import SecurityWatch
 from gateway.session.topics import log_level, message_topic, revolution_payload, waveform_payload
+from gateway.session.wheel_identity import sensor_ids, unconfigured
 
 _NOTICES: Final = 20
 _WAVEFORM_EVERY_NS: Final = 1_000_000_000
@@ -99,11 +100,12 @@ class SessionCore:
         unknown = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3)
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators)
+        self._vehicle = vehicle
         self._unconfigured: set[str] = set()
         self._configured = {setup.position for setup in setups}
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._limits = vehicle.thresholds if vehicle is not None else Thresholds()
-        self._sensor_ids = _sensor_ids(vehicle)
+        self._sensor_ids = sensor_ids(vehicle)
         self._told_alarms: set[tuple[str, str]] = set()
         self._notices.extend(vehicle.notices() if vehicle is not None else ())
         self._notices.extend(effects_notices(effects))
@@ -189,10 +191,7 @@ class SessionCore:
         for result in results:
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)
-                self.notify(
-                    f"{result.position} is not configured: belt radius {ASSUMED_RADIUS_MM:g} mm assumed, load unknown; "
-                    "give --config VEHICLE.toml"
-                )
+                self.notify(unconfigured(result.position, self._vehicle))
             if self.recorder is not None:
                 self._record_result(result, host_ns)
             if self.on_result is not None:
@@ -296,9 +295,3 @@ class SessionCore:
             supply_w=status.supply_w if status is not None else None,
             judged=self._watch.counts(name),
         )
-
-
-def _sensor_ids(vehicle: VehicleConfig | None) -> dict[str, str]:
-    """Return the sensors that the configuration names, as hex text by position."""
-    wheels = vehicle.wheel if vehicle is not None else ()
-    return {wheel.position: f"{wheel.sensor_number:08x}" for wheel in wheels if wheel.sensor_number is not None}

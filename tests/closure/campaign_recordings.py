@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from gateway.config.faults import parse_document
@@ -23,13 +24,14 @@ def write_recording(
     start_ns: int = START_NS,
     configured: bool = True,
     link: str = "sim",
+    change: Callable[[str], str] = str,
 ) -> Path:
-    """Write a recording of wheels W0, W1, ... with further keys each, and return its path."""
+    """Write a recording of wheels W0, W1, ... with further keys each and a changed configuration; return its path."""
     text = f"[scenario]\nseed = {seed}\n{tables}\n"
     for number, keys in enumerate(wheels):
         text += f"[[wheel]]\nposition = 'W{number}'\nwheel = {number}\nsensor_id = '0000b00{number}'\n{keys}\n"
     scenario = parse_document(Scenario, text, "test")
-    toml = vehicle_toml(scenario) if configured else None
+    toml = change(vehicle_toml(scenario)) if configured else None
     writer = RecordingWriter(path, start_ns=start_ns, vehicle_toml=toml, sources=(link,))
     for chunk in simulate(scenario, duration_s=duration_s).chunks(link, start_ns):
         writer.write(chunk)
