@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Finding, Fitted, Verdict
 from gateway.closure.effects.edge_scatter import EFFECT
+from gateway.closure.findings import fitted_parameter
 from gateway.closure.observation import Group
 
 FloatArray = NDArray[np.float64]
@@ -138,5 +139,5 @@ def _parameters(groups: Sequence[Group], mean: float, mean_std: float) -> dict[s
         # Of the square: share times mean.
         error = math.hypot(part * mean_std, mean * share_std)
         std = error / (2.0 * max(value, math.sqrt(error)))
-        found[parameter.name] = Fitted(value, std, parameter.unit, parameter.factor, parameter.display_unit)
+        found[parameter.name] = fitted_parameter(parameter, value, std)
     return found

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gateway.closure.diagnosis import Finding, Fitted, Spectra, Unexplained, Verdict
 from gateway.closure.effects.base import SpectrumEffect
 from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.findings import fitted_parameter
 from gateway.closure.observation import Group
 from gateway.closure.timelocked_fit import SpectrumFit
 from gateway.closure.timelocked_gates import objection, several_speeds
@@ -56,8 +57,11 @@ class TimeLocked:
 
 @dataclass(frozen=True, slots=True)
 class _Refusal:
+    """A refused effect; `fit` is the one that the reason is about."""
+
     effect: SpectrumEffect
     step: Step
+    fit: SpectrumFit
     reason: str
     open: bool
 
@@ -154,7 +158,7 @@ def _worst(selection: Selection, taken: Sequence[Step]) -> _Refusal | None:
         reason, still_open = objection(selection.sites, selection.observed, selection.fit, step.effect)
         if reason:
             bins = sum(int((part > _HELD).sum()) for part in _shares(selection.sites, selection.fit, step.effect))
-            found.append((bins, _Refusal(step.effect, step, reason, still_open)))
+            found.append((bins, _Refusal(step.effect, step, selection.fit, reason, still_open)))
     return min(found, key=lambda one: one[0])[1] if found else None
 
 
@@ -227,7 +231,7 @@ def _parameters(step: Step, fit: SpectrumFit) -> dict[str, Fitted]:
     place = place_of(fit.parts, step.effect)
     std = np.sqrt(np.maximum(np.diag(fit.covariance)[place], 0.0))
     return {
-        one.name: Fitted(float(value), float(error), one.unit, one.factor, one.display_unit)
+        one.name: fitted_parameter(one, float(value), float(error))
         for one, value, error in zip(step.effect.parameters, fit.shared[place], std, strict=True)
     }
 
@@ -258,7 +262,7 @@ def _doubtful(finding: Finding) -> Finding:
 
 
 def _refused(refusal: _Refusal) -> Finding:
-    made = _described(refusal.step, refusal.step.fit, math.nan)
+    made = _described(refusal.step, refusal.fit, math.nan)
     if refusal.open:
         return replace(made, verdict=Verdict.INDISTINGUISHABLE, reason=refusal.reason, decide_with=ANOTHER_SPEED)
     return replace(made, reason=refusal.reason)

@@ -10,7 +10,7 @@ from typing import Final, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions, SpectrumEffect
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions, Parameter, SpectrumEffect
 from gateway.closure.timelocked_fit import Observed, SpectrumFit
 from gateway.closure.timelocked_lines import envelope_moment
 from gateway.closure.timelocked_model import Site, wide_density
@@ -100,7 +100,9 @@ def objection(
     own = fit.shared[place_of(fit.parts, effect)]
     for one, value in zip(effect.parameters, own, strict=True):
         if not one.low <= value <= one.high:
-            return f"{one.name} {value:.3g} is not plausible ({one.low:g} to {one.high:g})", False
+            if value == 0.0:
+                return "beside what else was found there is nothing of it left", False
+            return f"{written(one, float(value))} is not plausible ({one.low:g} to {one.high:g})", False
     size = effect_size(sites, observed, fit, effect)
     said = _axes_differ(effect, size) or _groups_differ(effect, size, sites)
     if not said and isinstance(effect, Rotating):
@@ -119,10 +121,15 @@ def _unusual(sites: Sequence[Site], effect: SpectrumEffect, own: FloatArray) -> 
     usual: tuple[str, float, float] | None = getattr(effect, "usual", None)
     if usual is None or several_speeds(sites):
         return "", False
-    value = own[[one.name for one in effect.parameters].index(usual[0])]
-    if usual[1] <= value <= usual[2]:
+    at = [one.name for one in effect.parameters].index(usual[0])
+    if usual[1] <= own[at] <= usual[2]:
         return "", False
-    return f"{usual[0]} {value:.3g} is unusual, and there is only one speed", True
+    return f"{written(effect.parameters[at], float(own[at]))} is unusual, and there is only one speed", True
+
+
+def written(parameter: Parameter, value: float) -> str:
+    """Return a value with its unit behind the parameter's name, which views replace by a label."""
+    return f"{parameter.name} {value:.3g} {parameter.unit}".rstrip()
 
 
 def several_speeds(sites: Sequence[Site]) -> bool:

@@ -18,6 +18,7 @@ from gateway.views.closure_rows import (
     GROWN,
     listed,
     model_words,
+    nothing_left,
     place_text,
     plain,
     printed,
@@ -96,6 +97,7 @@ class _Page:
     effects: list[EffectRow]
     refused: list[EffectRow]
     unexplained: list[UnexplainedRow]
+    nothing_left: str
     estimates: list[StateRows[EstimateRow]]
     legend: bool
     states: bool
@@ -103,6 +105,7 @@ class _Page:
     doubt: str
     step_names: list[str]
     steps: list[StateRows[StepRow]]
+    stated: list[str]
     assumed: list[str]
     notes: list[str]
     recordings: list[str]
@@ -128,6 +131,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         effects=effect_rows(diagnosis),
         refused=refused_rows(diagnosis),
         unexplained=unexplained_rows(diagnosis),
+        nothing_left=nothing_left(diagnosis, "Nothing"),
         estimates=by_state(estimates),
         legend=any(row.drawn for row in estimates),
         states=any(row.state for row in estimates),
@@ -135,6 +139,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         doubt=_doubt(diagnosis),
         step_names=step_names,
         steps=by_state(step_rows),
+        stated=[printed(text) for text in diagnosis.stated],
         assumed=[printed(text) for text in diagnosis.assumed],
         notes=[printed(text) for text in diagnosis.notes],
         recordings=[clean(path) for path in diagnosis.recordings],
@@ -198,4 +203,4 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         doubt = f"; it {CHANGES}" if first.changes else "" if first.lock_known else "; its lock is not known"
         yield f"Unexplained: {clean(first.axis)}, {place_text(first)}, {size} m/s² rms{doubt}{more}."
     else:
-        yield "Nothing else stands out of the noise."
+        yield f"{nothing_left(diagnosis, 'Nothing else')}."

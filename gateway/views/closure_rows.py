@@ -42,6 +42,8 @@ _GREEK_WORD: Final = re.compile(rf"(?<![A-Za-z])(d?)({'|'.join(_GREEK)})(?![a-z]
 _STATE: Final = re.compile(r"(.+) \((\S+ N, \S+ kPa)\)")
 # "Before" and "after" are the starting model and what was found; parameters mean sides of the contact.
 _SIDES: Final = {"before ": "before contact: ", "after ": "after contact: ", "ahead ": "lone packet: "}
+# Labels that say more than the name of the parameter.
+_LABELS: Final = {"leading": "leading edge", "trailing": "trailing edge", "roll off": "roll-off"}
 
 
 class ShownNumber(NamedTuple):
@@ -88,7 +90,7 @@ def _label(name: str) -> tuple[str, Unit]:
     for side, written in _SIDES.items():
         if label.startswith(side):
             label = written + label.removeprefix(side)
-    return clean(label), unit
+    return _LABELS.get(label) or clean(label), unit
 
 
 def printed(text: str) -> str:
@@ -250,6 +252,16 @@ def undecided_sets(diagnosis: Diagnosis) -> list[Finding]:
 def listed(names: Sequence[str], last: str = "and") -> str:
     """Return `a`, `a and b`, or `a, b and c`."""
     return clean(f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))))
+
+
+def nothing_left(diagnosis: Diagnosis, nothing: str = "nothing") -> str:
+    """Return that nothing is unexplained, and of what somebody has looked at."""
+    if diagnosis.spectra:
+        return f"{nothing} stands out of the noise"
+    return (
+        f"{nothing} that repeats with the wheel stands out of the noise; the rest was not looked at (steady stretches "
+        "too short)"
+    )
 
 
 def undetermined(diagnosis: Diagnosis) -> list[str]:

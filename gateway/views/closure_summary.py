@@ -12,6 +12,7 @@ from gateway.views.closure_rows import (
     GROWN,
     listed,
     model_words,
+    nothing_left,
     place_text,
     plain,
     printed,
@@ -95,7 +96,7 @@ class _Lines:
 
     def _unexplained(self, diagnosis: Diagnosis) -> Iterator[str]:
         if not diagnosis.unexplained:
-            yield self._row("unexplained", "nothing above the noise")
+            yield from self._rows("unexplained", nothing_left(diagnosis))
         for index, left in enumerate(diagnosis.unexplained[:_MOST_OTHERS]):
             more = len(diagnosis.unexplained) - _MOST_OTHERS
             size = f"  {plain(left.rms_mps2, left.std_mps2)} m/s²".replace(" ± ", "±")

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.closure.diagnosis import Fitted, HeldOut, Verdict
+from gateway.closure.diagnosis import Finding, Fitted, HeldOut, Verdict
 from gateway.errors import OutputError
 from gateway.signal.orders import ORDER_COUNT
 from gateway.signal.orders import order_coefficients as reference_coefficients
@@ -29,7 +29,7 @@ from gateway.views.closure_html import diagnosis_html
 from gateway.views.closure_rows import reference_group
 from gateway.views.closure_summary import closure_summary_lines
 from gateway.views.closure_svg import inline_svg, report_style
-from gateway.views.closure_tables import by_state, estimate_rows, steps, unexplained_rows
+from gateway.views.closure_tables import by_state, estimate_rows, refused_rows, steps, unexplained_rows
 
 ROOT = Path(__file__).parents[2]
 VOID = {"meta", "br", "img", "link", "input", "hr"}
@@ -88,6 +88,27 @@ def test_tables_come_first_and_say_it_all(page_text):
         "drum-40kmh.mcap", "load 4000 N", "12 revolutions were left out",
     ):  # fmt: skip
         assert words in page.text, words
+
+
+def test_reasons_of_time_locked_and_edge_findings_call_parameters_as_the_table_does():
+    time = Finding(
+        "road vibration",
+        Verdict.REFUSED,
+        {"corner_hz": Fitted(42.0, 0.4, "Hz"), "roll_off": Fitted(0.56, 0.04), "rms_mps2": Fitted(2.4, 0.1, "m/s^2")},
+        chi2=1.0, held_out_gain=1.0, held_out_std=1.0, rms_mps2=1.0, lock="time",
+        reason="corner_hz 42 Hz is not plausible (60 to 1000), nor roll_off 0.56, nor rms_mps2 2.4 m/s^2",
+    )  # fmt: skip
+    edges = replace(
+        time,
+        parameters={"leading_m": Fitted(0.03, 0.001, "m", 1e3, "mm")},
+        lock="contact",
+        reason="leading_m would be 30 mm, which is not plausible (0 to 20)",
+    )
+    reasons = [row.reason for row in refused_rows(replace(empty(), findings=(time, edges)))]
+    assert reasons == [
+        "corner 42 Hz is not plausible (60 to 1000), nor roll-off 0.56, nor rms 2.4 m/s²",
+        "leading edge would be 30 mm, which is not plausible (0 to 20)",
+    ]
 
 
 def test_what_is_left_unexplained_is_said_once():
@@ -203,7 +224,10 @@ def test_what_nobody_should_trust_is_shown_as_text(nasty_text):
 def test_nothing_found_makes_a_page_too():
     page = Page(diagnosis_html(empty()))
     assert "figure" not in page.tags
+    assert "Nothing that repeats with the wheel stands out of the noise; the rest was not looked at" in page.text
+    page = Page(diagnosis_html(replace(empty(), spectra=ordinary().spectra)))
     assert "Nothing stands out of the noise." in page.text
+    assert "Nothing else stands out of the noise." in page.text
 
 
 def test_the_same_diagnosis_gives_the_same_bytes():

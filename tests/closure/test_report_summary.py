@@ -41,7 +41,9 @@ def test_the_summary_says_what_was_found():
 def test_nothing_found_is_said():
     text = "\n".join(closure_summary_lines(empty()))
     assert "nothing: no effect of the catalogue has evidence enough" in text
-    assert "nothing above the noise" in text
+    assert "nothing that repeats with the wheel stands out of the noise;" in text, "nobody looked at the rest"
+    text = "\n".join(closure_summary_lines(replace(empty(), spectra=ordinary().spectra)))
+    assert "nothing stands out of the noise" in text
 
 
 def test_many_findings_are_counted_not_listed():

@@ -8,14 +8,17 @@ import math
 import numpy as np
 import pytest
 
+from gateway.closure import timelocked
 from gateway.closure.diagnosis import Verdict
 from gateway.closure.effects.base import Conditions, SpectrumEffect
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.observation import ORDERS, Block, Group
 from gateway.closure.timelocked import TimeLocked, diagnose_time_locked
+from gateway.closure.timelocked_gates import written
 from gateway.closure.timelocked_jitter import TERMS
 from gateway.closure.timelocked_left import parts_left
 from gateway.closure.timelocked_model import Site
+from gateway.closure.timelocked_selection import place_of
 from gateway.closure.timelocked_spectra import group_spectra
 from tests.closure.timelocked_data import simulated_groups
 
@@ -139,6 +142,24 @@ class TestNames:
 
 
 class TestNoNames:
+    def test_what_is_refused_has_the_numbers_that_the_reason_is_about(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        seen = {}
+
+        def refuse(sites, observed, fit, effect):
+            seen[effect.name] = fit.shared[place_of(fit.parts, effect)]
+            return "no", False
+
+        monkeypatch.setattr(timelocked, "objection", refuse)
+        tables = "[road]\nrms_mps2 = 0.7\n[vibration]\ncavity_rms_mps2 = 0.6\ncavity_hz = 209"
+        result = diagnose_time_locked(simulated_groups(tables))
+        assert {"road vibration", "cavity resonance"} <= set(seen)
+        for finding in result.findings:
+            assert [one.value for one in finding.parameters.values()] == seen[finding.name].tolist()
+
+    def test_a_parameter_that_is_not_plausible_is_told_with_its_unit(self) -> None:
+        told = written(EFFECTS[0].parameters[0], 2.5)
+        assert told == f"{EFFECTS[0].parameters[0].name} 2.5 m/s^2"
+
     def test_a_tone_where_the_cavity_is(self) -> None:
         result = diagnose_time_locked(simulated_groups("[sensor]\ntone_mg = [0, 0, 60]\ntone_hz = 217"))
         assert not named(result)
