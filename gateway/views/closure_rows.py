@@ -36,7 +36,18 @@ _SI: Final = {"_rad": "rad", "_m": "m", "_mps": "m/s", "_pa": "Pa"}
 # Suffixes of names whose unit always stands beside the number.
 _COMPOUND: Final = ("_npm2", "_per_rad", "_per_k", "_s2pm", "_rad2", "_kgm", "_m2", "_pm", "_pn")
 _PRINTED: Final = {"^2": "²", "^3": "³", "degC": "°C", "+-": "±", " * ": " · "}
-_GREEK: Final = {"alpha": "α", "gamma": "γ", "kappa": "κ", "omega": "ω", "phi": "φ", "psi": "ψ", "theta": "θ"}
+_GREEK: Final = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "kappa": "κ",
+    "omega": "ω",
+    "phi": "φ",
+    "pi": "π",
+    "psi": "ψ",
+    "rho": "ρ",
+    "theta": "θ",
+}
 _GREEK_WORD: Final = re.compile(rf"(?<![A-Za-z])(d?)({'|'.join(_GREEK)})(?![a-z])")
 # An estimate of another load or pressure than that of most revolutions: `Bs (3500 N, 210 kPa)`.
 _STATE: Final = re.compile(r"(.+) \((\S+ N, \S+ kPa)\)")

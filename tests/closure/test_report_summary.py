@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
 
 from gateway.closure.diagnosis import Fitted
+from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.gravity import EFFECT as GRAVITY
 from gateway.closure.findings import fitted_parameter
 from gateway.views.closure_rows import printed, show_fitted, significant, span_text
@@ -171,12 +173,21 @@ def test_labels_and_units(name, fitted, label, text):
     [
         ("R omega^2, 3 +- 1 m/s^2", "R ω², 3 ± 1 m/s²"),
         ("dtheta, d theta, omega_dot", "dθ, d θ, ω_dot"),
-        ("alphabet, somega, thetas", "alphabet, somega, thetas"),
+        ("alphabet, somega, thetas, pitch", "alphabet, somega, thetas, pitch"),
+        ("2 / (pi width), 2 pi corner", "2 / (π width), 2 π corner"),
         ("error * a\x1b[2J", "error · a [2J"),
     ],
 )
 def test_what_is_typed_is_printed(typed, printed_one):
     assert printed(typed) == printed_one
+
+
+@pytest.mark.parametrize("effect", catalogue().values(), ids=lambda effect: effect.name)
+def test_equations_are_an_engineers_not_a_programs(effect):
+    assert not re.search(r"[+*-]=|->|\*\*|\bOmega\b|d2", effect.equation)
+    for parameter in effect.parameters:
+        if "_" in parameter.name:
+            assert parameter.name not in effect.equation
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ class AcCoupling:
 
     name = "AC coupling"
     summary = "A high-pass behind the element: the mean is lost and the plateaus droop."
-    equation = "order n times i n omega / (i n omega + 2 pi corner_hz); order 0 is lost"
+    equation = "order n times i n omega / (i n omega + 2 pi corner); order 0 is lost"
     # Charge amplifiers and coupling capacitors: 0.01 to 10 Hz, beyond that the free arc would droop to nothing.
     parameters: tuple[Parameter, ...] = (Parameter("corner_hz", "Hz", 0.0, 20.0, 2.0, 1e-3),)
     seen_by = "lowest orders of all axes, best at low speed; the lost mean of a sensor declared as DC-coupled"

@@ -33,8 +33,8 @@ class AntiAliasFilter:
     name = "anti-alias filter"
     summary = "A low-pass in front of the converter, not declared: all axes are late and lose their highest orders."
     equation = (
-        "order n times exp(i sqrt(2) x) / (1 + i sqrt(2) x - x^2), x = n omega / (2 pi corner), corner = "
-        "1 / inverse_corner_s; the centre is as late as the filter's delay"
+        "order n times exp(i sqrt(2) x) / (1 + i sqrt(2) x - x^2), x = n omega / (2 pi corner); the "
+        "centre is as late as the filter's delay"
     )
     # Bandwidths of inner-liner elements: 400 Hz to 24 kHz; below 150 Hz no contact would be seen.
     parameters: tuple[Parameter, ...] = (

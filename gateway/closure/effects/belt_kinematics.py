@@ -13,7 +13,7 @@ class BeltKinematics:
 
     name = "belt kinematics (n^2-1)"
     summary = "The sensor turns with the belt and the road pushes vertically: order n of the deflection reads n^2 - 1."
-    equation = "c_n: n^2 w_n[radial push] -> n^2 w_n + share ((n^2 - 1) w_n[vertical push] - n^2 w_n[radial push])"
+    equation = "order n reads (n^2 - 1) w_n of a vertical push in place of n^2 w_n of a radial one, w the deflection"
     # It is either so or not. On the exact ring at 3000 to 8000 N it comes out as 0.69 to 0.84 beside the pressure's
     # shape alone, and as 1.01 to 1.08 when the belt's tension loss is in as well.
     parameters = (

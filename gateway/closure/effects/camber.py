@@ -27,7 +27,7 @@ class Camber:
 
     name = "camber"
     summary = "The wheel leans towards the road's normal, or the road is banked: gravity is felt along the axle."
-    equation = "lateral += g sin(camber), at every speed"
+    equation = "adds g sin(camber) to the lateral axis, at every speed"
     parameters: tuple[Parameter, ...] = (
         Parameter("camber_rad", "rad", -_MOST_RAD, _MOST_RAD, 0.03, 1e-4, factor=math.degrees(1.0), display_unit="deg"),
     )

@@ -17,7 +17,8 @@ class CarcassCompliance(LateralLoad):
         "The tire runs at a slip angle (toe, cornering), and its belt gives way sideways under the side force."
     )
     equation: str = (
-        "lateral = omega^2 d2y/dtheta2, belt pushed by cy (alpha s - y + y(leading edge)) in the contact; no sliding"
+        "lateral = omega^2 y'', y the belt's sideways shift over theta, belt pushed by "
+        "cy (alpha s - y + y(leading edge)) in the contact; no sliding"
     )
     # Beyond about a degree the tread slides over much of the contact, which is not in it.
     parameters: tuple[Parameter, ...] = (

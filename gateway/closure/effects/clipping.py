@@ -34,7 +34,10 @@ class Clipping:
 
     name = "clipping"
     summary = "The radial axis saturates at a level below its declared range."
-    equation = "radial = min(a_rad, limit), blurred over knee * limit by what differs from revolution to revolution"
+    equation = (
+        "the radial axis reads no more than the limit, blurred over knee times the limit by what differs from "
+        "revolution to revolution"
+    )
     # Elements and amplifiers saturate at 10 g and more: below that nobody measures in a tire. Spread: noise and a
     # speed that varies by 3 % within a group.
     parameters: tuple[Parameter, ...] = (

@@ -26,7 +26,7 @@ class ClockError:
 
     name = "sample clock error"
     summary = "The clock that timed the samples runs fast, so the wheel turns faster than measured."
-    equation = "a += ((1 + share)^2 - 1) (a - gravity): true omega is (1 + share) times the measured one"
+    equation = "adds ((1 + share)^2 - 1) (a - gravity): the true omega is (1 + share) times the measured one"
     # Crystals 1e-4, ceramic resonators 5e-3, a sensor's own oscillator that nobody measured, or a rate that was
     # noted wrongly, 2 %.
     parameters: tuple[Parameter, ...] = (

@@ -13,7 +13,8 @@ class Conicity(LateralLoad):
     name: str = "conicity"
     summary: str = "The belt is part of a cone, and curves in its own plane where the contact flattens it."
     equation: str = (
-        "lateral = omega^2 d2y/dtheta2, belt curved by -beta (kappa - 1/R); the same in both directions of rotation"
+        "lateral = omega^2 y'', y the belt's sideways shift over theta, belt curved by -beta (kappa - 1/R); "
+        "the same in both directions of rotation"
     )
     # In this belt 10 mrad pull some 60 N at 5 kN; tires that pull by more than about 100 N are not sold.
     parameters: tuple[Parameter, ...] = (

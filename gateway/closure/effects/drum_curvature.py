@@ -18,7 +18,7 @@ class DrumCurvature:
 
     name = "drum curvature"
     summary = "The road is a drum: the sensor reads less than zero in the contact (more, inside a drum)."
-    equation = "in contact kappa = -1 / R_d, s = -(R Omega)^2 / R_d"
+    equation = "in contact kappa = -1 / R_d, s = -(R omega)^2 / R_d"
     # Drums have radii of 0.5 to 2.5 m, inner drums of 1.9 m and more.
     parameters = (Parameter("curvature_pm", "1/m", low=-0.6, high=2.1, prior_std=1.0, step=0.01),)
     seen_by = "radial axis, level in the contact against the level outside, as Omega^2"

@@ -20,7 +20,7 @@ class Gain:
 
     name = "gain"
     summary = "The radial axis reads too much in proportion to what it should, gravity included."
-    equation = "radial += error * a_rad"
+    equation = "adds error times the radial acceleration to the radial axis"
     # Data sheets of high-g elements allow 5 to 15 % over lots and life.
     parameters: tuple[Parameter, ...] = (Parameter("error", "", -0.2, 0.2, 0.05, 1e-4, factor=100.0, display_unit="%"),)
     seen_by = (

@@ -24,7 +24,7 @@ class GainTemperature:
 
     name = "gain-temperature drift"
     summary = "The gain of the radial axis changes with temperature."
-    equation = "radial += drift_per_k * (T - calibrated_degc) * a_rad"
+    equation = "adds drift (T - calibrated) times the radial acceleration, T the temperature"
     parameters: tuple[Parameter, ...] = (
         # Capacitive elements 0.01 to 0.05 %/K, piezoelectric and piezoresistive ones uncompensated 0.1 to 0.3 %/K.
         Parameter("drift_per_k", "1/K", -5e-3, 5e-3, 1e-3, 1e-6, factor=100.0, display_unit="%/K"),

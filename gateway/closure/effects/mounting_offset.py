@@ -13,7 +13,9 @@ class MountingOffset:
 
     name = "mounting offset"
     summary = "The sensor sits farther below the belt's neutral layer than declared (negative: less far)."
-    equation = "e = e_declared + offset_m: radial V^2 kappa (1 - e kappa), circumferential -(e / R) d radial / d theta"
+    equation = (
+        "e = declared depth + offset: radial V^2 kappa (1 - e kappa), circumferential -(e / R) times the radial's slope"
+    )
     # From the steel belts to a sensor on the liner 3 to 6 mm, in a housing up to 30 mm; declared wrongly or not at all.
     parameters: tuple[Parameter, ...] = (
         Parameter("offset_m", "m", -0.03, 0.04, 0.01, 1e-4, factor=1e3, display_unit="mm"),

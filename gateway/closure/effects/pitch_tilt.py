@@ -25,7 +25,10 @@ class PitchTilt:
     summary = (
         "The sensor is turned about the lateral axis: the radial acceleration leaks into the circumferential axis."
     )
-    equation = "circumferential = cos(pitch) a_circ + sin(pitch) a_rad, radial = cos(pitch) a_rad - sin(pitch) a_circ"
+    equation = (
+        "circumferential reads cos(pitch) circumferential + sin(pitch) radial, radial reads cos(pitch) radial "
+        "- sin(pitch) circumferential"
+    )
     # As roll: within 5 deg when glued by hand, 20 deg at most.
     parameters: tuple[Parameter, ...] = (
         Parameter("pitch_rad", "rad", -0.35, 0.35, 0.05, 1e-4, factor=math.degrees(1.0), display_unit="deg"),

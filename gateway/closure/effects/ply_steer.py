@@ -15,7 +15,8 @@ class PlySteer(LateralLoad):
         "The belt's crossed plies turn bending into in-plane shear, so it moves sideways through the contact."
     )
     equation: str = (
-        "lateral = omega^2 d2y/dtheta2, belt sheared by gamma = -g (kappa - 1/R); -g when rolling in reverse"
+        "lateral = omega^2 y'', y the belt's sideways shift over theta, belt sheared by gamma = -g (kappa - 1/R); "
+        "-g when rolling in reverse"
     )
     # g = (t/2) cot(delta): 1.0 to 2.5 mm for plies at 18 to 30 degrees, 1.2 to 1.6 mm apart; less when the belt can
     # curve and twist (docs/ply-steer.md). Its sign is the order of the plies.

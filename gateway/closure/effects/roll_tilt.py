@@ -25,7 +25,7 @@ class RollTilt:
     summary = (
         "The sensor is turned about the circumferential axis: the radial acceleration leaks into the lateral axis."
     )
-    equation = "lateral = cos(roll) a_lat + sin(roll) a_rad, radial = cos(roll) a_rad - sin(roll) a_lat"
+    equation = "lateral reads cos(roll) lateral + sin(roll) radial, radial reads cos(roll) radial - sin(roll) lateral"
     # A sensor glued by hand sits within 5 deg; what is beyond 20 deg the pipeline reports as a wrong mounting.
     parameters: tuple[Parameter, ...] = (
         Parameter("roll_rad", "rad", -0.35, 0.35, 0.05, 1e-4, factor=math.degrees(1.0), display_unit="deg"),

@@ -27,7 +27,7 @@ class RollingRadius:
 
     name = "rolling radius"
     summary = "The belt radius (rolling circumference / 2 pi) is larger than stated."
-    equation = "a += error * (a - gravity - what the offset adds): R is (1 + error) times the stated one"
+    equation = "adds error (a - gravity - what the offset adds): R is (1 + error) times the stated one"
     # Wear 2 %, make and inflation 1 %, the next tire size 4 %.
     parameters: tuple[Parameter, ...] = (Parameter("error", "", -0.1, 0.1, 0.03, 1e-4, factor=100.0, display_unit="%"),)
     seen_by = "radial axis, any speed: a closed belt's mean is R omega^2; a DC-coupled sensor or a contact"

@@ -13,7 +13,7 @@ class RotaryInertia:
 
     name = "rotary inertia"
     summary = "The inertia of the belt's sections takes off its bending stiffness, with the square of speed."
-    equation = "EI -> EI - rho I (R Omega)^2"
+    equation = "EI less rho I (R omega)^2"
     # rho A h^2 / 12 of a ring of 2 to 8 kg/m, 10 to 30 mm thick: 2e-5 to 6e-4 kg m.
     parameters = (
         Parameter(

@@ -46,7 +46,7 @@ class SensorNonlinearity:
 
     name = "sensor nonlinearity"
     summary = "The radial axis reads more or less in proportion the larger what it reads: its response is bent."
-    equation = "radial += square * a_rad^2 + cube * a_rad^3"
+    equation = "adds square * a^2 + cube * a^3 to the radial axis, a its acceleration"
     parameters: tuple[Parameter, ...] = (
         _term("square_s2pm", "s^2/m", 1),
         _term("cube_s4pm2", "s^4/m^2", 2),

@@ -13,7 +13,7 @@ class SidewallStiffening:
 
     name = "sidewall stiffening"
     summary = "The sidewall is not linear: where the belt is pushed in far, it pushes back harder."
-    equation = "kw, kv -> (kw, kv) (1 + growth |u|), u the deflection of each"
+    equation = "kw and kv times (1 + growth |u|), u the deflection of each"
     # 10 % either way over a deflection of 20 mm is 5 per metre; twice that bounds what is a sidewall.
     parameters = (Parameter("growth_pm", "1/m", low=-10.0, high=15.0, prior_std=6.0, step=0.1),)
     seen_by = "radial axis, orders 2 to 12, as Omega^2; several loads with their own deflections"

@@ -13,7 +13,7 @@ class StructuralDamping:
 
     name = "structural damping"
     summary = "Losses in the sidewall: the deflection lags behind the road, the contact leans forward."
-    equation = "foundation force: + c Omega du/dtheta, c = damping time * kw; loss angle Omega * damping time"
+    equation = "adds c omega du/dtheta to the sidewall's force, c = damping time * kw; loss angle omega * damping time"
     # 3.3e-4 s is a rolling resistance of 0.7 % at 65 km/h; 2e-3 s would be 4 %, more than any tire has. Losses are
     # never negative.
     parameters = (

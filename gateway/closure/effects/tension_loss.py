@@ -13,7 +13,7 @@ class TensionLoss:
 
     name = "geometric tension loss"
     summary = "The flattened belt turns by finite angles and loses tension in the contact (a third at 5000 N)."
-    equation = "s: + share (s[exact ring, same numbers] - s[linear ring under the exact ring's contact pressure])"
+    equation = "adds what the exact ring reads less what the linear ring under the same contact pressure reads"
     # It is geometry, all or nothing. Two Legendre amounts do not follow the pressure of a high load, and with them it
     # comes out on the exact ring as 1.01 to 1.04 from the corrected series and 1.07 to 1.25 from the printed one.
     parameters = (

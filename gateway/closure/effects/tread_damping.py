@@ -13,7 +13,7 @@ class TreadDamping:
 
     name = "tread damping (shifted pressure)"
     summary = "Losses in the tread: the contact pressure and the contact itself shift towards the leading edge."
-    equation = "q = kt (penetration + damping time * Omega d(penetration)/dtheta) where positive"
+    equation = "q = kt (penetration + damping time * omega d(penetration)/dtheta) where positive"
     # 7e-4 s is a rolling resistance of 0.66 % at 65 km/h; 3e-3 s is about 3 %, more than any tire has.
     parameters = (
         Parameter(

@@ -25,7 +25,10 @@ class YawTilt:
     summary: str = (
         "The sensor is turned about the radial axis: the circumferential acceleration leaks into the lateral axis."
     )
-    equation: str = "lateral = cos(yaw) a_lat + sin(yaw) a_circ, circumferential = cos(yaw) a_circ - sin(yaw) a_lat"
+    equation: str = (
+        "lateral reads cos(yaw) lateral + sin(yaw) circumferential, circumferential reads cos(yaw) circumferential "
+        "- sin(yaw) lateral"
+    )
     # As roll and pitch: glued by hand within 5 deg, beyond 20 deg the pipeline reports a wrong mounting.
     parameters: tuple[Parameter, ...] = (
         Parameter("yaw_rad", "rad", -0.35, 0.35, 0.05, 1e-4, factor=math.degrees(1.0), display_unit="deg"),

@@ -31,7 +31,7 @@ class ZeroGOffset:
 
     name = "zero-g offset"
     summary = "The sensor adds a constant to each axis, whatever the speed."
-    equation = "axis += offset of the axis"
+    equation = "adds to each axis a constant of its own"
     parameters: tuple[Parameter, ...] = (_offset("circumferential"), _offset("lateral"), _offset("radial"))
     seen_by = "order 0 of a DC-coupled sensor; the radial axis needs two speeds"
     confused_with = (
