@@ -222,6 +222,7 @@ class Diagnosis:
         folds_of: what the folds were: "recordings", "blocks of revolutions" or "revolutions".
         correction: what the named effects add, for `live` and `estimate` to take off; None when nothing was named, or
             where the starting model is not the exact ring.
+        stated: what was stated or measured beside the samples, and by whom, in words.
     """
 
     model: str
@@ -244,6 +245,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     folds_of: str = "blocks of revolutions"
     correction: CorrectionTable | None = None
+    stated: tuple[str, ...] = ()
 
     @property
     def named(self) -> tuple[Finding, ...]:

@@ -137,6 +137,7 @@ class Campaign:
         assumed: what nobody stated, in words.
         notes: what the user must know of the recordings: damage, groups left out.
         sensor_id: serial number of the sensor, None when not known or the recordings are of different ones.
+        stated: what was stated or measured beside the samples, and by whom, in words.
     """
 
     wheel: str
@@ -148,6 +149,7 @@ class Campaign:
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     sensor_id: int | None = None
+    stated: tuple[str, ...] = ()
 
     @property
     def folds(self) -> int:

@@ -201,7 +201,8 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         states=max(states) + 1,
         rejected=rejected,
         clock_error=combined([read.clock_error for read in reads]),
-        assumed=_merged(orders, reads),
+        assumed=_merged(orders, [read.assumed for read in reads]),
+        stated=_merged(orders, [read.stated for read in reads]),
         notes=tuple(notes),
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
     )
@@ -264,10 +265,10 @@ def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) ->
     return replace(group, state=state, blocks=blocks, conditions=conditions, label=label(name, group.conditions))
 
 
-def _merged(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tuple[str, ...]:
-    """Return what was assumed, once, with the recordings that it was assumed of where these are not all."""
+def _merged(orders: Sequence[ReadOrder], told: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    """Return what was told of each recording once, with the recordings that it was told of where these are not all."""
     of: dict[str, list[str]] = {}
-    for order, read in zip(orders, reads, strict=True):
-        for text in dict.fromkeys(read.assumed):
+    for order, texts in zip(orders, told, strict=True):
+        for text in dict.fromkeys(texts):
             of.setdefault(text, []).append(order.name)
     return tuple(text if len(names) == len(orders) else f"{text}: {', '.join(names)}" for text, names in of.items())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,16 +12,17 @@ from numpy.typing import NDArray
 
 from firmware_protocol.batch import FrameBatch
 from gateway.closure.collecting import RevolutionStore
-from gateway.closure.group_making import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA, Declared, make_groups
+from gateway.closure.group_making import Declared, make_groups
 from gateway.closure.observation import Group
 from gateway.config.load import parse_vehicle
-from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.config.model import VehicleConfig
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
 from gateway.security.opening import open_guard
 from gateway.session.batch import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
+from gateway.session.stated import GIVEN, RECORDED, assumed, stated
 from gateway.session.wheel_identity import SensorsHeard, address, configured
 
 # With several wheels and none chosen, so many more revolutions are looked at to name the wheels.
@@ -69,6 +69,7 @@ class RecordingRead:
         rejected: reason -> revolutions.
         clock_error: of the wheel's hub.
         assumed: what nobody stated.
+        stated: what somebody stated or measured, and who.
         damage: what could not be read.
         sensor_id: serial number of the wheel's sensor, None when several took turns.
         notes: what the user must know of it.
@@ -82,6 +83,7 @@ class RecordingRead:
     rejected: dict[str, int] | None = None
     clock_error: tuple[float, float] = UNKNOWN
     assumed: tuple[str, ...] = ()
+    stated: tuple[str, ...] = ()
     damage: str | None = None
     sensor_id: int | None = None
     notes: tuple[str, ...] = ()
@@ -183,21 +185,15 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         host_times=real,
         rejected=taker.store.rejected,
         clock_error=clock.error(where[0]) if real and where is not None else UNKNOWN,
-        assumed=_assumed(vehicle, wheel, groups),
+        assumed=assumed(vehicle, wheel, groups),
+        stated=stated(
+            vehicle,
+            wheel,
+            groups,
+            RECORDED if order.vehicle is None else GIVEN,
+            pressure_measured=sensors.measures_pressure(vehicle, position),
+        ),
         damage=reader.damage,
         sensor_id=next(iter(seen)) if len(seen) == 1 else None,
         notes=(*(told or strangers), *taker.store.notes()),
     )
-
-
-def _assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: list[Group]) -> tuple[str, ...]:
-    told = list(vehicle.vehicle.assumed) if vehicle is not None else []
-    if wheel is None:
-        told.append(f"belt radius {ASSUMED_RADIUS_MM:g} mm (no configuration states it)")
-    if any(not group.load_known for group in groups):
-        told.append(f"load {ASSUMED_LOAD_N:.0f} N (nobody states it)")
-    if any(not group.pressure_known for group in groups):
-        told.append(f"pressure {ASSUMED_PRESSURE_PA * 1e-3:.0f} kPa (neither stated nor measured)")
-    if groups and not any(math.isfinite(group.conditions.temperature_degc) for group in groups):
-        told.append("temperature steady (neither stated nor measured)")
-    return tuple(told)

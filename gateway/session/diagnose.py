@@ -76,4 +76,4 @@ def diagnose_recordings(
         jobs=jobs,
     )
     notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
-    return replace(diagnosis, notes=notes)
+    return replace(diagnosis, notes=notes, stated=campaign.stated)

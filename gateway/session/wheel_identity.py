@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 
 from firmware_protocol.batch import FrameBatch
-from firmware_protocol.messages import Hello, MessageType
+from firmware_protocol.messages import Environment, Hello, MessageType
 from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
 
 
@@ -60,17 +60,30 @@ def address(vehicle: VehicleConfig | None, position: str) -> tuple[int, int] | N
 
 
 class SensorsHeard:
-    """The sensors that said at which wheels they are."""
+    """The sensors that said at which wheels they are, and whether they measure pressure."""
 
     def __init__(self) -> None:
         self._seen: dict[tuple[int, int], set[int]] = {}
+        self._pressures: set[tuple[int, int]] = set()
 
     def take(self, batch: FrameBatch) -> None:
-        """Look for hellos."""
+        """Look for hellos and readings of pressure."""
         for at in np.flatnonzero(batch.type == MessageType.HELLO).tolist():
             hello = batch.message(at)
             assert isinstance(hello, Hello)
             self._seen.setdefault((int(batch.hub[at]), int(batch.wheel[at])), set()).add(hello.sensor_id)
+
+        for at in np.flatnonzero(batch.type == MessageType.ENVIRONMENT).tolist():
+            where = int(batch.hub[at]), int(batch.wheel[at])
+            if where not in self._pressures:
+                reading = batch.message(at)
+                assert isinstance(reading, Environment)
+                if reading.pressure_pa is not None:
+                    self._pressures.add(where)
+
+    def measures_pressure(self, vehicle: VehicleConfig | None, position: str) -> bool:
+        """Return whether a wheel's sensor told a pressure."""
+        return address(vehicle, position) in self._pressures
 
     def at(self, vehicle: VehicleConfig | None, position: str) -> frozenset[int]:
         """Return the serial numbers of the sensors that were heard at a wheel."""

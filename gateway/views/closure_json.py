@@ -28,6 +28,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "wheel": _text(diagnosis.wheel),
         "model": _text(diagnosis.model),
         "recordings": _texts(diagnosis.recordings),
+        "stated": _texts(diagnosis.stated),
         "assumed": _texts(diagnosis.assumed),
         "notes": _texts(diagnosis.notes),
         "revolutions": {"used": int(diagnosis.revolutions), "rejected": int(diagnosis.rejected)},

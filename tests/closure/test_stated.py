@@ -1,0 +1,84 @@
+"""What was stated, by whom, and that it stands in the report beside what is assumed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gateway.config.load import parse_vehicle
+from gateway.recording.reader import RecordingReader
+from gateway.session.campaign import read_campaign
+from gateway.session.stated import GIVEN, stated
+from gateway.views.closure_html import diagnosis_html
+from gateway.views.closure_json import diagnosis_json
+from tests.closure.campaign_recordings import START_NS, write_recording
+from tests.closure.diagnosis_data import ordinary
+
+AT_60 = "[motion]\nspeed_kmh = 60.0"
+RECORDED = "(configuration recorded with it)"
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    keys = "load_n = 4300.0\n[wheel.stated]\noffset_mm = 2.0\nroll_deg = 1.5"
+    return write_recording(tmp_path_factory.mktemp("stated") / "rec.mcap", AT_60, wheels=(keys,))
+
+
+def test_of_the_recorded_configuration(recording: Path) -> None:
+    assert read_campaign([recording]).stated == (
+        f"belt radius 320 mm {RECORDED}",
+        f"load 4300 N {RECORDED}",
+        "pressure 210 kPa (measured by the sensor)",
+        f"mounting offset 2 mm below the neutral layer {RECORDED}",
+        f"mounting roll 1.5 deg {RECORDED}",
+    )
+
+
+def test_of_a_given_one(recording: Path) -> None:
+    vehicle = parse_vehicle(
+        "[tire]\nradius_mm = 315\n[[wheel]]\nposition = 'W0'\nhub = 0\nwheel = 0\nload_n = 4000", "test"
+    )
+    assert read_campaign([recording], vehicle=vehicle).stated == (
+        "belt radius 315 mm (--config)",
+        "load 4000 N (--config)",
+        "pressure 210 kPa (measured by the sensor)",
+        "mounting offset 0 mm below the neutral layer (--config, which leaves it out)",
+    )
+
+
+def test_a_pressure_that_no_sensor_measures_is_the_stated_one(recording: Path) -> None:
+    vehicle = parse_vehicle(RecordingReader(recording).vehicle_toml or "", "test")
+    told = stated(vehicle, vehicle.wheel[0], read_campaign([recording]).groups, GIVEN, pressure_measured=False)
+    assert "pressure 210 kPa (--config)" in told
+
+
+def test_what_differs_says_of_which_recording(recording: Path, tmp_path: Path) -> None:
+    other = write_recording(
+        tmp_path / "other.mcap", AT_60, wheels=("load_n = 3500.0",), duration_s=3.0, start_ns=START_NS + 10**11
+    )
+    told = read_campaign([recording, other], jobs=1).stated
+    assert f"belt radius 320 mm {RECORDED}" in told
+    assert f"load 4300 N {RECORDED}: rec.mcap" in told
+    assert f"load 3500 N {RECORDED}: other.mcap" in told
+
+
+def test_nobody_states_what_is_assumed(tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "bare.mcap", AT_60, configured=False, duration_s=3.0)
+    campaign = read_campaign([path])
+    assert campaign.stated == ("pressure 210 kPa (measured by the sensor)",)
+    assert any("belt radius" in text for text in campaign.assumed)
+
+
+def test_it_is_in_the_report_and_in_the_figures() -> None:
+    pytest.importorskip("matplotlib")
+    pytest.importorskip("jinja2")
+    diagnosis = replace(ordinary(), stated=("load 4300 N (--config)",))
+    page = diagnosis_html(diagnosis)
+    rests = page[page.index('<h2 id="rests">') :]
+    assert "<li>load 4300 N (--config)</li>" in rests
+    assert rests.index("4300 N") < rests.index("Assumed, because nobody stated it")
+    assert "Standard errors of the estimates leave out those of the load, pressure and belt radius" in rests
+    assert "leave out those of the load" not in diagnosis_html(ordinary())
+    assert diagnosis_json(diagnosis)["stated"] == ["load 4300 N (--config)"]
