@@ -41,6 +41,7 @@ class Fitted:
         unit: of both; empty for a pure number.
         factor: what makes it the number that is shown, in `display_unit`.
         display_unit: of the shown number; `unit` when empty.
+        inverse_display: (factor, unit) where tables show factor / value instead; as in `Parameter`.
     """
 
     value: float
@@ -48,6 +49,7 @@ class Fitted:
     unit: str = ""
     factor: float = 1.0
     display_unit: str = ""
+    inverse_display: tuple[float, str] | None = None
 
 
 @dataclass(frozen=True, slots=True)

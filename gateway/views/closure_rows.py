@@ -53,6 +53,9 @@ _GREEK_WORD: Final = re.compile(rf"(?<![A-Za-z])(d?)({'|'.join(_GREEK)})(?![a-z]
 _STATE: Final = re.compile(r"(.+) \((\S+ N, \S+ kPa)\)")
 # "Before" and "after" are the starting model and what was found; parameters mean sides of the contact.
 _SIDES: Final = {"before ": "before contact: ", "after ": "after contact: ", "ahead ": "lone packet: "}
+# A number that is not told from 0 has no inverse worth showing.
+_TOLD_STDS: Final = 2.0
+_INVERSE: Final = "inverse "
 # Labels that say more than the name of the parameter.
 _LABELS: Final = {"leading": "leading edge", "trailing": "trailing edge", "roll off": "roll-off"}
 
@@ -78,6 +81,12 @@ def show_fitted(name: str, fitted: Fitted | None) -> ShownNumber:
     label = f"{label} ({state})" if state else label
     if fitted is None:
         return ShownNumber(label, MISSING, shown.symbol, math.nan, math.nan)
+    if fitted.inverse_display is not None and fitted.value > _TOLD_STDS * fitted.std:
+        factor, unit = fitted.inverse_display
+        value = factor / float(fitted.value)
+        std = value * float(fitted.std) / float(fitted.value)
+        label = label.removeprefix(_INVERSE)
+        return ShownNumber(label, round_to_error(value, std).joined(), printed(unit), value, std)
     suffix = next((suffix for suffix in UNITS if name.endswith(suffix) and len(name) > len(suffix)), "")
     factor, unit = fitted.factor, fitted.display_unit or fitted.unit
     if not fitted.display_unit and fitted.unit in ("", _SI.get(suffix)):

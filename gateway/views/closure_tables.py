@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
 from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Verdict
@@ -253,7 +253,9 @@ def _reason(finding: Finding) -> str:
     """Return why an effect is refused or not told from others, its parameters called as they are beside it."""
     reason = finding.reason
     for name, fitted in finding.parameters.items():
-        reason = re.sub(rf"\b{re.escape(name)}\b", show_fitted(name, fitted).label, reason)
+        # A reason has the number itself, not its inverse.
+        label = show_fitted(name, replace(fitted, inverse_display=None)).label
+        reason = re.sub(rf"\b{re.escape(name)}\b", label, reason)
     return printed(reason)
 
 

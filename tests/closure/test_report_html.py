@@ -104,10 +104,17 @@ def test_reasons_of_time_locked_and_edge_findings_call_parameters_as_the_table_d
         lock="contact",
         reason="leading_m would be 30 mm, which is not plausible (0 to 20)",
     )
-    reasons = [row.reason for row in refused_rows(replace(empty(), findings=(time, edges)))]
+    limit = replace(
+        time,
+        parameters={"inverse_limit_s2pm": Fitted(0.02, 1e-4, "s^2/m", inverse_display=(0.102, "g"))},
+        lock="angle",
+        reason="inverse_limit_s2pm would be 0.02 s^2/m, which is not plausible (0 to 0.01)",
+    )
+    reasons = [row.reason for row in refused_rows(replace(empty(), findings=(time, edges, limit)))]
     assert reasons == [
         "corner 42 Hz is not plausible (60 to 1000), nor roll-off 0.56, nor rms 2.4 m/s²",
         "leading edge would be 30 mm, which is not plausible (0 to 20)",
+        "inverse limit would be 0.02 s²/m, which is not plausible (0 to 0.01)",
     ]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.closure.diagnosis import Diagnosis
+from gateway.closure.diagnosis import Diagnosis, Fitted
 from gateway.errors import OutputError
 from gateway.views.closure_json import FORMAT, FORMAT_VERSION, diagnosis_json, write_json
 from tests.closure.diagnosis_data import NASTY, empty, nasty, ordinary
@@ -75,6 +75,14 @@ def test_keys_that_scripts_rely_on(tmp_path):
 
     assert found["estimates"]["before"]["Bs"] == {"value": 2.61e-3, "std": 1.1e-5, "unit": "", "determined": True}
     assert found["estimates"]["after"]["Ts"] == {"value": 2.41, "std": 0.9, "unit": "", "determined": False}
+
+
+def test_an_inverse_keeps_its_name_and_si_value():
+    diagnosis = ordinary()
+    inverse = {"inverse_corner_s": Fitted(7e-4, 7e-6, "s", 1e3, "ms", (1.0, "Hz"))}
+    finding = replace(diagnosis.findings[0], parameters=inverse)
+    effect = diagnosis_json(replace(diagnosis, findings=(finding,)))["effects"][0]
+    assert (effect["parameters"], effect["units"]) == ({"inverse_corner_s": 7e-4}, {"inverse_corner_s": "s"})
 
 
 def test_residuals_of_groups_are_those_of_the_curves(tmp_path):

@@ -182,6 +182,21 @@ def test_what_is_typed_is_printed(typed, printed_one):
     assert printed(typed) == printed_one
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "std", "label", "text"),
+    [
+        ("clipping", 458.6e-6, 0.4586e-6, "limit", "222.35 ± 0.22 g"),
+        ("anti-alias filter", 0.693e-3, 0.00693e-3, "corner", "1443 ± 14 Hz"),
+        ("anti-alias filter", 0.01e-3, 0.00693e-3, "inverse corner", "0.0100 ± 0.0069 ms"),
+        ("anti-alias filter", -0.1e-3, 0.00693e-3, "inverse corner", "-0.1000 ± 0.0069 ms"),
+    ],
+)
+def test_an_inverse_is_shown_as_what_it_is_the_inverse_of_where_that_can_be_told(name, value, std, label, text):
+    parameter = catalogue()[name].parameters[0]
+    shown = show_fitted(parameter.name, fitted_parameter(parameter, value, std))
+    assert (shown.label, shown.joined()) == (label, text)
+
+
 @pytest.mark.parametrize("effect", catalogue().values(), ids=lambda effect: effect.name)
 def test_equations_are_an_engineers_not_a_programs(effect):
     assert not re.search(r"[+*-]=|->|\*\*|\bOmega\b|d2", effect.equation)

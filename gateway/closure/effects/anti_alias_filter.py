@@ -38,7 +38,17 @@ class AntiAliasFilter:
     )
     # Bandwidths of inner-liner elements: 400 Hz to 24 kHz; below 150 Hz no contact would be seen.
     parameters: tuple[Parameter, ...] = (
-        Parameter("inverse_corner_s", "s", -1e-5, 1.0 / 150.0, 1e-3, 1e-6, factor=1e3, display_unit="ms"),
+        Parameter(
+            "inverse_corner_s",
+            "s",
+            -1e-5,
+            1.0 / 150.0,
+            1e-3,
+            1e-6,
+            factor=1e3,
+            display_unit="ms",
+            inverse_display=(1.0, "Hz"),
+        ),
     )
     seen_by = "contact edges, all axes, best at high speed; two speeds tell Hz from orders"
     confused_with = (

@@ -69,6 +69,8 @@ class Parameter:
         prior_mean: 0 for all but shapes: a corner frequency, an order.
         factor: display value = value * factor.
         display_unit: unit of the displayed value; `unit` when empty.
+        inverse_display: (factor, unit) where the value is 1 / what engineers think in (0 where the effect is absent,
+            as it must be): tables show factor / value in that unit, under the name without its leading `inverse`.
         varies: True where it may differ from recording to recording by what it stands for.
     """
 
@@ -82,6 +84,7 @@ class Parameter:
     factor: float = 1.0
     display_unit: str = ""
     varies: bool = False
+    inverse_display: tuple[float, str] | None = None
 
     @property
     def known(self) -> bool:

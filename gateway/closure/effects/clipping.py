@@ -18,6 +18,7 @@ from gateway.closure.effects.base import (
     StartModel,
     bare,
 )
+from gateway.physics.constants import STANDARD_GRAVITY_MPS2
 
 _ROOT_2PI = math.sqrt(2.0 * math.pi)
 # A knee is at least this wide, so that the ends of the clipped part stay differentiable.
@@ -41,7 +42,9 @@ class Clipping:
     # Elements and amplifiers saturate at 10 g and more: below that nobody measures in a tire. Spread: noise and a
     # speed that varies by 3 % within a group.
     parameters: tuple[Parameter, ...] = (
-        Parameter("inverse_limit_s2pm", "s^2/m", 0.0, 0.01, 1e-3, 1e-7),
+        Parameter(
+            "inverse_limit_s2pm", "s^2/m", 0.0, 0.01, 1e-3, 1e-7, inverse_display=(1.0 / STANDARD_GRAVITY_MPS2, "g")
+        ),
         Parameter("knee", "", -0.1, 0.1, 0.01, 1e-4, prior_mean=0.01, factor=100.0, display_unit="%", varies=True),
     )
     seen_by = "radial axis, the fastest recordings: overshoot at the contact's edges, then the whole free arc"
