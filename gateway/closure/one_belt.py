@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 # What an effect's equation leaves may look like a stiffness as far off as this.
 _TOLERANCE: Final = 0.15
 _RARE: Final = 1e-4
-# Errors beyond a plausible range that are forgiven.
-_BEYOND: Final = 2.0
+# Of a direction of which data tell less than this share of what the prior does they are not asked.
+_TOLD: Final = 0.01
 
 
 def another_belt(fit: Fit, effect: AngleEffect, earlier: Iterable[AngleEffect], scale: float) -> str:
@@ -43,16 +43,23 @@ def another_belt(fit: Fit, effect: AngleEffect, earlier: Iterable[AngleEffect], 
         values, spread = fit.vector[places], covariance[np.ix_(places, places)]
         if not agree(values, spread):
             return f"it would need another belt than {other.name}"
-        # Each set was held near a car tire's by a prior of its own, tightened where the model is off; one belt has one.
-        prior_std = math.sqrt(scale) * fit.prior_std[own]
-        if reason := implausible_belt(*common(values, spread, prior_std)):
-            return f"it would need another belt than {other.name}: one for both would have {reason}"
+        # Tightened where the model is off, as the errors are widened.
+        belt, odds = common(values, spread, math.sqrt(scale) * fit.prior_std[own])
+        if odds < _RARE:
+            return f"it would need another belt than {other.name}: one for both would be no car tire's ({_told(belt)})"
     return ""
 
 
 def _stiffnesses(fit: Fit, effect: AngleEffect) -> NDArray[np.intp]:
     where = fit.model.layout.effect(effect.name)
     return np.arange(where.stop - len(STIFFNESSES), where.stop)
+
+
+def _told(belt: FloatArray) -> str:
+    """Return a belt's stiffnesses over a car tire's, in words."""
+    names = [parameter.name.removesuffix("_ln") for parameter in STIFFNESSES]
+    shares = [f"{name} {math.exp(value):.2g}" for name, value in zip(names, belt.tolist(), strict=True)]
+    return f"{', '.join(shares)} times as stiff"
 
 
 def agree(values: FloatArray, covariance: FloatArray) -> bool:
@@ -69,31 +76,26 @@ def agree(values: FloatArray, covariance: FloatArray) -> bool:
     return float(chi2.sf(difference @ np.linalg.solve(spread, difference), count)) >= _RARE
 
 
-def implausible_belt(belt: FloatArray, std: FloatArray) -> str:
-    """Return which stiffness of a belt is not plausible, in words; empty when all are.
+def common(values: FloatArray, covariance: FloatArray, prior_std: FloatArray) -> tuple[FloatArray, float]:
+    """Return the one set that two estimates of it make, (k,), and how rare data are that pull so far from the prior.
+
+    Each estimate was held near a car tire's belt by a prior of its own: two that pull alike look moderate and are not.
 
     Args:
-        belt: (3,) logarithms.
-        std: (3,) their standard errors.
-    """
-    for parameter, value, error in zip(STIFFNESSES, belt.tolist(), std.tolist(), strict=True):
-        if not parameter.low - _BEYOND * error <= value <= parameter.high + _BEYOND * error:
-            plausible = f"({parameter.low:.3g} to {parameter.high:.3g})"
-            return f"{parameter.name} of {value:.2g}, which is not plausible {plausible}"
-    return ""
-
-
-def common(values: FloatArray, covariance: FloatArray, prior_std: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the one set that two estimates of it make, (k,), and its standard errors.
-
-    Args:
-        values: (2 k,) the one's, then the other's.
+        values: (2 k,) the one's logarithms, then the other's.
         covariance: (2 k, 2 k) of both, each with a prior about 0 in it.
         prior_std: (k,) of those priors, of which one is to be left.
     """
     count = len(prior_std)
     both = np.vstack([np.eye(count), np.eye(count)])
     precision = np.linalg.inv(covariance)
-    together = np.linalg.inv(both.T @ precision @ both - np.diag(prior_std**-2.0))
-    std = np.sqrt(np.diagonal(together))
-    return together @ (both.T @ precision @ values), std
+    together: FloatArray = both.T @ precision @ both - np.diag(prior_std**-2.0)
+    pull: FloatArray = both.T @ precision @ values
+    # In units of the prior the pull of data that tell `known` is normal with variance known + known^2.
+    by_prior = prior_std[:, np.newaxis] * (together - np.diag(prior_std**-2.0)) * prior_std
+    known, turned = np.linalg.eigh(by_prior)
+    told = known > _TOLD
+    statistic = float(np.sum(np.square(turned.T @ (prior_std * pull))[told] / (known + known * known)[told]))
+    odds = float(chi2.sf(statistic, told.sum())) if told.any() else 1.0
+    belt: FloatArray = np.linalg.inv(together) @ pull
+    return belt, odds

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.closure.effects.base import LATERAL, Conditions
 from gateway.closure.effects.lateral_load import STIFFNESSES
-from gateway.closure.one_belt import agree, another_belt, common, implausible_belt
+from gateway.closure.one_belt import agree, another_belt, common
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
 from tests.closure.planted_campaign import ALL_AXES, TWO_SPEEDS, FloatArray, Plant, among, campaign_of, fitted, ring
 
@@ -68,29 +68,46 @@ def test_what_neither_knows_may_differ() -> None:
     assert not agree(np.array([1.0, 1.0, 1.0, -0.5, 1.0, 2.5]), covariance)
 
 
+def posterior(information: FloatArray, data: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what two sets with a prior each come to, and their covariance."""
+    covariance = np.linalg.inv(information + np.diag(np.tile(PRIOR, 2) ** -2.0))
+    return covariance @ information @ data, covariance
+
+
 def test_one_belt_has_one_prior() -> None:
     """Two estimates with a prior each, correlated or not, make what both data make with one prior."""
     rng = np.random.default_rng(3)
-    root = rng.normal(size=(6, 6))
+    root, data = rng.normal(size=(6, 6)), rng.normal(size=6)
     information = root @ root.T
-    data = rng.normal(size=6)
-    prior = np.diag(np.tile(PRIOR, 2) ** -2.0)
-    covariance = np.linalg.inv(information + prior)
-    values = covariance @ information @ data
     both = np.vstack([np.eye(3), np.eye(3)])
-    directly = np.linalg.inv(both.T @ information @ both + np.diag(PRIOR**-2.0))
-    belt, std = common(values, covariance, PRIOR)
-    assert belt == pytest.approx(directly @ both.T @ information @ data)
-    assert std == pytest.approx(np.sqrt(np.diagonal(directly)))
+    told = both.T @ information @ both
+    belt, _ = common(*posterior(information, data), PRIOR)
+    assert belt == pytest.approx(np.linalg.inv(told + np.diag(PRIOR**-2.0)) @ both.T @ information @ data)
 
 
-@pytest.mark.parametrize(("bending_ln", "plausible"), [(1.0, True), (1.8, False)])
-def test_two_that_strain_a_belt_alike_need_an_implausible_one(bending_ln: float, plausible: bool) -> None:
-    """Each is near enough to a car tire's by itself, held there by its prior; the belt that both need is not."""
-    std = np.full(6, 0.5)
-    values = np.array([bending_ln, 0.0, 0.0, bending_ln, 0.0, 0.0])
-    assert not implausible_belt(values[:3], std[:3])
-    assert agree(values, np.diag(std**2))
-    reason = implausible_belt(*common(values, np.diag(std**2), PRIOR))
-    assert (reason == "") is plausible
-    assert plausible or "bending_ln of 2.8" in reason
+def test_belts_as_the_prior_has_them_are_rare_as_often_as_chance_has_it() -> None:
+    rng = np.random.default_rng(5)
+    roots = rng.normal(size=(6, 6)) * np.array([5.0, 5.0, 2.0, 1.0, 0.5, 0.5])
+    information = roots @ roots.T
+    odds = []
+    for _ in range(1000):
+        belt = rng.normal(size=3) * PRIOR
+        data = np.tile(belt, 2) + np.linalg.cholesky(np.linalg.inv(information)) @ rng.normal(size=6)
+        odds.append(common(*posterior(information, data), PRIOR)[1])
+    assert np.quantile(odds, [0.1, 0.5, 0.9]) == pytest.approx([0.1, 0.5, 0.9], abs=0.04)
+
+
+@pytest.mark.parametrize(("bending_ln", "is_rare"), [(0.5, False), (1.3, True)])
+def test_two_that_pull_alike_pull_further_than_either(bending_ln: float, is_rare: bool) -> None:
+    """Each of them by itself is within what a car tire's belt may be, and they agree."""
+    values, covariance = np.array([bending_ln, 0.0, 0.0, bending_ln, 0.0, 0.0]), 0.5**2 * np.eye(6)
+    assert bending_ln < STIFFNESSES[0].high
+    assert agree(values, covariance)
+    belt, odds = common(values, covariance, PRIOR)
+    assert belt[0] > 1.4 * bending_ln
+    assert (odds < 1e-4) is is_rare
+
+
+def test_what_data_do_not_tell_is_no_reason() -> None:
+    values, covariance = posterior(1e-4 * np.eye(6), np.full(6, 40.0))
+    assert common(values, covariance, PRIOR)[1] == 1.0
