@@ -117,7 +117,6 @@ def _page(diagnosis: Diagnosis) -> _Page:
 
     estimates = estimate_rows(diagnosis)
     step_names, step_rows = steps(diagnosis)
-    held_out = diagnosis.held_out
     return _Page(
         version=__version__,
         style=Markup(resources.files(_PACKAGE).joinpath(_STYLE).read_text(encoding="utf-8")),  # our own file
@@ -125,8 +124,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         model=model_words(diagnosis.model),
         facts=_facts(diagnosis),
         answer=" ".join(_answer(diagnosis)),
-        folds=f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; "
-        f"{held_out.revolutions} revolutions in all.",
+        folds=_folds(diagnosis),
         errors=error_rows(diagnosis),
         effects=effect_rows(diagnosis),
         refused=refused_rows(diagnosis),
@@ -156,6 +154,18 @@ def _facts(diagnosis: Diagnosis) -> str:
     if diagnosis.rejected:
         parts.append(f"{diagnosis.rejected} left out")
     return " · ".join(parts)
+
+
+def _folds(diagnosis: Diagnosis) -> str:
+    """Return what was held out, and why that is not all where it is not."""
+    held_out, used = diagnosis.held_out, diagnosis.revolutions
+    text = f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; "
+    if held_out.revolutions >= used:
+        return f"{text}{held_out.revolutions} revolutions in all."
+    return (
+        f"{text}{held_out.revolutions} of the {used} revolutions in all. The rest was in every fit: of a group of few "
+        "revolutions each is a fold, five folds at most are held out, and none that nothing can be fitted without."
+    )
 
 
 def _doubt(diagnosis: Diagnosis) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -91,6 +92,29 @@ def test_the_page_fits_the_window_and_its_figures_are_drawn(chromium, report, tm
     assert client == width
     assert scroll <= client, "only tables scroll sideways, never the page"
     assert set(seen["drawn"].split(",")) == {"true"}
+
+
+def test_at_a_phone_s_width_tables_scroll_in_their_own_box(chromium, report, tmp_path):
+    """In a frame: no window of the browser's is as narrow."""
+    inside = json.dumps(POLICY.sub("", report.read_text("utf-8"))).replace("</", "<\\/")
+    look = (
+        "const d = f.contentDocument, e = d.documentElement;"
+        "document.documentElement.dataset.page = [e.scrollWidth, e.clientWidth].join(' ');"
+        "document.documentElement.dataset.drawn ="
+        " [...d.querySelectorAll('.scroll')].map(s => s.scrollWidth > s.clientWidth);"
+    )
+    frame = tmp_path / "frame.html"
+    frame.write_text(
+        "<!doctype html><body><iframe id=f width=420 height=900 style='border: 0'></iframe><script>"
+        f"const f = document.getElementById('f'); f.onload = () => {{ {look} }}; f.srcdoc = {inside}</script></body>",
+        "utf-8",
+    )
+    dom = browse(chromium, frame, tmp_path / "profile", "--dump-dom")
+    seen = dict(re.findall(r'data-(page|drawn)="([^"]*)"', dom))
+    scroll, client = map(int, seen["page"].split())
+    assert 400 <= client <= 420
+    assert scroll <= client
+    assert seen["drawn"].count("true") >= 3, "wide tables are there, and scroll"
 
 
 def test_strings_that_attack_do_nothing(chromium, nasty_report, tmp_path):

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.closure import likelihood
 from gateway.closure.diagnosis import Finding, Fitted, HeldOut, Verdict
 from gateway.errors import OutputError
 from gateway.signal.orders import ORDER_COUNT
@@ -116,6 +117,17 @@ def test_reasons_of_time_locked_and_edge_findings_call_parameters_as_the_table_d
         "leading edge would be 30 mm, which is not plausible (0 to 20)",
         "inverse limit would be 0.02 s²/m, which is not plausible (0 to 0.01)",
     ]
+
+
+def test_revolutions_that_were_not_held_out_are_accounted_for():
+    assert "1240 revolutions in all." in diagnosis_html(ordinary())
+    fewer = replace(ordinary(), held_out=replace(ordinary().held_out, revolutions=1230))
+    assert "1230 of the 1240 revolutions in all. The rest was in every fit" in diagnosis_html(fewer)
+
+
+def test_the_noise_floor_says_what_is_in_it():
+    text = diagnosis_html(empty())
+    assert f"1/{1 / likelihood._OWN_SHARE:,.0f} of the signal" in text
 
 
 def test_what_is_left_unexplained_is_said_once():
