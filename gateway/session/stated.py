@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Final
 
@@ -40,7 +41,9 @@ def stated(
         told.append(f"mounting offset {here.offset_mm:g} mm below the neutral layer ({source}{left})")
         for name, value_deg in (("roll", here.roll_deg), ("pitch", here.pitch_deg)):
             told += [f"mounting {name} {value_deg:g} deg ({source})"] if value_deg else []
-    return tuple(told)
+    # A configuration may hold a number and say that it is assumed, as that of an imported measurement does.
+    doubted = vehicle.vehicle.assumed if vehicle is not None else ()
+    return tuple(text for text in told if not any(_quantity(text) == _quantity(other) for other in doubted))
 
 
 def assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence[Group]) -> tuple[str, ...]:
@@ -55,6 +58,11 @@ def assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence
     if groups and not any(math.isfinite(group.conditions.temperature_degc) for group in groups):
         told.append("temperature steady (neither stated nor measured)")
     return tuple(told)
+
+
+def _quantity(text: str) -> str:
+    """Return the words before the first number, as `belt radius`."""
+    return re.split(r"[^A-Za-z ]", text, maxsplit=1)[0].strip().lower()
 
 
 def _range(values: Sequence[float]) -> str:

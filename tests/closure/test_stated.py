@@ -64,6 +64,17 @@ def test_what_differs_says_of_which_recording(recording: Path, tmp_path: Path) -
     assert f"load 3500 N {RECORDED}: other.mcap" in told
 
 
+def test_what_a_configuration_holds_but_calls_assumed_is_not_stated(recording: Path) -> None:
+    vehicle = parse_vehicle(
+        "[vehicle]\nassumed = ['belt radius 315 mm: not stated']\n[tire]\nradius_mm = 315\n"
+        "[[wheel]]\nposition = 'W0'\nhub = 0\nwheel = 0\nload_n = 4000",
+        "test",
+    )
+    campaign = read_campaign([recording], vehicle=vehicle)
+    assert campaign.stated[0] == "load 4000 N (--config)"
+    assert campaign.assumed[0] == "belt radius 315 mm: not stated"
+
+
 def test_nobody_states_what_is_assumed(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "bare.mcap", AT_60, configured=False, duration_s=3.0)
     campaign = read_campaign([path])
