@@ -27,6 +27,10 @@ from gateway.errors import TreadlinkError
 FloatArray = NDArray[np.float64]
 
 _FEW_REVOLUTIONS: Final = 20
+_NO_MEAN: Final = (
+    "the paper's model has no mean, so the axes' means are not compared: no zero-g offset or steady gain is seen in "
+    "them; start from --model exact to see it"
+)
 
 
 def diagnose(
@@ -97,7 +101,7 @@ def diagnose(
         spectra=time_locked.spectra,
         trends=trends_of(selection.start, selection.final, data),
         empirical_rms_mps2=corrected if empirical else None,
-        notes=(*_notes(campaign), *time_locked.notes),
+        notes=(*_notes(campaign, with_mean=core.mean), *time_locked.notes),
         folds_of=_folds_of(campaign),
         correction=contribution_table(selection.final, tuple(findings)),
     )
@@ -111,8 +115,9 @@ def _folds_of(campaign: Campaign) -> str:
     return "revolutions" if single else "blocks of revolutions"
 
 
-def _notes(campaign: Campaign) -> tuple[str, ...]:
-    notes = [f"{count} revolutions left out: {reason}" for reason, count in campaign.rejected.items()]
+def _notes(campaign: Campaign, *, with_mean: bool) -> tuple[str, ...]:
+    notes = [] if with_mean else [_NO_MEAN]
+    notes += [f"{count} revolutions left out: {reason}" for reason, count in campaign.rejected.items()]
     total = sum(block.count for group in campaign.groups for block in group.blocks)
     if total < _FEW_REVOLUTIONS:
         notes.append(f"{total} revolutions only: what is seen in all of them may still be chance of this run")
