@@ -28,4 +28,7 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     known = [diagnosis.estimates_after[name] for name in names if name in diagnosis.estimates_after]
     if any(not one.std < _WORST_SHARE * abs(one.value) for one in known):
         return "known to no better than 30 %; record longer, or at more loads"
+    # Each load and pressure is judged by itself, so all of one may be doubtful where most data are well described.
+    if len(known) > 1:
+        return "the model lacks too much at this load and pressure"
     return "too small to be told; record at more loads"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gateway.closure import residual
 from gateway.closure.changing import SCALING, beside_changes, changing
 from gateway.closure.diagnosis import Unexplained
 from gateway.closure.observation import Campaign
@@ -62,3 +64,15 @@ def test_orders_of_a_change_are_not_told_over_time_once_more():
     elsewhere = replace(multiple, axis="radial")
     assert beside_changes((tone, multiple, elsewhere), (change,)) == (tone, elsewhere)
     assert beside_changes((tone, multiple), ()) == (tone, multiple)
+
+
+def test_what_only_all_recordings_together_show_is_told_with_their_mean_size(monkeypatch):
+    """Its largest size was told, with an error as large, though no single recording shows it for certain."""
+    order_2 = (np.arange(3) == 1)[:, None] * (np.arange(111) == 2)
+    # A size of 1 and a scatter of 1: as in every one of forty recordings, two standard errors of noise.
+    one = residual.GroupResidual(2.0 * order_2.astype(np.complex128), order_2.astype(np.float64))
+    monkeypatch.setattr(residual, "group_residuals", lambda *_: (one,) * 40)
+    fit = SimpleNamespace(model=SimpleNamespace(campaign=campaign_of(ONE_SPEED * 40)))
+    (entry,) = residual.unexplained(fit, None)
+    assert entry.rms_mps2 == pytest.approx(1.0)
+    assert entry.std_mps2 == pytest.approx(40.0**-0.5)

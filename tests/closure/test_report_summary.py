@@ -73,6 +73,17 @@ def test_what_is_not_determined_has_its_main_reason_and_remedy(changes, reason):
     assert f"not determined: Ts ({reason})" in text
 
 
+def test_small_errors_that_are_not_determined_blame_the_model_or_the_number():
+    sure = replace(ordinary(), assumed=())
+    sure = replace(sure, estimates_after={**sure.estimates_after, "Ts": Fitted(2.41, 0.09)})
+    for doubtful, words in (
+        (("Bs", "Cw", "Rs", "Ts"), "the model lacks too much at this load and pressure"),
+        (("Bs",), "too small to be told"),
+    ):
+        lines = closure_summary_lines(replace(sure, determined=dict.fromkeys(doubtful, False)))
+        assert words in " ".join(line.strip() for line in lines)
+
+
 def test_what_changes_and_whose_lock_is_not_known_says_so():
     diagnosis = ordinary()
     line, wave = diagnosis.unexplained
