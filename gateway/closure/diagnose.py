@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -14,8 +15,8 @@ from gateway.closure.contribution import contribution_table
 from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Unexplained, Verdict
 from gateway.closure.edge_finding import beside_edges, edge_findings
 from gateway.closure.effects.base import StartModel
-from gateway.closure.estimates import estimates_of
-from gateway.closure.held_out import summary
+from gateway.closure.estimates import estimates_of, state_name
+from gateway.closure.held_out import over_noise, summary
 from gateway.closure.likelihood import whiten
 from gateway.closure.observation import Campaign
 from gateway.closure.picture import curves_of, trends_of
@@ -31,6 +32,8 @@ _NO_MEAN: Final = (
     "the paper's model has no mean, so the axes' means are not compared: no zero-g offset or steady gain is seen in "
     "them; start from --model exact to see it"
 )
+# States named in one note.
+_MOST_STATES: Final = 3
 
 
 def diagnose(
@@ -69,9 +72,11 @@ def diagnose(
     edges = edge_findings(campaign.groups)
     on_progress(0.97, "figures")
     before, _ = estimates_of(selection.start, data)
-    after, determined = estimates_of(selection.final, selection.data, closed.undecided)
-    if held_out.rms_after_mps2 > FAR_OFF * noise:
-        determined = dict.fromkeys(determined, False)
+    shares = over_noise(closed.errors)
+    # Each by itself: one that the model does not describe hides behind good ones. Where nothing could be held out
+    # nothing is known.
+    far_off = [state for state in range(campaign.states) if not shares.get(state, math.inf) <= FAR_OFF]
+    after, determined = estimates_of(selection.final, selection.data, closed.undecided, far_off)
     left: tuple[Unexplained, ...] = (
         *changes,
         *unexplained(selection.final, selection.data),
@@ -101,7 +106,7 @@ def diagnose(
         spectra=time_locked.spectra,
         trends=trends_of(selection.start, selection.final, data),
         empirical_rms_mps2=corrected if empirical else None,
-        notes=(*_notes(campaign, with_mean=core.mean), *time_locked.notes),
+        notes=(*_far_off(campaign, far_off, shares), *_notes(campaign, with_mean=core.mean), *time_locked.notes),
         folds_of=_folds_of(campaign),
         correction=contribution_table(selection.final, tuple(findings)),
     )
@@ -113,6 +118,23 @@ _RANK: Final = {Verdict.NAMED: 0, Verdict.INDISTINGUISHABLE: 1, Verdict.REFUSED:
 def _folds_of(campaign: Campaign) -> str:
     single = all(block.count == 1 for group in campaign.groups for block in group.blocks)
     return "revolutions" if single else "blocks of revolutions"
+
+
+def _far_off(campaign: Campaign, states: Sequence[int], shares: Mapping[int, float]) -> tuple[str, ...]:
+    """Return which states the model is far from, where that is not all there is."""
+    if campaign.states < 2 or not states:
+        return ()
+    names = []
+    for state in sorted(states, key=lambda state: -shares.get(state, math.inf))[:_MOST_STATES]:
+        conditions = next(group.conditions for group in campaign.groups if group.state == state)
+        share = f" ({shares[state]:.1f})" if state in shares else ""
+        names.append(f"{state_name(conditions)}{share}")
+    more = f" and {len(states) - _MOST_STATES} more" if len(states) > _MOST_STATES else ""
+    return (
+        f"numbers are not determined where the held-out error is above {FAR_OFF:g} noise floors: at "
+        + "; ".join(names)
+        + more,
+    )
 
 
 def _notes(campaign: Campaign, *, with_mean: bool) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -16,12 +16,13 @@ from gateway.closure.effects.rolling_radius import EFFECT as ROLLING_RADIUS
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import ORDERS
-from gateway.closure.residual import group_residuals
+from gateway.closure.residual import GroupResidual, group_residuals
 
 FloatArray = NDArray[np.float64]
 
 NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
-# Orders over which the residual's power is smoothed before its phases are drawn anew.
+# Orders over which the residual's power is smoothed, and its phase is one: it sits within 0.4 rad of the contact's
+# centre.
 _SMOOTHED: Final = 7
 # A number known worse than this is not determined; nor is bending below this share of tension.
 _WORST_SHARE: Final = 0.3
@@ -33,23 +34,53 @@ _UNITS: Final = {"tread_stiffness_npm2": "N/m^2", _HALF_ANGLE: "rad"}
 def full_covariance(fit: Fit, data: Whitened) -> FloatArray:
     """Return the covariance of the parameters by noise and by model error, (P, P).
 
-    Model error: what a fit leaves of every order, as if its phase were drawn anew each time (physics notes, section
-    8), carried through the linear fit. An order's power is that of its neighbourhood.
+    Model error of an order, over its neighbourhood: what the equations of the effects, and computing, may leave of it,
+    or what the fit does leave beyond noise, whichever is more. It is carried through the linear fit as if its phase
+    were drawn anew for every state, but as one over _SMOOTHED orders, since it sits in a part of the revolution, and
+    as one in all blocks and recordings of the state, since they are of one shape.
     """
     covariance = fit.covariance()
     total = covariance.copy()
-    kernel = np.ones(_SMOOTHED) / _SMOOTHED
-    for rows, residual in zip(fit.rows, group_residuals(fit, data), strict=True):
-        excess = np.maximum(0.5 * np.abs(residual.orders_mps2) ** 2 - residual.variance, 0.0)
-        size = np.sqrt(np.stack([np.convolve(axis, kernel, mode="same") for axis in excess]))
-        response = (rows.rows * (rows.weight * size)[:, None]).sum(axis=0).reshape(-1, 3 * ORDERS)
-        shift = covariance[:, rows.places] @ np.concatenate([response.real, response.imag], axis=1)
+    groups = fit.model.campaign.groups
+    residuals = group_residuals(fit, data)
+    for state in range(fit.model.campaign.states):
+        response = np.zeros((len(covariance), 3, ORDERS), dtype=np.complex128)
+        for index, (rows, residual) in enumerate(zip(fit.rows, residuals, strict=True)):
+            if groups[index].state == state:
+                size = np.sqrt(np.maximum(_doubt(rows.weight, data.variance[index]), _left(residual)))
+                response[rows.places] += (rows.rows * (rows.weight * size)[:, None]).sum(axis=0)
+        together = _neighbours(np.concatenate([response.real, response.imag], axis=1))
+        shift = covariance @ together.reshape(len(covariance), -1)
         total += shift @ shift.T
     return total
 
 
+def _doubt(weight: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return the mean square that equations and computing may leave of each order of one group, (3, ORDERS)."""
+    used = weight > 0.0
+    square: FloatArray = np.where(used, np.where(used, weight, 1.0) ** -2.0 - variance, 0.0)
+    mean: FloatArray = np.maximum(square, 0.0).mean(axis=0)
+    return mean
+
+
+def _left(residual: GroupResidual) -> FloatArray:
+    """Return the mean square beyond noise that the fit leaves around each order of one group, (3, ORDERS)."""
+    excess = 0.5 * np.abs(residual.orders_mps2) ** 2 - residual.variance
+    kernel = np.ones(_SMOOTHED) / _SMOOTHED
+    smooth: FloatArray = np.stack([np.convolve(axis, kernel, mode="same") for axis in excess])
+    return np.maximum(smooth, 0.0)
+
+
+def _neighbours(response: FloatArray) -> FloatArray:
+    """Return responses (P, k, ORDERS) whose squares add up to those of errors that are alike in orders near by."""
+    padded = np.pad(response, ((0, 0), (0, 0), (_SMOOTHED, _SMOOTHED - 1)))
+    summed = np.cumsum(padded, axis=2)
+    result: FloatArray = (summed[..., _SMOOTHED:] - summed[..., :-_SMOOTHED]) / math.sqrt(_SMOOTHED)
+    return result
+
+
 def estimates_of(
-    fit: Fit, data: Whitened, undecided: Sequence[Sequence[Fit]] = ()
+    fit: Fit, data: Whitened, undecided: Sequence[Sequence[Fit]] = (), far_off: Collection[int] = ()
 ) -> tuple[dict[str, Fitted], dict[str, bool]]:
     """Return every estimate, and whether the data determine it.
 
@@ -60,6 +91,7 @@ def estimates_of(
         data: whitened.
         undecided: for every effect that the data do not tell from its rivals the fits with each of these in its place;
             an error holds as well by how much they would change the estimate.
+        far_off: states whose estimates are not determined, since the model is far from their data.
     """
     covariance = full_covariance(fit, data)
     found: dict[str, Fitted] = {}
@@ -74,9 +106,7 @@ def estimates_of(
         if index is None:
             continue
         conditions = groups[index].conditions
-        suffix = ""
-        if state != reference:
-            suffix = f" ({conditions.load_n:.0f} N, {conditions.pressure_pa / 1e3:.0f} kPa)"
+        suffix = "" if state == reference else f" ({state_name(conditions)})"
         known = groups[index].load_known and groups[index].pressure_known
         values = _values(fit, fit.vector, index)
         errors = _errors(fit, covariance, index, values)
@@ -86,8 +116,13 @@ def estimates_of(
                 errors[name] = math.hypot(errors[name], max(abs(other[name] - value) for other in others))
         for name, value in values.items():
             found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""))
-            determined[name + suffix] = _is_determined(name, values, errors, known)
+            determined[name + suffix] = state not in far_off and _is_determined(name, values, errors, known)
     return found, determined
+
+
+def state_name(conditions: Conditions) -> str:
+    """Return what a state of the tire is called: load and pressure."""
+    return f"{conditions.load_n:.0f} N, {conditions.pressure_pa / 1e3:.0f} kPa"
 
 
 def _is_determined(name: str, values: Mapping[str, float], errors: Mapping[str, float], known: bool) -> bool:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import as_completed
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import TracebackType
 
@@ -39,6 +39,7 @@ class FoldError:
         curves: waveforms behind the sums.
         revolutions: held out.
         effects: names that the selection without this fold came to.
+        states: of the sums after and noise what belongs to each state of the tire: state -> (after, noise).
     """
 
     before: float
@@ -48,6 +49,7 @@ class FoldError:
     curves: int
     revolutions: int
     effects: tuple[str, ...]
+    states: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
 
 class HoldOut:
@@ -153,13 +155,20 @@ def hold_out_fold(
         return None
     final = selection.final
     added = _empirical(final, selection.data)
-    before, _, curves = _squares(selection.start.predicted, data, fold)
-    after, noise, _ = _squares(final.predicted, data, fold)
+    every = range(len(campaign.groups))
+    before, _, curves = _squares(selection.start.predicted, data, fold, every)
+    after, noise, _ = _squares(final.predicted, data, fold, every)
+    states = {}
+    for state in range(campaign.states):
+        own = [index for index in every if campaign.groups[index].state == state]
+        left, least, count = _squares(final.predicted, data, fold, own)
+        if count:
+            states[state] = left, least
     corrected = tuple(there + correction for there, correction in zip(final.predicted, added, strict=True))
-    empirical, _, _ = _squares(corrected, data, fold)
+    empirical, _, _ = _squares(corrected, data, fold, every)
     revolutions = sum(group.blocks[fold].count for group in campaign.groups if fold < len(group.blocks))
     names = tuple(effect.name for effect in final.model.effects)
-    return FoldError(before, after, empirical, noise, curves, revolutions, names)
+    return FoldError(before, after, empirical, noise, curves, revolutions, names, states)
 
 
 def summary(errors: Sequence[FoldError]) -> tuple[HeldOut, float, float]:
@@ -178,6 +187,17 @@ def summary(errors: Sequence[FoldError]) -> tuple[HeldOut, float, float]:
     return held_out, rms(sum(e.noise for e in errors)), rms(sum(e.empirical for e in errors))
 
 
+def over_noise(errors: Sequence[FoldError]) -> Mapping[int, float]:
+    """Return for every state of the tire that was held out the error after over the noise floor."""
+    after: dict[int, float] = {}
+    noise: dict[int, float] = {}
+    for error in errors:
+        for state, (left, least) in error.states.items():
+            after[state] = after.get(state, 0.0) + left
+            noise[state] = noise.get(state, 0.0) + least
+    return {state: math.sqrt(left / noise[state]) if noise[state] > 0.0 else math.inf for state, left in after.items()}
+
+
 def agreement(errors: Sequence[FoldError]) -> Mapping[str, int]:
     """Return in how many folds each effect was found."""
     found: dict[str, int] = {}
@@ -187,11 +207,14 @@ def agreement(errors: Sequence[FoldError]) -> Mapping[str, int]:
     return found
 
 
-def _squares(predicted: Sequence[ComplexArray], data: Whitened, fold: int) -> tuple[float, float, int]:
+def _squares(
+    predicted: Sequence[ComplexArray], data: Whitened, fold: int, groups: Iterable[int]
+) -> tuple[float, float, int]:
     """Return the sum over groups and axes of the mean square error, of the noise, and how many there are."""
     error = noise = 0.0
     curves = 0
-    for there, orders, weight in zip(predicted, data.orders, data.weights, strict=True):
+    for index in groups:
+        there, orders, weight = predicted[index], data.orders[index], data.weights[index]
         if fold >= len(orders):
             continue
         used = weight[fold] > 0.0

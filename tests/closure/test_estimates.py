@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gateway.closure import closing, estimates, held_out
 from gateway.closure.diagnose import diagnose
-from gateway.closure.diagnosis import Verdict
+from gateway.closure.diagnosis import FAR_OFF, Verdict
+from gateway.closure.effects.base import Conditions, StartModel
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.estimates import estimates_of
+from gateway.closure.estimates import estimates_of, full_covariance
+from gateway.closure.fit import linearised
+from gateway.closure.likelihood import whiten
+from gateway.closure.observation import ORDERS
 from gateway.closure.rivals import rivals_of
+from gateway.closure.selection import select
+from gateway.closure.starting import make_core
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from tests.closure.planted_campaign import (
     LOAD_N,
@@ -18,8 +26,10 @@ from tests.closure.planted_campaign import (
     PRESSURE_PA,
     RADIUS_M,
     TWO_SPEEDS,
+    FloatArray,
     among,
     campaign_of,
+    conditions,
     fitted,
     gain,
     larger_belt,
@@ -112,3 +122,59 @@ def test_a_diagnosis_widens_what_it_leaves_undecided(monkeypatch: pytest.MonkeyP
         # Of a clock that runs fast the numbers are those of the stated radius, 3 % larger.
         assert found.std > 0.02 * found.value
         assert found.value == pytest.approx(TRUTH[name], abs=2.0 * found.std)
+
+
+def test_from_the_series_errors_cover_what_its_equations_leave() -> None:
+    """It does not average out over blocks and recordings of one state: the same is left in all of them."""
+    campaign = campaign_of([conditions(speed, load_n=5500.0) for speed in (40.0, 60.0, 80.0, 100.0)], noise_mps2=0.3)
+    core = make_core(StartModel.SERIES)
+    lacking = among("pressure shape", "geometric tension loss")
+    found = select(campaign, core, whiten(campaign, with_mean=core.mean), lacking)
+    values, _ = estimates_of(found.final, found.data)
+    for name in NUMBERS:
+        assert values[name].value == pytest.approx(TRUTH[name], abs=3.0 * values[name].std), name
+    assert values["Bs"].std < 0.03 * TRUTH["Bs"]
+
+
+def test_model_error_is_carried_as_one_over_blocks_recordings_and_orders_near_by() -> None:
+    fit, data = fitted(campaign_of(TWO_SPEEDS, noise_mps2=1.0))
+    share = 3e-3
+    sizes = [share * np.abs(orders[0]) for orders in data.orders]
+    doubting = data.doubting([sizes])
+    there = linearised(fit.model, doubting, fit.vector, fit.prior_mean, fit.prior_std)
+    # Only what the equations leave, nothing seen of it.
+    exact = replace(doubting, orders=there.predicted)
+    total = full_covariance(there, exact) - there.covariance()
+    rng = np.random.default_rng(4)
+    smooth = np.ones(7) / np.sqrt(7.0)
+    shifts = []
+    for _ in range(400):
+        real, imaginary = rng.standard_normal((2, 3, ORDERS + 6))
+        error = np.stack([np.convolve(axis, smooth, mode="valid") for axis in real + 1j * imaginary])
+        gradient = np.zeros(len(fit.vector))
+        for rows, variance in zip(there.rows, doubting.variance, strict=True):
+            used = rows.weight > 0.0
+            left = np.where(used, np.where(used, rows.weight, 1.0) ** -2.0 - variance, 0.0)
+            white = rows.weight * np.sqrt(np.maximum(left, 0.0)) * error
+            gradient[rows.places] += (rows.rows.conj() * white[:, None]).real.sum(axis=(0, 2, 3))
+        shifts.append(there.covariance() @ gradient)
+    states = fit.model.layout.states
+    drawn = np.std(shifts, axis=0)[states]
+    assert np.sqrt(np.diagonal(total))[states] == pytest.approx(drawn, rel=0.15)
+
+
+def test_one_bad_state_does_not_hide_behind_good_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The model lacks something under one load of three, and all together stand at the noise."""
+    for module in (closing, held_out):
+        monkeypatch.setattr(module, "candidates", lambda _model: {})
+
+    def bent(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        bump = np.exp(-0.5 * np.square((theta - 1.9) / 0.08))
+        return signal + (22.0 * bump if here.load_n == 5500.0 else 0.0)
+
+    loads = (conditions(60.0), conditions(60.0, load_n=3500.0), conditions(60.0, load_n=5500.0))
+    diagnosis = diagnose(campaign_of(loads, bent, noise_mps2=1.5))
+    assert diagnosis.held_out.rms_after_mps2 < FAR_OFF * diagnosis.noise_floor_mps2
+    for name, known in diagnosis.determined.items():
+        assert known == ("5500 N" not in name), name
+    assert "at 5500 N, 220 kPa (1." in diagnosis.notes[0]

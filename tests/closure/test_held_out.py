@@ -13,7 +13,7 @@ import pytest
 from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Conditions, StartModel
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.exact_core import ExactCore
-from gateway.closure.held_out import FoldError, agreement, hold_out, hold_out_fold, summary
+from gateway.closure.held_out import FoldError, agreement, hold_out, hold_out_fold, over_noise, summary
 from gateway.closure.observation import ORDERS, Campaign
 from gateway.physics.rolling_ring import RingNotConvergedError
 from tests.closure.planted_campaign import (
@@ -26,6 +26,7 @@ from tests.closure.planted_campaign import (
     FloatArray,
     Plant,
     campaign_of,
+    conditions,
     fitted,
     nothing,
     orders_of,
@@ -143,6 +144,21 @@ class TestFigures:
         assert error.noise == pytest.approx(noise, rel=0.01)
         assert error.after == pytest.approx(noise, abs=4.0 * spread)
         assert error.before - error.after == pytest.approx(planted, rel=0.05)
+
+    def test_each_state_of_the_tire_has_its_share(self) -> None:
+        """What stands out under one load only is the error of that state, however many good ones there are."""
+        loads = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
+
+        def heavy(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+            return bump(signal, theta, here) if here.load_n == 5500.0 else signal
+
+        error = held_out(campaign_of(loads, heavy, noise_mps2=NOISE_MPS2), start(loads))
+        assert sum(after for after, _ in error.states.values()) == pytest.approx(error.after)
+        assert sum(noise for _, noise in error.states.values()) == pytest.approx(error.noise)
+        (good, bad), found = (0, 1), over_noise([error, error])
+        assert found[good] == pytest.approx(1.0, abs=0.1)
+        assert found[bad] == pytest.approx(math.sqrt(error.states[bad][0] / error.states[bad][1]))
+        assert found[bad] > 1.5
 
     def test_absent_axes_and_orders_do_not_count(self) -> None:
         campaign = rolled()
