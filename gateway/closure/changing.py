@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import f as fisher
 
 from gateway.closure.diagnosis import Unexplained
 from gateway.closure.fit import Fit
@@ -25,6 +26,10 @@ SCALING: Final = "not known: changes during the recording"
 # Power of the change over what the scatter of revolutions makes of it, from which it is no matter of scatter. Even a
 # steady ramp over the five blocks counts in that scatter too, so it takes some 5 revolutions a block to get there.
 _OVER_SCATTER: Final = 4.0
+# Chance at which scatter, itself known to so many degrees of freedom, would do so in one band of one group.
+_RARE: Final = 1e-8
+_FREEDOM: Final = 48
+_LEAST_REVOLUTIONS: Final = 3
 # Below this share of the signal and of the mean residual (rms) a change is that of whatever stands there.
 _OF_SIGNAL: Final = 3e-3
 _OF_RESIDUAL: Final = 0.1
@@ -43,6 +48,7 @@ class _Change:
         variance: (3, ORDERS) of `power` by scatter.
         mean: (3, ORDERS) mean square of the group's mean residual.
         signal: (3, ORDERS) of the signal.
+        blocks: how many were compared.
     """
 
     power: FloatArray
@@ -50,6 +56,7 @@ class _Change:
     variance: FloatArray
     mean: FloatArray
     signal: FloatArray
+    blocks: int
 
     def size(self, axis: int, orders: slice) -> tuple[float, float]:
         """Return the rms beyond scatter and its standard error."""
@@ -64,8 +71,11 @@ class _Change:
         orders = slice(first, last)
         rms, std = self.size(axis, orders)
         mean, signal = (math.sqrt(float(of[axis, orders].sum())) for of in (self.mean, self.signal))
-        over = float(self.power[axis, orders].sum()) > _OVER_SCATTER * float(self.scatter[axis, orders].sum())
-        return over and rms > max(_SIGMAS * std, _OF_RESIDUAL * mean, _OF_SIGNAL * signal)
+        scatter = float(self.scatter[axis, orders].sum())
+        over = float(self.power[axis, orders].sum()) / scatter if scatter > 0.0 else 0.0
+        freedom = (self.blocks - 1) * (2 * (last - first) - (first == 0))
+        rare = over > _OVER_SCATTER and float(fisher.sf(over, freedom, _FREEDOM)) < _RARE
+        return rare and rms > max(_SIGMAS * std, _OF_RESIDUAL * mean, _OF_SIGNAL * signal)
 
 
 def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
@@ -90,10 +100,10 @@ def beside_changes(left: Sequence[Unexplained], changes: Sequence[Unexplained]) 
 
 
 def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: ComplexArray) -> _Change | None:
-    """Compare the blocks of one group; None for one block."""
-    if len(group.blocks) < 2:
-        return None
+    """Compare the blocks of one group; None for one block, or where blocks are of so few revolutions as to scatter."""
     counts = np.array([block.count for block in group.blocks], dtype=np.float64)
+    if len(counts) < 2 or counts.min() < _LEAST_REVOLUTIONS:
+        return None
     weight = (counts / counts.sum())[:, None, None]
     # What goes with the square of the speed, as most of what models lack does, is no change.
     squares = np.array([block.conditions.omega_radps**2 for block in group.blocks])
@@ -111,6 +121,7 @@ def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: 
         variance=4.0 * (np.square(weight * POWER_SHARE) * away * own).sum(axis=0),
         mean=POWER_SHARE * np.abs(mean) ** 2,
         signal=POWER_SHARE * np.square(np.where(known, np.abs(orders).mean(axis=0), 0.0)),
+        blocks=len(counts),
     )
 
 

@@ -39,6 +39,15 @@ def test_scatter_alone_is_no_change(groups):
     assert changing(*fitted(swept(0.15))) == (), "a change as large as the scatter"
 
 
+def test_a_handful_of_revolutions_does_not_change():
+    """Where every block is one revolution, how blocks differ is the scatter itself."""
+    still = campaign_of(ONE_SPEED, axes=ALL_AXES)
+    group = still.groups[0]
+    few = replace(group, blocks=tuple(replace(block, count=1) for block in group.blocks[:4]))
+    away = with_blocks(replace(still, groups=(few,)), lambda k, orders: orders + 9.0 * (k == 0) * LATERAL_ORDER_3)
+    assert changing(*fitted(away)) == ()
+
+
 def test_what_the_model_lacks_and_goes_with_the_speed_is_no_change():
     def faster(campaign: Campaign) -> Campaign:
         """The blocks' speeds grow by 1 % each, and with their squares what is there, 100 m/s^2 unknown to the model."""

@@ -100,7 +100,7 @@ def test_a_share_says_of_what():
         parameters={"gravity_share": fitted_parameter(GRAVITY.parameters[0], 0.9923, 0.0029)},
     )
     text = "\n".join(closure_summary_lines(replace(ordinary(), findings=(finding,))))
-    assert "gravity: 0.9923±0.0029 of its known size" in text
+    assert "gravity: 0.9923±0.0029 of known size" in text
 
 
 def test_a_wide_terminal_shows_more():

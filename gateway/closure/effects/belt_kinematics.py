@@ -18,7 +18,7 @@ class BeltKinematics:
     # shape alone, and as 1.01 to 1.08 when the belt's tension loss is in as well.
     parameters = (
         Parameter(
-            "share", "", low=0.6, high=1.4, prior_std=0.01, step=0.05, prior_mean=1.0, display_unit="of its known size"
+            "share", "", low=0.6, high=1.4, prior_std=0.01, step=0.05, prior_mean=1.0, display_unit="of known size"
         ),
     )
     seen_by = "radial axis, lowest orders: all of order 1, a quarter of order 2; any speed and load"

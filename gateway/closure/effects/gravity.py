@@ -21,7 +21,7 @@ class Gravity:
     parameters = (
         # It is 9.80665 m/s^2 within 0.3 % anywhere on earth; what is left of the range is for the sensor's gain and for
         # what the model's psi is off by.
-        Parameter("gravity_share", "", 0.8, 1.2, 0.01, 1e-3, prior_mean=1.0, display_unit="of its known size"),
+        Parameter("gravity_share", "", 0.8, 1.2, 0.01, 1e-3, prior_mean=1.0, display_unit="of known size"),
     )
     seen_by = "Order 1 and those that the contact makes of it, radial and circumferential; constant over speed."
     confused_with = (

@@ -19,7 +19,7 @@ class SpeedDrift:
     equation = "domega/dt (2 theta' s / omega^2 + spin), theta' = angle rolled since mid revolution"
     parameters = (
         # The acceleration is measured, by the periods, to a few percent of what it has to be to be seen at all.
-        Parameter("share", "", 0.8, 1.2, 0.01, 1e-3, prior_mean=1.0, display_unit="of its known size"),
+        Parameter("share", "", 0.8, 1.2, 0.01, 1e-3, prior_mean=1.0, display_unit="of known size"),
     )
     seen_by = "Sine orders falling with 1/n, in proportion to the measured acceleration; its sign turns when braking."
     confused_with = (

@@ -18,7 +18,7 @@ class TensionLoss:
     # comes out on the exact ring as 1.01 to 1.04 from the corrected series and 1.07 to 1.25 from the printed one.
     parameters = (
         Parameter(
-            "share", "", low=0.6, high=1.5, prior_std=0.01, step=0.05, prior_mean=1.0, display_unit="of its known size"
+            "share", "", low=0.6, high=1.5, prior_std=0.01, step=0.05, prior_mean=1.0, display_unit="of known size"
         ),
     )
     seen_by = "radial axis, any order, growing with the load; at one load as Cw, Rs and Ts that change with load"
