@@ -14,7 +14,6 @@ from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Check
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
-from gateway.closure.taking_out import TakenOut
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -142,21 +141,18 @@ def _verdict(values: FloatArray, spread: FloatArray, labels: list[str]) -> str:
     return labels[worst]
 
 
-def useless(fit: Fit, effect: AngleEffect, without: TakenOut, scale: float) -> str:
+def useless(effect: AngleEffect, fall: float, gain: FloatArray, scale: float) -> str:
     """Return that an effect is not needed beside the others, in words; empty when it is.
 
     Args:
-        fit: with all in.
         effect: the effect.
-        without: the fit without it.
+        fall: of the misfit that it brings.
+        gain: (K,) fall of each fold's held-out misfit.
         scale: overdispersion.
     """
-    if without.fall < evidence_needed(effect) * scale:
+    if fall < evidence_needed(effect) * scale:
         return "beside the others it is too small to be told from nothing"
-    gain = without.held_out - fit.held_out()
-    if float(gain.sum()) > spread(gain):
-        return ""
-    return "without it data held out are predicted as well"
+    return "" if float(gain.sum()) > spread(gain) else "without it data held out are predicted as well"
 
 
 def spread(gain: FloatArray) -> float:
@@ -202,12 +198,14 @@ def explained_and_left(fit: Fit, without: Sequence[ComplexArray], data: Whitened
     return explained, max(0.0, float(beyond), _HALF_SHARE * on_axes * explained)
 
 
-def stands_in(effect: AngleEffect, explained: float, left: float) -> str:
-    """Return why an effect is a stand-in for something else, in words; empty when it is not.
+def of_known_size(effect: AngleEffect) -> bool:
+    """Return whether physics says how large an effect is, so that it cannot stretch itself to stand in for another."""
+    return all(parameter.known for parameter in effect.parameters)
 
-    One whose size is known cannot stretch itself to stand in for anything.
-    """
-    if all(parameter.known for parameter in effect.parameters):
+
+def stands_in(effect: AngleEffect, explained: float, left: float) -> str:
+    """Return why an effect is a stand-in for something else, in words; empty when it is not."""
+    if of_known_size(effect):
         return ""
     if left <= _LEFT_SHARE * explained or left <= LEAST_EVIDENCE:
         return ""

@@ -157,21 +157,23 @@ def _prune(selection: Selection, data: Whitened) -> None:
 
 
 def _judge_leftovers(selection: Selection, data: Whitened) -> None:
-    """Refuse effects that leave too much where they act: stand-ins for something the catalogue does not have."""
+    """Refuse effects that are not needed, or leave too much where they act: stand-ins for what the catalogue lacks."""
     while selection.steps:
         final = selection.final
-        scale = gates.overdispersion(final, data)
+        scale, seen = gates.overdispersion(final, data), final.held_out()
         suspects: list[tuple[float, Step, str]] = []
         for step in selection.steps:
-            without = taken_out(final, step.effect)
+            effect, without = step.effect, taken_out(final, step.effect)
             explained, left = gates.explained_and_left(final, without.predicted, data)
-            reason = (
-                gates.implausible(final, step.effect, scale)
-                or gates.useless(final, step.effect, without, scale)
-                or gates.uneven(final, step.effect, scale)
-            )
-            if reason or gates.stands_in(step.effect, _SUSPECT * explained, left):
-                suspects.append((left / max(explained, 1e-300), step, reason))
+            firm = gates.implausible(final, effect, scale)
+            if not firm and not gates.of_known_size(effect):
+                firm = gates.uneven(final, effect, scale)
+            if (
+                firm
+                or gates.useless(effect, without.fall, without.held_out - seen, scale)
+                or gates.stands_in(effect, _SUSPECT * explained, left)
+            ):
+                suspects.append((left / max(explained, 1e-300), step, firm))
         worst = _worst(sorted(suspects, key=lambda suspect: -suspect[0]), final, data)
         if worst is None:
             return
@@ -184,12 +186,14 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
 
 def _worst(suspects: list[tuple[float, Step, str]], final: Fit, data: Whitened) -> tuple[Step, str, Fit] | None:
     """Return the first of the effects under suspicion that a fit without it condemns, why, and that fit."""
-    for _, step, implausible in suspects:
-        without = fit_without(final, step.effect, data)
+    scale = gates.overdispersion(final, data)
+    for _, step, firm in suspects:
+        effect, without = step.effect, fit_without(final, step.effect, data)
         if without is None:
             continue
+        fall, gain = without.misfit - final.misfit, without.held_out() - final.held_out()
         explained, left = gates.explained_and_left(final, without.predicted, data)
-        reason = implausible or gates.stands_in(step.effect, explained, left)
+        reason = firm or gates.useless(effect, fall, gain, scale) or gates.stands_in(effect, explained, left)
         if reason:
             return step, reason, without
     return None

@@ -140,4 +140,4 @@ def test_held_out_error_without_an_effect_is_that_of_a_fit_without_it() -> None:
     assert linear.held_out == pytest.approx(without.held_out(), abs=0.5)
     assert linear.fall == pytest.approx(without.misfit - fit.misfit, abs=0.5)
     # One that is not there lowers nothing.
-    assert gates.useless(fit, effect, linear, gates.overdispersion(fit, data))
+    assert gates.useless(effect, linear.fall, linear.held_out - fit.held_out(), gates.overdispersion(fit, data))
