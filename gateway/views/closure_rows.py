@@ -34,7 +34,7 @@ CHANGES: Final = "changes during the recording"
 # Units of the names' suffixes, spelled out, of those that are shown in another unit.
 _SI: Final = {"_rad": "rad", "_m": "m", "_mps": "m/s", "_pa": "Pa"}
 # Suffixes of names whose unit always stands beside the number.
-_COMPOUND: Final = ("_npm2", "_per_rad", "_per_k", "_s2pm", "_rad2", "_kgm", "_m2", "_pm", "_pn")
+_COMPOUND: Final = ("_npm2", "_per_rad", "_per_k", "_s2pm", "_s4pm2", "_rad2", "_kgm", "_m2", "_pm", "_pn")
 _PRINTED: Final = {"^2": "²", "^3": "³", "degC": "°C", "+-": "±", " * ": " · "}
 _GREEK: Final = {
     "alpha": "α",

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from gateway.closure.effects.base import RADIAL, Conditions
+from gateway.closure.findings import fitted_parameter
 from gateway.closure.rivals import rivals_of
+from gateway.views.closure_rows import show_fitted
 from tests.closure.planted_campaign import (
     TWO_SPEEDS,
     FloatArray,
@@ -73,3 +75,8 @@ def test_small_ones_are_within_range_and_saturation_is_not() -> None:
     assert cube.low * 2000.0**2 == pytest.approx(-0.03)
     assert square.high * square.factor == pytest.approx(1.5)
     assert cube.high * cube.factor == pytest.approx(0.75)
+    told = [show_fitted(term.name, fitted_parameter(term, term.high, 1e-3 * term.high)) for term in (square, cube)]
+    assert [(number.label, number.unit) for number in told] == [
+        ("square", "% at 1000 m/s²"),
+        ("cube", "% at 1000 m/s²"),
+    ]
