@@ -143,8 +143,8 @@ def _entry(
     omegas = [group.conditions.omega_radps / (2.0 * math.pi) for group in groups]
     name = f"order {first}" if first == last else f"orders {first} to {last}"
     text = (
-        f"{AXES[axis]} axis, {name}: changes during the recording, by {rms:.2g} m/s^2 rms from one part of it to the "
-        f"next (most so in {groups[at].label}); load, slip angle, camber or temperature may: record one state at a time"
+        f"{AXES[axis]} axis, {name}: changes during the recording, by {rms:.2g} m/s^2 rms about its mean "
+        f"(most so in {groups[at].label}); load, slip angle, camber or temperature may: record one state at a time"
     )
     return Unexplained(
         AXES[axis],

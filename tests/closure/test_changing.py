@@ -44,7 +44,7 @@ def test_a_handful_of_revolutions_does_not_change():
     still = campaign_of(ONE_SPEED, axes=ALL_AXES)
     group = still.groups[0]
     few = replace(group, blocks=tuple(replace(block, count=1) for block in group.blocks[:4]))
-    away = with_blocks(replace(still, groups=(few,)), lambda k, orders: orders + 9.0 * (k == 0) * LATERAL_ORDER_3)
+    away = with_blocks(replace(still, groups=(few,)), lambda k, orders: orders + 40.0 * (k == 0) * LATERAL_ORDER_3)
     assert changing(*fitted(away)) == ()
 
 
