@@ -19,6 +19,7 @@ from gateway.closure.estimates import estimates_of, state_name
 from gateway.closure.held_out import over_noise, summary
 from gateway.closure.likelihood import whiten
 from gateway.closure.observation import Campaign
+from gateway.closure.one_speed import doubted, is_one_speed
 from gateway.closure.picture import curves_of, trends_of
 from gateway.closure.residual import unexplained
 from gateway.closure.starting import make_core
@@ -64,8 +65,10 @@ def diagnose(
         )
     on_progress(0.0, "fitting the starting model")
     closed = close_loop(campaign, core, data, model, on_progress, jobs)
-    selection, findings = closed.selection, closed.findings
+    selection = closed.selection
     held_out, noise, corrected = summary(closed.errors)
+    over = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
+    findings = doubted(closed.findings, selection.final.model.effects, campaign, over)
     on_progress(0.9, "what does not repeat with the wheel")
     changes = changing(selection.final, selection.data)
     time_locked = diagnose_time_locked(campaign.groups, changing=bool(changes))
@@ -143,7 +146,6 @@ def _notes(campaign: Campaign, *, with_mean: bool) -> tuple[str, ...]:
     total = sum(block.count for group in campaign.groups for block in group.blocks)
     if total < _FEW_REVOLUTIONS:
         notes.append(f"{total} revolutions only: what is seen in all of them may still be chance of this run")
-    omegas = [group.conditions.omega_radps for group in campaign.groups]
-    if max(omegas) < 1.1 * min(omegas):
+    if is_one_speed(campaign):
         notes.append("one speed only: what goes with speed cannot be told from what does not")
     return tuple(notes)

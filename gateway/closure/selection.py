@@ -17,6 +17,7 @@ from gateway.closure.judging import AT_NOISE, Step, is_taken, judged, price, sta
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Campaign
+from gateway.closure.one_belt import another_belt
 from gateway.closure.rivals import fit_without
 from gateway.closure.taking_out import added_by, taken_out
 
@@ -162,10 +163,11 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
         final = selection.final
         scale, seen = gates.overdispersion(final, data), final.held_out()
         suspects: list[tuple[float, Step, str]] = []
-        for step in selection.steps:
+        for number, step in enumerate(selection.steps):
             effect, without = step.effect, taken_out(final, step.effect)
+            earlier = [other.effect for other in selection.steps[:number]]
             explained, left = gates.explained_and_left(final, without.predicted, data)
-            firm = gates.implausible(final, effect, scale)
+            firm = gates.implausible(final, effect, scale) or another_belt(final, effect, earlier, scale)
             if not firm and not gates.of_known_size(effect):
                 firm = gates.uneven(final, effect, scale)
             if (

@@ -1,0 +1,51 @@
+"""What one speed does not tell: whether something rings so many times a revolution or at a frequency of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from gateway.closure.diagnosis import Finding, Verdict
+from gateway.closure.effects.base import Described
+from gateway.closure.observation import Campaign
+
+# Speeds that differ by less are one.
+_ONE_SPEED: Final = 1.1
+# Held-out error over the noise floor from which there is something in the data that the model does not have.
+_MUCH_LEFT: Final = 1.5
+_ORDER_UNIT: Final = "per revolution"
+
+
+def is_one_speed(campaign: Campaign) -> bool:
+    """Return whether all of a campaign was driven at one speed."""
+    omegas = [group.conditions.omega_radps for group in campaign.groups]
+    return max(omegas) < _ONE_SPEED * min(omegas)
+
+
+def doubted(
+    findings: Sequence[Finding], effects: Sequence[Described], campaign: Campaign, over_noise: float
+) -> list[Finding]:
+    """Leave open what is named for its order, where much is left and there is one speed: a loose sensor rings as well.
+
+    Args:
+        findings: of one diagnosis.
+        effects: of its model.
+        campaign: the data.
+        over_noise: held-out error over the noise floor.
+    """
+    if not over_noise > _MUCH_LEFT or not is_one_speed(campaign):
+        return list(findings)
+    ringing = {e.name for e in effects if any(parameter.unit == _ORDER_UNIT for parameter in e.parameters)}
+    return [
+        replace(
+            finding,
+            verdict=Verdict.INDISTINGUISHABLE,
+            rivals=(*finding.rivals, "something that rings at a frequency of its own"),
+            decide_with=finding.decide_with or "one more recording at 1.5 times the speed would decide",
+            reason=f"{over_noise:.1f} times the noise is left, and one speed does not tell an order from a frequency",
+        )
+        if finding.verdict is Verdict.NAMED and finding.name in ringing
+        else finding
+        for finding in findings
+    ]
