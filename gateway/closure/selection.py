@@ -169,7 +169,7 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
             explained, left = gates.explained_and_left(final, without.predicted, data)
             firm = gates.implausible(final, effect, scale) or another_belt(final, effect, earlier, scale)
             if not firm and not gates.of_known_size(effect):
-                firm = gates.uneven(final, effect, scale)
+                firm = gates.uneven(final, effect, scale) or gates.lopsided(final, effect, scale)
             if (
                 firm
                 or gates.useless(effect, without.fall, without.held_out - seen, scale)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gateway.closure import gates
 from gateway.closure.diagnose import diagnose
 from gateway.closure.diagnosis import FAR_OFF
-from gateway.closure.effects.base import LATERAL, Checked, Conditions, StartModel
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Checked, Conditions, StartModel
 from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.judging import is_taken
 from gateway.closure.likelihood import whiten
@@ -19,7 +19,17 @@ from gateway.closure.selection import Selection, select
 from gateway.closure.starting import angle_effects, make_core
 from gateway.closure.taking_out import taken_out
 from gateway.closure.trial import refit, try_effect
-from tests.closure.planted_campaign import ALL_AXES, Plant, campaign_of, conditions, fitted, gain, nothing, turned
+from tests.closure.planted_campaign import (
+    ALL_AXES,
+    Plant,
+    among,
+    campaign_of,
+    conditions,
+    fitted,
+    gain,
+    nothing,
+    turned,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -76,6 +86,19 @@ def test_a_tilt_far_smaller_than_a_trial_begins_with_is_promised_what_it_is_wort
     assert trial.vector[trial.model.layout.effect("roll tilt")] == pytest.approx(angle_rad, rel=0.1)
     # What is promised is what a fit in earnest keeps.
     assert trial.misfit == pytest.approx(refit(trial, fit, data).misfit, abs=3.0)
+
+
+def test_what_one_axis_has_and_the_other_not_is_no_effect_of_both() -> None:
+    def pickup(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        # As a sensor 0.3 mm lower reads along the circumference; the radial axis knows nothing of it.
+        read = signal.copy()
+        read[CIRCUMFERENTIAL] += 0.001 * np.gradient(signal[RADIAL], theta)
+        return read
+
+    campaign = campaign_of(CONDITIONS, pickup, noise_mps2=0.2)
+    found = select(campaign, make_core(StartModel.EXACT), whiten(campaign, with_mean=True), among("mounting offset"))
+    assert not found.steps
+    assert "on other axes" in found.refused["mounting offset"][0]
 
 
 def test_waves_of_the_edges_stand_or_travel() -> None:
