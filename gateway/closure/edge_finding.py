@@ -38,7 +38,7 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     chi2 = sum(group.edges.chi2 for group in seen)
     gain = float(gains.sum())
     spread = float(np.std(gains, ddof=1)) * math.sqrt(len(gains)) if len(gains) > 1 else math.inf
-    if chi2 < _LEAST_EVIDENCE or gain <= spread:
+    if chi2 < _LEAST_EVIDENCE or gain <= _SIGMAS * spread:
         return ()
     weight = np.array([sum(group.edges.freedom) for group in seen])
     square = np.array([group.edges.scatter_rad2 * group.conditions.radius_m**2 for group in seen])

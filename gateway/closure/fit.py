@@ -153,6 +153,7 @@ def fit_model(
     *,
     from_afar: bool = False,
     most_steps: int = _ALL_STEPS,
+    rough: float = 0.0,
 ) -> Fit:
     """Return the fit of a model.
 
@@ -162,13 +163,14 @@ def fit_model(
         start: vector to begin from; None begins at the priors' mean.
         from_afar: True first fits with loosened data, for a start that is far off.
         most_steps: after which the fit is taken as it is.
+        rough: share of the misfit beyond noise; a step that brings less is the last one.
 
     Raises:
         FitFailedError: the model has no equilibrium near the start.
     """
     prior_mean, prior_std = model.priors()
     vector = prior_mean.copy() if start is None else start.copy()
-    left = _Steps(most_steps)
+    left = _Steps(most_steps, rough)
     try:
         if from_afar:
             for share in _ANNEAL:
@@ -190,8 +192,9 @@ def fit_model(
 class _Steps:
     """Steps that a fit may still take."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, rough: float) -> None:
         self._count = count
+        self.rough = rough
 
     @property
     def none(self) -> bool:
@@ -220,6 +223,7 @@ def _descend(
             break
         left.take()
         done = _DONE * _overdispersion(fit.misfit, data, model)
+        done = max(done, left.rough * (fit.misfit - data.used))
         matrix = fit.normal.matrix.sum(axis=0) + np.diag(precision)
         gradient = fit.normal.gradient.sum(axis=0) - (fit.vector - prior_mean) * precision
         change = np.linalg.solve(matrix, gradient)

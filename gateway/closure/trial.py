@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 
 # Steps of a refit: what is right comes to rest in five to fifteen, what wanders further is not what is wrong.
 _TRIAL_STEPS: Final = 30
+# Where much is left whatever a trial does, it need not be followed down to the last of it.
+_ROUGH: Final = 3e-3
 # Logarithm of a state's parameters from which the ring is far out of shape.
 _BENT: Final = 1.5
 # Share of a ring effect's starts at which it is tried as well.
@@ -107,10 +109,10 @@ def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
     mean, _ = trial.model.priors()
     states = trial.model.layout.states
     if float(np.abs(vector[states] - mean[states]).max()) < _BENT or _is_better(trial.model, vector, fit, data):
-        return fit_model(trial.model, data, vector, most_steps=_TRIAL_STEPS)
+        return fit_model(trial.model, data, vector, most_steps=_TRIAL_STEPS, rough=_ROUGH)
     # The ring had bent itself far out of shape to do the effect's work, and a linear step does not lead back.
     vector[states] = mean[states]
-    return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS)
+    return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS, rough=_ROUGH)
 
 
 def bare(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
