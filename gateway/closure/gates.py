@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Checked
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Checked, SignalEffect
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
@@ -20,7 +20,7 @@ ComplexArray = NDArray[np.complex128]
 Part = tuple[int, slice]
 """A group, and axes of it."""
 
-AXES: Final = ((CIRCUMFERENTIAL, "circumferential"), (LATERAL, "lateral"), (RADIAL, "radial"))
+AXES: Final = {CIRCUMFERENTIAL: "circumferential", LATERAL: "lateral", RADIAL: "radial"}
 
 # Fall of the misfit from which something is no chance find among some hundred trials (a chi-square of one degree
 # exceeds 25 once in two million), and what every further parameter adds.
@@ -82,12 +82,14 @@ def uneven(fit: Fit, effect: AngleEffect, scale: float) -> str:
 
 
 def lopsided(fit: Fit, effect: AngleEffect, scale: float) -> str:
-    """Return how an effect fails to be the same on every axis, in words; empty when it is.
+    """Return how an effect fails to be the same on all of its axes, in words; empty when it is.
 
     To be asked at the end: what the model lacks elsewhere bends one axis more than another.
     """
     groups = range(len(fit.model.campaign.groups))
-    axes = [(f"the {name} axis", [(index, slice(axis, axis + 1)) for index in groups]) for axis, name in AXES]
+    # Others feel it only through what further effects make of it, and so answer to those.
+    own = effect.axes if isinstance(effect, SignalEffect) else (CIRCUMFERENTIAL, RADIAL)
+    axes = [(f"the {AXES[axis]} axis", [(index, slice(axis, axis + 1)) for index in groups]) for axis in own]
     found = _odd_one(fit, effect, scale, axes)
     return f"it would have to be of another size on other axes (most so on {found})" if found else ""
 

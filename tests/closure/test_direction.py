@@ -35,7 +35,7 @@ def offset(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArra
     wave = ring(here.load_n).sensor.radial_m
     slope = np.gradient(wave, 2.0 * math.pi / len(wave))
     read = signal.copy()
-    read[CIRCUMFERENTIAL] += here.omega_radps**2 * depth_m / here.radius_m * slope
+    read[CIRCUMFERENTIAL] -= here.omega_radps**2 * depth_m / here.radius_m * slope
     return read
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -28,6 +30,7 @@ from tests.closure.planted_campaign import (
     fitted,
     gain,
     nothing,
+    ring,
     turned,
 )
 
@@ -99,6 +102,26 @@ def test_what_one_axis_has_and_the_other_not_is_no_effect_of_both() -> None:
     found = select(campaign, make_core(StartModel.EXACT), whiten(campaign, with_mean=True), among("mounting offset"))
     assert not found.steps
     assert "on other axes" in found.refused["mounting offset"][0]
+
+
+def test_an_axis_that_an_effect_reaches_through_another_one_does_not_judge_it() -> None:
+    """A tilt brings the offset to the lateral axis; what the tilt does not tell there is not the offset's."""
+    depth_m, tilt_rad = 0.005, 0.05
+
+    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        slope = np.gradient(signal[RADIAL], theta) / here.omega_radps**2
+        curvature = ring(here.load_n).sensor.radial_m / here.radius_m
+        offset = here.omega_radps**2 * depth_m * np.stack([-slope / here.radius_m, 0.0 * slope, -np.square(curvature)])
+        read = signal + offset
+        read[LATERAL] = math.sin(tilt_rad) * (signal[RADIAL] + 4.0 * offset[RADIAL])
+        read[RADIAL] *= math.cos(tilt_rad)
+        return read
+
+    effects = list(among("mounting offset", "roll tilt").values())
+    fit, _ = fitted(campaign_of(CONDITIONS, plant, noise_mps2=0.2, axes=ALL_AXES), *effects)
+    offset, _ = effects
+    assert fit.vector[fit.model.layout.effect(offset.name)] == pytest.approx(depth_m, rel=0.1)
+    assert not gates.lopsided(fit, offset, 1.0)
 
 
 def test_waves_of_the_edges_stand_or_travel() -> None:
