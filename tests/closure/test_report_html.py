@@ -1,21 +1,14 @@
 from __future__ import annotations
 
-import builtins
 import re
-import shutil
-import subprocess
-import sys
-import zipfile
 from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gateway.closure import likelihood
 from gateway.closure.diagnosis import Finding, Fitted, HeldOut, Verdict
-from gateway.errors import OutputError
 from gateway.signal.orders import ORDER_COUNT
 from gateway.signal.orders import order_coefficients as reference_coefficients
 from tests.closure.diagnosis_data import NASTY, curves, empty, nasty, ordinary, trends
@@ -32,7 +25,6 @@ from gateway.views.closure_summary import closure_summary_lines
 from gateway.views.closure_svg import inline_svg, report_style
 from gateway.views.closure_tables import by_state, estimate_rows, refused_rows, steps, unexplained_rows
 
-ROOT = Path(__file__).parents[2]
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
 
@@ -329,42 +321,3 @@ def test_trends_are_in_field_units():
         figure = trend_figure([trends()[1]])
     assert figure.axes[0].get_xlabel() == "load, N"
     assert figure.axes[0].get_title(loc="left") == "circumferential"
-
-
-@pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
-def test_a_missing_package_is_named_with_the_extra(package, monkeypatch):
-    real = builtins.__import__
-
-    def missing(name, *args, **kwargs):
-        if name.split(".")[0] == package:
-            raise ImportError(name)
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(OutputError, match=package) as caught:
-        diagnosis_html(empty())
-    assert "treadlink[plot]" in caught.value.remedy
-
-
-def test_the_views_import_nothing_heavy():
-    code = (
-        "import sys, gateway.views.closure_html, gateway.views.closure_json, gateway.views.closure_summary\n"
-        "sys.exit(str({'matplotlib', 'jinja2'} & set(sys.modules) or 0))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
-    assert done.stderr.strip() in ("", "0")
-
-
-def test_the_wheel_holds_the_template(tmp_path):
-    pytest.importorskip("hatchling", reason="hatchling (extra 'dev') is not installed")
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, tmp_path)
-    shutil.copytree(ROOT / "gateway", tmp_path / "gateway", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(ROOT / "firmware_protocol", tmp_path / "firmware_protocol")
-    done = subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", "out"],
-        capture_output=True, text=True, cwd=tmp_path, check=False, timeout=60,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    with zipfile.ZipFile(next((tmp_path / "out").glob("*.whl"))) as wheel:
-        assert {"gateway/views/closure_report.html.j2", "gateway/views/closure_report.css"} <= set(wheel.namelist())

@@ -1,0 +1,60 @@
+"""What the page of a diagnosis needs: packages that may be missing, a template that is shipped."""
+
+from __future__ import annotations
+
+import builtins
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from gateway.errors import OutputError
+from gateway.views.closure_html import diagnosis_html
+from tests.closure.diagnosis_data import empty
+
+pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
+pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
+def test_a_missing_package_is_named_with_the_extra(package, monkeypatch):
+    real = builtins.__import__
+
+    def missing(name, *args, **kwargs):
+        if name.split(".")[0] == package:
+            raise ImportError(name)
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(OutputError, match=package) as caught:
+        diagnosis_html(empty())
+    assert "treadlink[plot]" in caught.value.remedy
+
+
+def test_the_views_import_nothing_heavy():
+    code = (
+        "import sys, gateway.views.closure_html, gateway.views.closure_json, gateway.views.closure_summary\n"
+        "sys.exit(str({'matplotlib', 'jinja2'} & set(sys.modules) or 0))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.stderr.strip() in ("", "0")
+
+
+def test_the_wheel_holds_the_template(tmp_path):
+    pytest.importorskip("hatchling", reason="hatchling (extra 'dev') is not installed")
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tmp_path)
+    shutil.copytree(ROOT / "gateway", tmp_path / "gateway", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "firmware_protocol", tmp_path / "firmware_protocol")
+    done = subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", "out"],
+        capture_output=True, text=True, cwd=tmp_path, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    with zipfile.ZipFile(next((tmp_path / "out").glob("*.whl"))) as wheel:
+        assert {"gateway/views/closure_report.html.j2", "gateway/views/closure_report.css"} <= set(wheel.namelist())
