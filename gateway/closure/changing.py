@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from gateway.closure.diagnosis import Unexplained
+from gateway.closure.effects.base import AXES
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import Group
-from gateway.closure.residual import AXES, BANDS, POWER_SHARE, joined
+from gateway.closure.residual import BANDS, POWER_SHARE, joined
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.closure import gates
 from gateway.closure.decide import deciding_recording
 from gateway.closure.diagnosis import Finding, Fitted, Verdict
 from gateway.closure.effects.base import Parameter
@@ -107,9 +108,8 @@ def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], deci
 
 
 def _spread(gain: FloatArray) -> float:
-    """Return the standard error of a sum over folds."""
-    seen = gain[gain != 0.0]
-    return float(np.std(seen, ddof=1)) * math.sqrt(len(seen)) if len(seen) > 1 else float("nan")
+    """Return the standard error of a sum over folds; NaN where one fold alone was seen."""
+    return gates.spread(gain) if np.count_nonzero(gain) > 1 else float("nan")
 
 
 def _parameters(fit: Fit, effect: AngleEffect) -> dict[str, Fitted]:

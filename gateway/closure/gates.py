@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Checked, SignalEffect
+from gateway.closure.effects.base import AXES, CIRCUMFERENTIAL, RADIAL, Checked, SignalEffect
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
@@ -20,7 +20,6 @@ ComplexArray = NDArray[np.complex128]
 Part = tuple[int, slice]
 """A group, and axes of it."""
 
-AXES: Final = {CIRCUMFERENTIAL: "circumferential", LATERAL: "lateral", RADIAL: "radial"}
 
 # Fall of the misfit from which something is no chance find among some hundred trials (a chi-square of one degree
 # exceeds 25 once in two million), and what every further parameter adds.

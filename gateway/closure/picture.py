@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from gateway.closure.assembly import THETA, orders_field
 from gateway.closure.diagnosis import Curves, Trend
+from gateway.closure.effects.base import AXES
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import Group
-from gateway.closure.residual import AXES, group_residuals
+from gateway.closure.residual import group_residuals
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

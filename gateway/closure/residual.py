@@ -14,6 +14,7 @@ from scipy.stats import chi2
 
 from gateway.closure.assembly import THETA, orders_field
 from gateway.closure.diagnosis import Unexplained
+from gateway.closure.effects.base import AXES
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import ORDERS, Campaign
@@ -23,7 +24,6 @@ ComplexArray = NDArray[np.complex128]
 
 POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 """Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
-AXES: Final = ("circumferential", "lateral", "radial")
 # Chance at which noise alone in one band of one axis would be called a residual.
 _RARE: Final = 1e-6
 BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)

@@ -10,7 +10,7 @@ from typing import Final, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions, Parameter, SpectrumEffect
+from gateway.closure.effects.base import AXES, CIRCUMFERENTIAL, RADIAL, Conditions, Parameter, SpectrumEffect
 from gateway.closure.timelocked_fit import Observed, SpectrumFit
 from gateway.closure.timelocked_lines import envelope_moment
 from gateway.closure.timelocked_model import Site, wide_density
@@ -18,8 +18,6 @@ from gateway.closure.timelocked_selection import place_of
 from gateway.closure.timelocked_spectra import held_scaling
 
 FloatArray = NDArray[np.float64]
-
-AXES: Final = ("circumferential", "lateral", "radial")
 
 # Two axes that must be alike differ by no more than this in rms, and one that must be quiet has no more power.
 _ALIKE: Final = 1.6

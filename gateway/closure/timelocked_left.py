@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Unexplained
-from gateway.closure.timelocked_gates import AXES, several_speeds
+from gateway.closure.effects.base import AXES
+from gateway.closure.timelocked_gates import several_speeds
 from gateway.closure.timelocked_lines import rare_ratio
 from gateway.closure.timelocked_model import Site
 from gateway.closure.timelocked_spectra import held_scaling

@@ -20,6 +20,8 @@ from gateway.physics.rolling_ring_waveform import SensorWaveform
 
 FloatArray = NDArray[np.float64]
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
+AXES: Final = ("circumferential", "lateral", "radial")
+"""What they are called."""
 
 FIELD_SIZE: Final = 512
 """Points of the angle grid theta = -pi + 2 pi k / FIELD_SIZE that the model works on."""
