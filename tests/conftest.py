@@ -4,3 +4,8 @@ import os
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+
+
+def pytest_addoption(parser):
+    """Add the option that accepts changed results; see tests/golden."""
+    parser.addoption("--update-golden", action="store_true", help="store the results of this version, print differences")

@@ -1,0 +1,93 @@
+"""Results of whole commands, held field by field against stored ones.
+
+A change that is meant to change results accepts them with `pytest tests/golden --update-golden`, which prints every
+difference; the diff of tests/golden/data is then part of the change.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+
+from closure_rig.draw import blind, draw
+from closure_rig.record import record
+
+from gateway.cli import treadlink
+from tests.golden.comparison import table, words_and_numbers
+
+ROOT = Path(__file__).parents[2]
+MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+MAP = ROOT / "examples" / "innerliner_drum_80kmh.map.toml"
+
+# Seeds of `closure_rig.draw.blind`: a mounting offset, a tone from outside the catalogue, nothing at all, tread damping.
+SEALED = (25, 14, 13, 24)
+# Two speeds of the rig's seven recordings.
+RUNS = 2
+SECONDS = 3.0
+DEFAULTS = ("kinematic", "weak-form", "wear", "ply-steer")
+OTHERS = ("self-calibration", "ring-modal", "ring-paper", "load", "slip-angle", "asynchronous")
+
+
+def run(*arguments: object) -> str:
+    result = CliRunner().invoke(treadlink, [str(argument) for argument in arguments])
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def estimated(recording: Path, folder: Path, estimators: tuple[str, ...]) -> list[dict[str, object]]:
+    out = folder / f"{recording.stem}.csv"
+    options = [word for name in estimators for word in ("--estimator", name)]
+    run("estimate", recording, "--csv", out, *options)
+    return table(out.read_text("utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "duration_s", "estimators"),
+    [("demo", 4, DEFAULTS + OTHERS), ("standstill_restart", 12, DEFAULTS), ("lab", 1.5, ("kinematic", "forward"))],
+)
+def test_estimates_of_a_simulated_drive(compare, tmp_path, scenario, duration_s, estimators):
+    recording = tmp_path / f"{scenario}.mcap"
+    run("simulate", scenario, "--out", recording, "--duration", duration_s, "--seed", 4)
+    compare(f"estimate-{scenario}", estimated(recording, tmp_path, estimators))
+
+
+def test_estimates_of_the_measured_tire(compare, tmp_path):
+    if not MEASURED.exists():
+        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+    recording = tmp_path / "drum.mcap"
+    run("import", MEASURED, "--map", MAP, "--out", recording)
+    compare("estimate-drum", estimated(recording, tmp_path, DEFAULTS + OTHERS + ("forward",)))
+
+
+def test_contents_of_a_recording(compare, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run("simulate", "demo", "--out", "demo.mcap", "--duration", 3, "--seed", 4, "--fault", "drop:rate=0.02")
+    compare("inspect-demo", json.loads(run("inspect", "demo.mcap", "--json")))
+
+
+@pytest.mark.parametrize("seed", SEALED)
+def test_diagnosis_of_a_sealed_case(compare, tmp_path, monkeypatch, seed):
+    case = draw(blind(seed))
+    bench = replace(case.bench, runs=case.bench.runs[:RUNS])
+    record(replace(case, bench=bench), tmp_path, SECONDS)
+    monkeypatch.chdir(tmp_path)
+    names = [f"run-{index + 1}.mcap" for index in range(RUNS)]
+    run("diagnose", *names, "--json", "found.json", "--html", "found.html", "--jobs", 1)
+    compare(f"diagnose-{seed}", json.loads(Path("found.json").read_text("utf-8")))
+    compare(f"report-{seed}", report_text(Path("found.html").read_text("utf-8")))
+
+
+def report_text(page: str) -> list[list[object]]:
+    """Return the page's visible text, labels of the figures included, line by line as words and numbers."""
+    body = re.sub(r"<(style|script)\b.*?</\1>", "", page, flags=re.DOTALL)
+    lines = re.sub(r"<[^>]*>", "\n", body).splitlines()
+    return [words_and_numbers(html.unescape(line)) for line in lines if line.strip()]
