@@ -6,13 +6,11 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 RADIUS_M = 0.32
 PRESSURE_PA = 2.1e5

@@ -11,19 +11,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from firmware_protocol.messages import Axis, Coupling, Hello
-from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.setup import WheelSetup
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel import WheelPipeline
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 RADIUS_M, REFERENCE_PRESSURE_PA = 0.32, 2.1e5
 G = 9.80665

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, lfilter_zi
 
 from gateway.pipeline.segmenter import ContactPair, Segmenter
+from gateway.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Speed = Callable[[FloatArray], FloatArray]
 
 GRAVITY = 9.80665

@@ -26,7 +26,7 @@ from gateway.estimators.base import AngleAverage, Conditions, Estimator, Revolut
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
 from gateway.estimators.weak_form_fit import fit_waveforms
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring import solve_rolling_ring
 from gateway.signal.average import RunningAverage

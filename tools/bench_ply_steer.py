@@ -18,7 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import Conditions, Revolution
 from gateway.estimators.lateral import DEFINITIONS, lateral_record, slopes
@@ -28,9 +27,8 @@ from gateway.estimators.slip_angle import SlipAngleEstimator
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
 from gateway.signal.average import AngleAverage, RunningAverage
+from gateway.types import FloatArray
 from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
-
-FloatArray = NDArray[np.float64]
 
 VARIANTS = {
     "car tire": LateralBelt(),

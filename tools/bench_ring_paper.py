@@ -11,22 +11,21 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
 from gateway.estimators.determination import NUMBERS
 from gateway.estimators.ring_fit import fit_ring_numbers
 from gateway.estimators.ring_paper import RingPaperEstimator
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2, TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.signal import contact
 from gateway.signal.average import RunningAverage
 from gateway.signal.normalise import normalise_radial
 from gateway.signal.orders import coefficient_std, highest_order, order_coefficients, sample_std
 from gateway.signal.resample import GRID_SIZE, fit_phase, resample_revolution
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 RADIUS_M, SPEED_KMH, RATE_HZ = 0.32, 65.0, 9600.0
 OMEGA = SPEED_KMH / 3.6 / RADIUS_M

@@ -12,12 +12,11 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.signal.segmentation import find_contacts
+from gateway.types import FloatArray
 from tests.segmentation_signals import MEASURED, Case, judge, make_signal, segment
 
-FloatArray = NDArray[np.float64]
 Rng = np.random.Generator
 Draw = Callable[[Rng], dict[str, object]]
 

@@ -23,9 +23,8 @@ from gateway.estimators.ply_steer_models import TABLE_FORCE_N, Points, compare, 
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
 from gateway.simulator.lateral_truth import slopes_of
+from gateway.types import FloatArray
 from tools.bench_ply_steer import tir_values
-
-FloatArray = NDArray[np.float64]
 
 NOMINAL = LateralBelt()
 REFERENCE_PA = 2.1e5

@@ -11,16 +11,14 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
-from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.lateral_belt import ring_tension
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import Kinematics, RoadForce, signal_orders
 from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
+from gateway.types import FloatArray
 from tools.bench_ring_paper import BASE, OMEGA, RADIUS_M, ratio_with_truth_given
-
-FloatArray = NDArray[np.float64]
 
 LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
 NODES = 1440

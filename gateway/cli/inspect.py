@@ -11,6 +11,7 @@ from typing import Any, Final
 import click
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.io.source import LinkEventKind
 from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection, inspect_recording
 from gateway.recording.writer import utc_text
@@ -109,7 +110,7 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
 
 def _hello_text(hello: Hello) -> str:
     axes = [axis for axis in Axis if hello.axes >> axis & 1]
-    names = ", ".join(f"{axis.name.lower()} ±{hello.range_mps2[axis] / 9.80665:.0f} g" for axis in axes)
+    names = ", ".join(f"{axis.name.lower()} ±{hello.range_mps2[axis] / STANDARD_GRAVITY_MPS2:.0f} g" for axis in axes)
     highpass = f" above {hello.highpass_hz:g} Hz" if hello.coupling and hello.highpass_hz else ""
     firmware = ".".join(map(str, hello.firmware))
     return (

@@ -7,15 +7,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import Core, Shape
 from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, Conditions, Here
 from gateway.closure.observation import ORDERS
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import ComplexArray, FloatArray
 
 THETA: Final = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE, dtype=np.float64)
 # Angle since mid revolution: a revolution runs from one contact's centre to the next, so its middle is at the top.

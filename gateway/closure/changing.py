@@ -9,18 +9,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from gateway.closure.diagnosis import Unexplained
-from gateway.closure.effects.base import AXES
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import Group
 from gateway.closure.residual import BANDS, POWER_SHARE, joined
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.constants import AXIS_NAMES
+from gateway.types import ComplexArray, FloatArray
 
 SCALING: Final = "not known: changes during the recording"
 
@@ -144,11 +141,11 @@ def _entry(
     omegas = [group.conditions.omega_radps / (2.0 * math.pi) for group in groups]
     name = f"order {first}" if first == last else f"orders {first} to {last}"
     text = (
-        f"{AXES[axis]} axis, {name}: changes during the recording, by {rms:.2g} m/s^2 rms about its mean "
+        f"{AXIS_NAMES[axis]} axis, {name}: changes during the recording, by {rms:.2g} m/s^2 rms about its mean "
         f"(most so in {groups[at].label}); load, slip angle, camber or temperature may: record one state at a time"
     )
     return Unexplained(
-        AXES[axis],
+        AXIS_NAMES[axis],
         "angle",
         (first, last),
         (first * min(omegas), last * max(omegas)),

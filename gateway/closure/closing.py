@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.closure.cores import Core
 from gateway.closure.diagnosis import Finding
 from gateway.closure.direction import turned_round
@@ -25,7 +22,6 @@ from gateway.closure.selection import Selection, select
 from gateway.closure.starting import angle_effects
 from gateway.errors import TreadlinkError
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 # Folds of the nested hold-out: each runs the whole selection again.

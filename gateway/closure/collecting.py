@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from gateway.closure.observation import ORDERS
 from gateway.estimators.base import Conditions, Revolution
 from gateway.signal.clipping import CLIPPED_FAULT, SATURATED_FAULT
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 MOST_REVOLUTIONS: Final = 20_000
 """Of one recording; at 3 kB each they take 60 MB."""

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import NoShapeError
 from gateway.closure.diagnosis import Finding, Verdict
@@ -15,8 +14,6 @@ from gateway.closure.fit import Fit
 from gateway.closure.model import ClosureModel
 from gateway.closure.observation import Block, Campaign, Group
 from gateway.signal.correction import CorrectedEffect, CorrectionTable, EffectParameter
-
-FloatArray = NDArray[np.float64]
 
 _SPEEDS: Final = 9
 # What was found at some speeds, loads and pressures holds a little beyond them.

@@ -6,14 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.closure.effects.base import Conditions, StartModel
 from gateway.closure.ring_options import RingOptions
 from gateway.physics.rolling_ring_waveform import SensorWaveform
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 class NoShapeError(Exception):

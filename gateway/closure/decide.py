@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import NoShapeError
 from gateway.closure.effects.base import Conditions
@@ -18,9 +17,7 @@ from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Block, Campaign, Group
 from gateway.closure.witness import CLOCK, HOST_CLOCK
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 # Fall of the misfit at which two explanations count as told apart.
 _TOLD_APART: Final = 25.0

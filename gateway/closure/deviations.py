@@ -12,9 +12,7 @@ from scipy.ndimage import convolve1d, map_coordinates, spline_filter1d
 
 from gateway.closure.scatter import regress, regressors
 from gateway.signal.resample import angle_grid
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import BoolArray, FloatArray
 
 HIGHEST_RATE_HZ: Final = 4000.0
 # What the sampling and the angle grid carry, 0.28 of their rate, is what the filter below passes, 0.45 of its own.
@@ -62,7 +60,7 @@ def deviations(
         return ()
     spectra = np.fft.rfft(waveforms_mps2.astype(np.float64), axis=-1)
     spectra *= np.exp(-1j * np.arange(grid // 2 + 1) * shift_rad[:, None, None])
-    present: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(spectra), axis=(0, 2))
+    present: BoolArray = np.logical_and.reduce(np.isfinite(spectra), axis=(0, 2))
     spectra[:, ~present] = 0.0
     fitted, used = regress(spectra, regressors(omega_radps, omega_dot_radps2), np.ones(count, dtype=bool))
     if count <= used:
@@ -93,7 +91,7 @@ def _times(period_s: FloatArray, omega_radps: FloatArray, omega_dot_radps2: Floa
     return times.ravel()
 
 
-def _even(times: FloatArray, values: FloatArray, rate_hz: float, present: NDArray[np.bool_]) -> FloatArray | None:
+def _even(times: FloatArray, values: FloatArray, rate_hz: float, present: BoolArray) -> FloatArray | None:
     """Return (3, k) float32 at `rate_hz` of values (3, m) at almost even times, without what that rate cannot carry."""
     own_hz = (len(times) - 1) / (times[-1] - times[0])
     thin = max(1, math.ceil(_FINER * own_hz / rate_hz))

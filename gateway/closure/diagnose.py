@@ -6,9 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.closure.changing import beside_changes, changing
 from gateway.closure.closing import close_loop
 from gateway.closure.contribution import contribution_table
@@ -25,8 +22,6 @@ from gateway.closure.residual import unexplained
 from gateway.closure.starting import make_core
 from gateway.closure.timelocked import diagnose_time_locked
 from gateway.errors import TreadlinkError
-
-FloatArray = NDArray[np.float64]
 
 _FEW_REVOLUTIONS: Final = 20
 _NO_MEAN: Final = (

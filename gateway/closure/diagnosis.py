@@ -7,18 +7,14 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.signal.correction import CorrectionTable
+from gateway.types import FloatArray
 
 FAR_OFF: Final = 1.2
 """An error after that is this many noise floors: what the model still lacks may move estimates beyond their errors.
 
 From `paper` and `series` pulls of Bs, Cw, Rs, Ts stay below 3.3 up to it, and go to 6 and more beyond.
 """
-
-FloatArray = NDArray[np.float64]
 
 
 class Verdict(StrEnum):

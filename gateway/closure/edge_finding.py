@@ -8,14 +8,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Finding, Fitted, Verdict
 from gateway.closure.effects.edge_scatter import EFFECT
 from gateway.closure.findings import fitted_parameter
 from gateway.closure.observation import Group
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Fall of the deviance that is no chance find, as for effects that are locked to the wheel.
 _LEAST_EVIDENCE: Final = 25.0

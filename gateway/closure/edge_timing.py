@@ -14,10 +14,7 @@ from gateway.closure.effects.edge_scatter import EFFECT, REACH_RAD
 from gateway.closure.grouping import folded
 from gateway.closure.observation import ORDERS, EdgeTiming
 from gateway.closure.scatter import regress, regressors, robust_variance
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.intp]
+from gateway.types import ComplexArray, FloatArray, IntArray
 
 TERMS: Final = 4
 """Of one revolution: how early its leading and its trailing edge are, and how much that grows away from the middle."""

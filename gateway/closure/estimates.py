@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Fitted
 from gateway.closure.effects.base import Conditions
@@ -17,8 +16,7 @@ from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import ORDERS
 from gateway.closure.residual import GroupResidual, group_residuals
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 # Orders over which the residual's power is smoothed, and its phase is one: it sits within 0.4 rad of the contact's

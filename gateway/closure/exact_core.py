@@ -10,18 +10,16 @@ from functools import cache, lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import Shape, moved
 from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
 from gateway.closure.out_of_round import LoadedShape, load_step, out_of_round
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
-from gateway.physics.constants import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
+from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waveform import SensorWaveform
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Of Table 3's tire, whose stiffnesses over its load are where a fit begins whatever the load is.
 _NOMINAL_TREAD_NPM2: Final = 7e7

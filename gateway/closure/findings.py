@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure import gates
 from gateway.closure.decide import deciding_recording
@@ -22,8 +21,7 @@ from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import Selection
 from gateway.closure.taking_out import added_by
 from gateway.closure.witness import CLOCK
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 def refused(step: Step, fit: Fit, reason: str) -> Finding:

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import NoShapeError
 from gateway.closure.likelihood import Normal, Whitened, add_rows, empty_normal
 from gateway.closure.model import ClosureModel
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray, IntArray
 
 _MAX_STEPS: Final = 25
 _ALL_STEPS: Final = 200
@@ -46,7 +43,7 @@ class Rows:
         weight: (blocks, 3, ORDERS) that made both white.
     """
 
-    places: NDArray[np.intp]
+    places: IntArray
     rows: ComplexArray
     residual: ComplexArray
     weight: FloatArray

@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from gateway.closure.effects.base import AXES, CIRCUMFERENTIAL, RADIAL, Checked, SignalEffect
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Checked, SignalEffect
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
+from gateway.constants import AXIS_NAMES
+from gateway.types import ComplexArray, FloatArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Part = tuple[int, slice]
 """A group, and axes of it."""
 
@@ -88,7 +87,7 @@ def lopsided(fit: Fit, effect: AngleEffect, scale: float) -> str:
     groups = range(len(fit.model.campaign.groups))
     # Others feel it only through what further effects make of it, and so answer to those.
     own = effect.axes if isinstance(effect, SignalEffect) else (CIRCUMFERENTIAL, RADIAL)
-    axes = [(f"the {AXES[axis]} axis", [(index, slice(axis, axis + 1)) for index in groups]) for axis in own]
+    axes = [(f"the {AXIS_NAMES[axis]} axis", [(index, slice(axis, axis + 1)) for index in groups]) for axis in own]
     found = _odd_one(fit, effect, scale, axes)
     return f"it would have to be of another size on other axes (most so on {found})" if found else ""
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from gateway.closure.collecting import RevolutionTable, carried_order
@@ -19,9 +18,7 @@ from gateway.closure.grouping import alike, folded
 from gateway.closure.observation import ORDERS, Block, Group
 from gateway.closure.scatter import settle
 from gateway.signal.resample import GRID_SIZE, angle_grid
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+from gateway.types import FloatArray, IntArray
 
 ASSUMED_LOAD_N: Final = 4000.0
 ASSUMED_PRESSURE_PA: Final = 2.2e5

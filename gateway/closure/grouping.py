@@ -6,10 +6,8 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+from gateway.types import BoolArray, FloatArray, IntArray
 
 SPEED_WIDTH: Final = 0.03
 LOAD_WIDTH: Final = 0.02
@@ -77,7 +75,7 @@ def alike(
 
 
 def tire_states(
-    load_n: FloatArray, pressure_pa: FloatArray, half_angle_rad: FloatArray, load_known: NDArray[np.bool_]
+    load_n: FloatArray, pressure_pa: FloatArray, half_angle_rad: FloatArray, load_known: BoolArray
 ) -> IntArray:
     """Return the tire's state of each group, numbered from 0 in the order of the groups.
 

@@ -10,7 +10,6 @@ from functools import partial
 from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import HeldOut
 from gateway.closure.effects.base import StartModel
@@ -22,9 +21,7 @@ from gateway.closure.processes import Processes
 from gateway.closure.residual import POWER_SHARE, group_residuals, standing_out
 from gateway.closure.selection import select
 from gateway.closure.starting import angle_effects, make_core
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)

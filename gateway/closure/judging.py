@@ -7,17 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.closure import gates
 from gateway.closure.effects.base import Form
 from gateway.closure.fit import Fit, FitFailedError
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect
 from gateway.closure.trial import FAR_OFF, Trial, bare, refit, try_effect
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 AT_NOISE: Final = 1.2
 """Misfit over degrees of freedom at which nothing is left for effects not yet added."""

@@ -21,9 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.effects.base import Here
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 # A 205/55R16 car tire's belt; `Stiffness` fits what differs from it. Only ratios of them matter for the shape.
 SHEAR_STIFFNESS_N: Final = 1.6e6

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import Core
 from gateway.closure.effects.base import Described
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # The contact's centre as the pipeline found it may lie this far from the road normal, one standard deviation.
 _CENTRE_STD_RAD = 0.05

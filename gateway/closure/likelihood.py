@@ -7,12 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.observation import Campaign, Group
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray, IntArray
 
 # What resampling, rounding and the grid of the solver leave, beside noise: a share of an order's own size and of the
 # signal's. They are why the held-out error of a recording with nothing wrong is a little below the noise floor.
@@ -169,7 +166,7 @@ def empty_normal(folds: int, size: int) -> Normal:
     return Normal(np.zeros((folds, size, size)), np.zeros((folds, size)), np.zeros(folds))
 
 
-def add_rows(normal: Normal, places: NDArray[np.intp], rows: ComplexArray, residual: ComplexArray) -> None:
+def add_rows(normal: Normal, places: IntArray, rows: ComplexArray, residual: ComplexArray) -> None:
     """Add one group's whitened rows (blocks, k, 3, ORDERS) and residual (blocks, 3, ORDERS), in place."""
     there, left = as_real(rows), as_real(residual)
     blocks = np.arange(len(left))

@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.assembly import base_signal, field_orders, mounting_matrix, with_signal
 from gateway.closure.cores import Core, NoShapeError, Shape, moved
@@ -20,9 +19,8 @@ from gateway.closure.ring_options import RingOptions
 from gateway.closure.tire_state import references, shift, slopes
 from gateway.closure.witness import witnesses
 from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.types import ComplexArray, FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 AngleEffect = RingEffect | SignalEffect
 
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
@@ -167,7 +165,7 @@ class ClosureModel:
 
     def group_derivatives(
         self, vector: FloatArray, index: int, only: str | None = None
-    ) -> tuple[NDArray[np.intp], ComplexArray, ComplexArray]:
+    ) -> tuple[IntArray, ComplexArray, ComplexArray]:
         """Return a group's prediction and derivatives at its mean conditions: nearly the same in every block.
 
         Args:

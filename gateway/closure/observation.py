@@ -6,13 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.closure.effects.base import Conditions
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 ORDERS: Final = 111
 """Orders 0 to 110 are compared: on a measured tire nothing above repeats."""

@@ -7,14 +7,12 @@ from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gateway.closure.effects.lateral_load import STIFFNESSES, LateralLoad
 from gateway.closure.fit import Fit
 from gateway.closure.model import AngleEffect
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray, IntArray
 
 # What an effect's equation leaves may look like a stiffness as far off as this.
 _TOLERANCE: Final = 0.15
@@ -50,7 +48,7 @@ def another_belt(fit: Fit, effect: AngleEffect, earlier: Iterable[AngleEffect], 
     return ""
 
 
-def _stiffnesses(fit: Fit, effect: AngleEffect) -> NDArray[np.intp]:
+def _stiffnesses(fit: Fit, effect: AngleEffect) -> IntArray:
     where = fit.model.layout.effect(effect.name)
     return np.arange(where.stop - len(STIFFNESSES), where.stop)
 

@@ -6,13 +6,11 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import Shape
 from gateway.closure.effects.base import FIELD_SIZE
 from gateway.physics.rolling_ring_waveform import SensorWaveform
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Shares of the load by which the shapes beside the middle one differ from it, and the height from which on it is the
 # larger: a millimetre swings the load of a car's tire by 5 %, and the parabola holds within its shapes.

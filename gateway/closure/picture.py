@@ -6,18 +6,15 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.assembly import THETA, orders_field
 from gateway.closure.diagnosis import Curves, Trend
-from gateway.closure.effects.base import AXES
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import Group
 from gateway.closure.residual import group_residuals
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.constants import AXIS_NAMES
+from gateway.types import ComplexArray, FloatArray
 
 # A quantity that varies by less than this share over the groups shows no trend.
 _VARIES: Final = 0.03
@@ -71,7 +68,7 @@ def trends_of(before: Fit, after: Fit, data: Whitened) -> tuple[Trend, ...]:
         at = np.array([value(group) for group in groups])
         if len(at) < 2 or np.ptp(at) < max(least, _VARIES * float(np.abs(at).mean()) if name != "time_s" else least):
             continue
-        for axis, words in enumerate(AXES):
+        for axis, words in enumerate(AXIS_NAMES):
             if not any((weight[:, axis] > 0.0).any() for weight in data.weights):
                 continue
             left = [np.array([r.rms_mps2()[axis] for r in of]) for of in residuals]

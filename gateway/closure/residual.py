@@ -9,18 +9,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from gateway.closure.assembly import THETA, orders_field
 from gateway.closure.diagnosis import Unexplained
-from gateway.closure.effects.base import AXES
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import ORDERS, Campaign
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.constants import AXIS_NAMES
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 """Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
@@ -96,7 +93,7 @@ def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     return tuple(e for e in found if e.rms_mps2 > max(_NEGLIGIBLE * largest, _SIGMAS * e.std_mps2))
 
 
-def standing_out(residuals: Sequence[GroupResidual]) -> NDArray[np.bool_]:
+def standing_out(residuals: Sequence[GroupResidual]) -> BoolArray:
     """Return the orders of bands that stand out of the noise, (3, ORDERS)."""
     result = np.zeros((3, ORDERS), dtype=np.bool_)
     for axis in range(3):
@@ -146,8 +143,8 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
     if window is not None:
         where = f"between {math.degrees(window[0]):.0f} and {math.degrees(window[1]):.0f} deg of the contact's centre"
     name = f"order {low}" if low == high else f"orders {low} to {high}"
-    text = f"{AXES[axis]} axis, {name}, {where}: {size:.2g} m/s^2 rms that repeats every revolution; {scaling}"
-    return Unexplained(AXES[axis], "angle", (low, high), hz, window, scaling, size, std, text)
+    text = f"{AXIS_NAMES[axis]} axis, {name}, {where}: {size:.2g} m/s^2 rms that repeats every revolution; {scaling}"
+    return Unexplained(AXIS_NAMES[axis], "angle", (low, high), hz, window, scaling, size, std, text)
 
 
 def _rms_error(residual: GroupResidual, axis: int, first: int, last: int) -> float:

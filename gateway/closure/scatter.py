@@ -10,10 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from gateway.closure.observation import ORDERS
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # From so many revolutions on, what follows the speed and its change is taken off before scatter is measured.
 _REGRESSED_FROM: Final = 12

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure import gates
 from gateway.closure.cores import Core
@@ -20,8 +19,7 @@ from gateway.closure.observation import Campaign
 from gateway.closure.one_belt import another_belt
 from gateway.closure.rivals import fit_without
 from gateway.closure.taking_out import added_by, taken_out
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 _MOST_EFFECTS: Final = 10
 # Fall of the misfit by the linear fit, times what is needed, from which an effect is not tried without.

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import spherical_jn
 
 from gateway.closure.cores import Shape, moved
@@ -21,7 +20,7 @@ from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
 from gateway.physics.bound import waveform_orders
-from gateway.physics.constants import (
+from gateway.physics.reference_tire import (
     TABLE_3_LOAD_N,
     TABLE_3_LOAD_NUMBER,
     TABLE_3_NUMBERS,
@@ -30,8 +29,7 @@ from gateway.physics.constants import (
 )
 from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring_waveform import SensorWaveform
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Table 3's tire. Its stiffnesses over its load are where a fit begins whatever the load is.
 _NOMINAL: Final = Conditions(

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import NoShapeError
 from gateway.closure.fit import Fit, held_out_misfit
 from gateway.closure.likelihood import Normal, as_real
 from gateway.closure.model import AngleEffect
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,11 @@ from dataclasses import astuple
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import Core, Shape, differences
 from gateway.closure.effects.base import Conditions
 from gateway.closure.ring_options import RingOptions
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A derivative holds as long as no parameter's logarithm has moved by more, and no option by a larger share of itself.
 _SAME: Final = 0.005

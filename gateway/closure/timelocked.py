@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Finding, Fitted, Spectra, Unexplained, Verdict
 from gateway.closure.effects.base import SpectrumEffect
@@ -22,8 +21,7 @@ from gateway.closure.timelocked_lines import running_median, usable_bins
 from gateway.closure.timelocked_model import JITTER, LOW_PASS, Site, full_density, sites_of, wide_density
 from gateway.closure.timelocked_selection import OTHERS, Selection, Step, place_of
 from gateway.closure.timelocked_spectra import group_spectra
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 FOLDS: Final = 5
 ROAD: Final = "road vibration"

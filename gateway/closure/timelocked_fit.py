@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.timelocked_model import Parts, Site, wide_density
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # One sensor's noise in one recording and the next, standard deviation of ln of the density.
 _LEVEL_STD: Final = 0.1

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gateway.closure.effects.base import AXES, CIRCUMFERENTIAL, RADIAL, Conditions, Parameter, SpectrumEffect
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions, Parameter, SpectrumEffect
 from gateway.closure.timelocked_fit import Observed, SpectrumFit
 from gateway.closure.timelocked_lines import envelope_moment
 from gateway.closure.timelocked_model import Site, wide_density
 from gateway.closure.timelocked_selection import place_of
 from gateway.closure.timelocked_spectra import held_scaling
-
-FloatArray = NDArray[np.float64]
+from gateway.constants import AXIS_NAMES
+from gateway.types import FloatArray
 
 # Two axes that must be alike differ by no more than this in rms, and one that must be quiet has no more power.
 _ALIKE: Final = 1.6
@@ -152,11 +151,11 @@ def _axes_differ(effect: SpectrumEffect, size: Size) -> str:
         factor, std = pooled[axis]
         high, low = factor + _SIGMAS * std, factor - _SIGMAS * std
         if high < mean / _ALIKE**2 or low > mean * _ALIKE**2 or factor < _SIGMAS * std < mean / _ALIKE**2:
-            return f"the {AXES[axis]} axis has {math.sqrt(max(factor, 0.0) / mean):.2f} times its share"
+            return f"the {AXIS_NAMES[axis]} axis has {math.sqrt(max(factor, 0.0) / mean):.2f} times its share"
     for axis in range(3):
         factor, std = pooled[axis]
         if axis not in effect.axes and factor - _SIGMAS * std > _QUIET * mean:
-            return f"the {AXES[axis]} axis has it too, {math.sqrt(max(factor, 0.0)):.2f} times as much"
+            return f"the {AXIS_NAMES[axis]} axis has it too, {math.sqrt(max(factor, 0.0)):.2f} times as much"
     return ""
 
 
@@ -231,7 +230,7 @@ def _not_alone(sites: Sequence[Site], effect: SpectrumEffect, band: tuple[float,
             continue
         total, error = float(above[seen, axis].sum()), math.sqrt(float(np.square(std[seen, axis]).sum()))
         if math.isfinite(error) and total - _SIGMAS * error > _QUIET * own:
-            return f"the {AXES[axis]} axis has the same band, {math.sqrt(total / own):.2f} times as much"
+            return f"the {AXIS_NAMES[axis]} axis has the same band, {math.sqrt(total / own):.2f} times as much"
     return ""
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.observation import ORDERS, Group
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 TERMS: Final = 9
 # An edge takes its surroundings along, fading over this angle to either side.

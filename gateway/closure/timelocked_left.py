@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.diagnosis import Unexplained
-from gateway.closure.effects.base import AXES
 from gateway.closure.timelocked_gates import several_speeds
 from gateway.closure.timelocked_lines import rare_ratio
 from gateway.closure.timelocked_model import Site
 from gateway.closure.timelocked_spectra import held_scaling
-
-FloatArray = NDArray[np.float64]
+from gateway.constants import AXIS_NAMES
+from gateway.types import BoolArray, FloatArray
 
 # Widths that are looked through, in bins, and how rarely noise exceeds what is taken for real: once in some 1e8.
 _WIDTHS: Final = (1, 5, 15, 45, 135)
@@ -170,7 +168,7 @@ def _parts(
     return found
 
 
-def _within(free: NDArray[np.bool_], peak: int, half: int) -> slice:
+def _within(free: BoolArray, peak: int, half: int) -> slice:
     """Return the free bins about a peak, up to so many to either side."""
     first = last = peak
     while first > max(0, peak - half) and free[first - 1]:
@@ -274,13 +272,13 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
     if doubtful and not locked:
         where += ", where the wheel's orders are: locked to time or, changing, to the wheel,"
     same = _at_speeds(sites, parts) if locked is False else ""
-    also = ", ".join(f"{value:.2g} m/s^2 {AXES[one]}" for one, value in sizes.items() if one != axis)
+    also = ", ".join(f"{value:.2g} m/s^2 {AXIS_NAMES[one]}" for one, value in sizes.items() if one != axis)
     text = (
-        f"{'A line' if line else 'A band'} at {where}{same} on the {AXES[axis]} axis, {size:.2g} m/s^2 rms"
+        f"{'A line' if line else 'A band'} at {where}{same} on the {AXIS_NAMES[axis]} axis, {size:.2g} m/s^2 rms"
         f"{f' (and {also})' if also else ''}; scaling: {scaling}."
     )
     return Unexplained(
-        AXES[axis], "time", orders, (low, high), None, scaling, size, error, text, lock_known=not doubtful
+        AXIS_NAMES[axis], "time", orders, (low, high), None, scaling, size, error, text, lock_known=not doubtful
     )
 
 

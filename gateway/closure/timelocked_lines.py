@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.timelocked_model import Site
 from gateway.closure.timelocked_spectra import GroupSpectra
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Bins on either side that make up a line, and within which the density falls to this share of its peak.
 _LINE_BINS: Final = 2

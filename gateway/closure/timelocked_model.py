@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import SpectrumEffect
 from gateway.closure.observation import Group
 from gateway.closure.timelocked_jitter import TERMS, edge_jitter_basis
 from gateway.closure.timelocked_spectra import GroupSpectra
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from gateway.types import FloatArray, IntArray
 
 JITTER: Final = "jitter of the contact's edges"
 LOW_PASS: Final = "low-pass behind the sensor"
@@ -63,7 +60,7 @@ class Site:
     floor: FloatArray
     dense: int
     grid_hz: FloatArray
-    first: NDArray[np.intp]
+    first: IntArray
     basis_wide: FloatArray
     floor_wide: FloatArray
 

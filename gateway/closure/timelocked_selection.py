@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import SpectrumEffect
 from gateway.closure.timelocked_fit import Observed, SpectrumFit, deviance, fit_spectra, start_fit
 from gateway.closure.timelocked_model import JITTER, LOW_PASS, Parts, Site, wide_density
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Fall of the deviance on all data from which on a component is looked at, and on held-out data to be accepted: what
 # white noise does not reach in some thousand trials, with room.

@@ -7,15 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions
 from gateway.closure.observation import Group
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
+from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
 
 RESOLUTION_HZ: Final = 1.0
 LOWEST_HZ: Final = 3.0

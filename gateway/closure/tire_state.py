@@ -17,12 +17,10 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import Conditions
 from gateway.closure.observation import Campaign
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Between a fifth and four fifths of a sidewall's stiffness are the pressure's. Within a state pressures differ by a
 # percent at most, so that this guess is off by 0.3 % of the stiffness at worst.

@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.cores import NoShapeError
 from gateway.closure.effects.base import Scanned, SignalEffect
 from gateway.closure.fit import Fit, fit_model, held_out_misfit, linearised, misfit_of
 from gateway.closure.likelihood import Normal, Whitened, as_real
 from gateway.closure.model import AngleEffect, ClosureModel
-
-FloatArray = NDArray[np.float64]
-
+from gateway.types import FloatArray, IntArray
 
 # Steps of a refit: what is right comes to rest in five to fifteen, what wanders further is not what is wrong.
 _TRIAL_STEPS: Final = 30
@@ -171,7 +168,7 @@ def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) 
     return _solved(effect, start, model, there, Normal(matrix, gradient, misfit), _tightened(fit))
 
 
-def _places(fit: Fit, model: ClosureModel) -> NDArray[np.intp]:
+def _places(fit: Fit, model: ClosureModel) -> IntArray:
     """Return where each parameter of a fit lies in the larger model, (P,)."""
     result = np.arange(fit.model.layout.size)
     for effect in fit.model.effects:

@@ -14,6 +14,7 @@ import annotated_types
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -49,8 +50,8 @@ class Fault:
 _UNIT_HINTS: Final[dict[str, tuple[tuple[float, str], ...]]] = {
     "_mm": ((1e3, "m"), (10.0, "cm"), (25.4, "inch")),
     "_kpa": ((1e2, "bar"), (1e-3, "Pa"), (6.894757, "psi")),
-    "_n": ((1e3, "kN"), (9.80665, "kg")),
-    "_kg": ((1e3, "t"), (1 / 9.80665, "N")),
+    "_n": ((1e3, "kN"), (STANDARD_GRAVITY_MPS2, "kg")),
+    "_kg": ((1e3, "t"), (1 / STANDARD_GRAVITY_MPS2, "N")),
     "_hz": ((1e3, "kHz"),),
 }
 _UNIT_NAMES: Final = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_kg": "kg", "_hz": "Hz", "_degc": "degC", "_kmh": "km/h"}

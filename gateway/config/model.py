@@ -12,9 +12,9 @@ from pydantic import Field, model_validator
 from gateway.config.cross_checks import cross_faults
 from gateway.config.faults import Section
 from gateway.config.toml_writer import toml_text
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.pipeline.setup import LoadCalibration, ReferenceNumbers, TireData, WheelSetup
 
-STANDARD_GRAVITY_MPS2: Final = 9.80665
 ASSUMED_RADIUS_MM: Final = 320.0
 POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
 

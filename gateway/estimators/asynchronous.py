@@ -6,14 +6,12 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.signal.asynchronous import Spectrum, spectral_lines, welch_spectrum
 from gateway.signal.average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.signal.resample import angle_grid
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 NAMES: Final = ("asynchronous_rms_mps2", "asynchronous_line_hz", "asynchronous_line_rms_mps2")
 

@@ -7,14 +7,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.estimators.tire_data import TireData
 from gateway.signal.average import AngleAverage as AngleAverage  # what the average hands out is what estimators see
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 
 class Status(StrEnum):

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from gateway.types import BoolArray, FloatArray
 
 # Returns model values (m,) and their Jacobian (m, k).
 Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -42,7 +41,7 @@ class BoundedFit:
     """
 
     parameters: FloatArray
-    free: NDArray[np.bool_]
+    free: BoolArray
     residuals: FloatArray
     jacobian: FloatArray
     cost: float

@@ -13,12 +13,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from gateway.types import BoolArray, FloatArray
 
 NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 RATIOS: Final = ("Bs/Cw", "Rs/Cw", "Ts/Cw")

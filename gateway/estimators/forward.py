@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.estimators.determination import (
@@ -27,8 +26,6 @@ from gateway.estimators.determination import (
 )
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
 from gateway.estimators.forward_model import ForwardModel, P
-
-FloatArray = NDArray[np.float64]
 
 SHAPE: Final = ("half_angle_rad", "edge_wave_before", "edge_wave_after")
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.forward_model import (
     NOMINAL_LOAD_NUMBER,
@@ -26,10 +25,7 @@ from gateway.estimators.forward_model import (
 )
 from gateway.estimators.forward_start import begin_waves, cold_start, place_centre
 from gateway.physics.rolling_ring import RingNotConvergedError
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # Largest change of a parameter in one step, in these units.
 _REACH: Final[FloatArray] = np.minimum(np.where(np.arange(SIZE) < P.DAMPING, 0.5, 0.5 * PRIOR_STD), 2.0)

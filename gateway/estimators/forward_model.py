@@ -12,15 +12,12 @@ from enum import IntEnum
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.forward_waves import Packet, packet_basis
 from gateway.physics.bound import waveform_orders
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 # Table 3's tire: 5000 N, 2.1 bar, 0.32 m.
 NOMINAL_LOAD_NUMBER: Final = 5000.0 / (2.1e5 * 0.32**2)

@@ -6,13 +6,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.forward_model import PRIOR_MEAN, ForwardModel, ForwardSolution, P, stacked
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 _SEARCH_ORDERS: Final = range(15, 90)
 # Share of R omega^2 below which a packet may be one that has just come out of the noise.

@@ -14,9 +14,8 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A packet swells from nothing over this angle: the edge itself is the ring's.
 _ONSET_RAD: Final = 0.03

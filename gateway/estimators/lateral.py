@@ -6,7 +6,6 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
 from gateway.signal.lateral import (
@@ -22,8 +21,7 @@ from gateway.signal.lateral import (
 from gateway.signal.moments import RunningMoments
 from gateway.signal.resample import Phase, angle_grid
 from gateway.signal.roll_calibration import RollCalibration
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Rows of `Revolution.axes_mps2`.
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)

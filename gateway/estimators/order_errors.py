@@ -7,11 +7,9 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.signal.orders import ORDER_COUNT
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Bands of orders [first, next); orders 0 and 1 count to the first.
 BANDS: Final = (2, 4, 6, 9, 13, 18, 24, 31, 39, 48, ORDER_COUNT)

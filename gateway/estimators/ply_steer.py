@@ -9,7 +9,7 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.estimators.lateral import (
@@ -23,8 +23,7 @@ from gateway.estimators.lateral import (
     why_unusable,
 )
 from gateway.signal.roll_calibration import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
 ROLL_NAME: Final = "sensor_roll_rad"

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2, TABLE_3_NUMBERS
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Ply steer paper, Table I (400 kg) and Table II (2.1 bar), 205/55R16; their common point is listed once.
 TABLE_LOAD_KG: Final = (400.0, 400.0, 400.0, 400.0, 300.0, 500.0)

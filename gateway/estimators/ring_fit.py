@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.bounded_fit import BoundedFit, Model, fit_nonnegative
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
-
-FloatArray = NDArray[np.float64]
+from gateway.types import BoolArray, FloatArray
 
 # The fit works in units of Table 3, so that all four parameters are about 1.
 _UNITS: Final = np.array(TABLE_3_NUMBERS)
@@ -46,7 +44,7 @@ class RingFit:
     """
 
     numbers: FloatArray
-    free: NDArray[np.bool_]
+    free: BoolArray
     covariance: FloatArray
     angle_derivative: FloatArray
     residual: float
@@ -139,7 +137,7 @@ def _scaled_start(model: Model, data: FloatArray, shape: FloatArray) -> FloatArr
 
 def _uncertainty(
     fit: BoundedFit,
-    free: NDArray[np.bool_],
+    free: BoolArray,
     terms: FloatArray,
     numerator: FloatArray,
     turn: FloatArray,

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution
 from gateway.estimators.determination import (
@@ -25,8 +24,7 @@ from gateway.estimators.determination import (
 from gateway.estimators.order_errors import band_mean, relative_std
 from gateway.estimators.ring_modal_fit import ModalFit, fit_modal
 from gateway.signal.orders import ORDER_COUNT
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 FIRST_ORDER: Final = 2
 _UNKNOWN_EDGE_STD_RAD: Final = 0.01

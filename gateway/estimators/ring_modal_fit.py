@@ -12,16 +12,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.bounded_fit import fit_nonnegative
-from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.contact_pressure import unit_road_orders
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-BoolArray = NDArray[np.bool_]
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # Numbers are counted in Table 3's at its load number, so that all are about 1 at load number 1.
 _UNITS: Final[FloatArray] = np.array(TABLE_3_NUMBERS) / 0.2325

@@ -12,7 +12,6 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution
 from gateway.estimators.determination import (
@@ -24,8 +23,7 @@ from gateway.estimators.determination import (
     unusable,
 )
 from gateway.estimators.ring_fit import fit_ring_numbers
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Share of the signal left over from which the ring is no description of it: 0.06 on the exact ring, 0.24 on the
 # measured tire.

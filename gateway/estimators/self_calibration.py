@@ -18,15 +18,12 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.signal.contact import contact_interior
 from gateway.signal.mounting import BeltKinematics, MountingRows, belt_kinematics, mounting_rows
-from gateway.signal.normalise import STANDARD_GRAVITY_MPS2
 from gateway.signal.roll_calibration import RollCalibration
-
-FloatArray = NDArray[np.float64]
 
 NAMES: Final = (
     "gain",

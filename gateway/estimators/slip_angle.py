@@ -11,7 +11,6 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.estimators.lateral import (
@@ -27,8 +26,7 @@ from gateway.estimators.lateral import (
 from gateway.signal.lateral import lateral_waveform
 from gateway.signal.moments import RunningMoments
 from gateway.signal.roll_calibration import RollCalibration
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 NAMES: Final = ("slip_apparent_rad", "slip_direction", "lateral_asymmetry", "left_right_asymmetry")
 SLIP_NAME: Final = "slip_angle_rad"

@@ -13,12 +13,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.base import Estimate, Status
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.determination import FittedNumbers
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance_alike
 from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, even_orders
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from gateway.types import BoolArray, FloatArray
 
 # What a belt of EA = 5 MN moves the numbers by, relative: at every load and wear alike (docs/estimators.md). Nobody
 # tells how extensible a belt is, so this is one standard error.

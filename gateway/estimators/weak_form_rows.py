@@ -22,7 +22,6 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.physics.belt_shape import (
     ALONG,
@@ -36,9 +35,7 @@ from gateway.physics.belt_shape import (
     integrate_from_zero,
 )
 from gateway.signal.orders import ORDER_COUNT
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 # Virtual rotations sin(j pi (theta - theta_c) / (pi - theta_c)), j = 1 to ROWS: orders up to about 35. The numbers need
 # two thirds of them; waves that are not the belt's shape, of order 30 on real tires, must be seen to be told.

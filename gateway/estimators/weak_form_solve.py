@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.estimators.bounded_fit import fit_nonnegative
 from gateway.estimators.weak_form_rows import (
@@ -25,10 +24,8 @@ from gateway.estimators.weak_form_rows import (
     row_sensitivity,
 )
 from gateway.physics.belt_shape import belt_shape
-from gateway.physics.constants import TABLE_3_NUMBERS
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
+from gateway.types import BoolArray, FloatArray
 
 # Table 3's tire carries 5000 N at 2.1 bar and a belt radius of 0.32 m.
 _TABLE_3_LOAD_NUMBER: Final = 0.2325

@@ -12,8 +12,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.lateral import DEFINITIONS, ORDERS, LateralRecord, Slopes, slopes
 from gateway.estimators.ply_steer_models import (
     RADIUS_M,
@@ -25,16 +25,15 @@ from gateway.estimators.ply_steer_models import (
     roll_car_tire,
     table_points,
 )
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
 from gateway.signal.lateral import deformation, lateral_coefficients, lateral_waveform
 from gateway.signal.resample import GRID_SIZE, angle_grid
+from gateway.types import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 
 # The paper's simulated case: 205/55R16, 400 kg, 2.5 bar, 60 km/h.
 _LOAD_N: Final = 400.0 * STANDARD_GRAVITY_MPS2

@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.figures.ring_paper_data import (
     NUMBERS,
@@ -25,12 +24,12 @@ from gateway.figures.ring_paper_data import (
 )
 from gateway.physics.ring_series import pressure_number, signal_orders, signal_waveform
 from gateway.signal.resample import angle_grid
+from gateway.types import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 
 _ORDERS: Final = np.arange(1, 61)
 # How truth and estimators are drawn, everywhere alike; the colours are told apart by colour-blind eyes.

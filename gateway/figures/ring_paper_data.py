@@ -10,18 +10,17 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
 from gateway.estimators.registry import make_estimator
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2, TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.signal.average import RunningAverage
 from gateway.signal.contact import find_contact_edges
 from gateway.signal.orders import coefficient_std, highest_order, order_coefficients, sample_std
 from gateway.signal.resample import GRID_SIZE
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 RADIUS_M: Final = 0.32
 SPEED_KMH: Final = 65.0

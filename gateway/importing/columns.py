@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.config.faults import nearest
 from gateway.errors import ImportDataError
 from gateway.importing.import_map import SUFFIXES, FileFormat, FileLayout
+from gateway.types import FloatArray
 
 BLOCK_ROWS: Final = 65536
 
@@ -30,7 +28,7 @@ class Block:
     """
 
     first_row: int
-    values: NDArray[np.float64]
+    values: FloatArray
     where: Callable[[int], str]
     progress: float
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.errors import ImportDataError
 from gateway.importing.columns import BLOCK_ROWS, Block
 from gateway.importing.import_map import DELIMITERS, FileLayout
+from gateway.types import FloatArray
 
 
 class CsvColumns:
@@ -92,7 +92,7 @@ class CsvColumns:
             return line.split()
         return next(csv.reader([line], delimiter=self._delimiter))
 
-    def _parse(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> NDArray[np.float64]:
+    def _parse(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> FloatArray:
         if self._layout.decimal == ",":
             lines = [line.replace(",", ".") for line in lines]
         delimiter = None if self._layout.delimiter == "space" else self._delimiter

@@ -15,14 +15,13 @@ from firmware_protocol.messages import Environment, Frame, Hello, Message, Messa
 from gateway.errors import ImportDataError
 from gateway.importing.import_map import PRESSURE_UNITS_PA, ImportMap
 from gateway.importing.scan import Scan
+from gateway.types import FloatArray
 
 CHUNK_S: Final = 0.01
 NEVER_SATURATED_COUNTS: Final = wire.MAX_SATURATION_COUNTS
 FULL_SCALE_COUNTS: Final = 32766
 """Counts of a stated full scale, at and above which samples are saturated."""
 _ZERO_MPS2: Final = 1e-12  # an axis that never exceeds it is dead; its scale must still be a number
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

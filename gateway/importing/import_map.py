@@ -12,8 +12,7 @@ from pydantic import AwareDatetime, BeforeValidator, Field
 from firmware_protocol.messages import Axis, Coupling
 from gateway.config.faults import Fault, Section, nearest, parse_document, read_text, show
 from gateway.config.model import ASSUMED_RADIUS_MM, POSITION_PATTERN, Tire, Vehicle, VehicleConfig, Wheel
-
-STANDARD_GRAVITY_MPS2: Final = 9.80665
+from gateway.constants import STANDARD_GRAVITY_MPS2
 
 ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
     "m/s^2": 1.0,

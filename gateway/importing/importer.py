@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis
 from gateway.errors import RecordingError
@@ -19,6 +18,7 @@ from gateway.importing.import_map import ImportMap
 from gateway.importing.scan import Scan, scan
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.recording.writer import RecordingWriter
+from gateway.types import FloatArray
 
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -142,7 +142,7 @@ def import_file(
 
 def _selected(
     reader: ColumnReader, import_map: ImportMap, found: Scan
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64], float]]:
+) -> Iterator[tuple[FloatArray, FloatArray, float]]:
     """Yield (axis columns, pressure and temperature columns, progress) from the first row to keep on."""
     names = import_map.columns()
     use = [names.index(column.column) for column in import_map.axis.present().values()]
@@ -158,7 +158,7 @@ def _selected(
         yield kept[:, use], slow, block.progress
 
 
-def _rows_to_keep(block: Block, skipped: int) -> NDArray[np.float64]:
+def _rows_to_keep(block: Block, skipped: int) -> FloatArray:
     return block.values[max(skipped - block.first_row, 0) :]
 
 

@@ -8,19 +8,17 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
 from gateway.errors import ImportDataError
 from gateway.importing.columns import Block, ColumnReader
 from gateway.importing.import_map import TIME_UNITS_S, ImportMap
+from gateway.types import FloatArray
 
 _STEP_TOLERANCE: Final = 0.5  # share of a sample: beyond it a sample may be missing or doubled
 _RATE_TOLERANCE: Final = 1e-3  # the protocol carries one rate for the whole file
 _MIN_ROWS_FOR_RATE: Final = 1000
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,12 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 # Fields of the ring that stand behind the names of parameters; all derivatives are by logarithms.
 _RING_FIELDS: Final = {

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import block_array, coo_array, csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from gateway.types import BoolArray, FloatArray
 
 _MAX_PASSES = 60
 

@@ -16,10 +16,9 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 UNIFORM: Final[tuple[float, ...]] = ()
 PARABOLIC: Final[tuple[float, ...]] = (0.0, -1.0)

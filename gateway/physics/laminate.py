@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Rubber is incompressible; 0.49 keeps its constants finite.
 RUBBER_POISSON_RATIO: Final = 0.49

@@ -14,16 +14,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import splu
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.brush_tread import solve_brush_on_belt
 from gateway.physics.rolling_ring import RingSolution
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2, angle_derivatives
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)

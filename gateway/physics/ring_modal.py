@@ -12,13 +12,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gateway.physics.ring_series import Kinematics
 from gateway.physics.rolling_ring import RingParameters
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 
 class ModalCoefficients(NamedTuple):

@@ -17,11 +17,10 @@ from collections.abc import Sequence
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gateway.physics.contact_pressure import road_orders
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 class Kinematics(StrEnum):

@@ -11,16 +11,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring_equations import segment_turn
 from gateway.physics.rolling_ring_newton import NewtonState, find_equilibrium, resting_state
 from gateway.physics.rolling_ring_newton import RingNotConvergedError as RingNotConvergedError
 from gateway.physics.rolling_ring_road import BeltLaw, Grid, ring_grid, road_push
 from gateway.physics.rolling_ring_waveform import SensorWaveform, angle_derivatives, sensor_waveform
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from gateway.types import BoolArray, FloatArray
 
 MIN_NODES = 120
 

@@ -6,10 +6,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from gateway.types import FloatArray, IntArray
 
 
 class FoldedBand(NamedTuple):

@@ -10,7 +10,6 @@ import numpy as np
 from gateway.physics.rolling_ring_road import (
     QUARTER_TURN,
     BeltLaw,
-    FloatArray,
     Grid,
     RoadPush,
     following,
@@ -18,6 +17,7 @@ from gateway.physics.rolling_ring_road import (
     preceding,
     road_push,
 )
+from gateway.types import FloatArray
 
 
 class Balance(NamedTuple):

@@ -10,7 +10,8 @@ import numpy as np
 
 from gateway.physics.rolling_ring_band import solve_bordered
 from gateway.physics.rolling_ring_equations import belt_balance
-from gateway.physics.rolling_ring_road import BeltLaw, FloatArray, Grid
+from gateway.physics.rolling_ring_road import BeltLaw, Grid
+from gateway.types import FloatArray
 
 _STEP_LIMIT_M = 0.01
 _TOLERANCE = 1e-9

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-
-STANDARD_GRAVITY_MPS2 = 9.80665
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import ComplexArray, FloatArray
 
 
 class SensorWaveform(NamedTuple):
@@ -46,7 +44,7 @@ class SensorWaveform(NamedTuple):
         )
 
 
-def angle_derivatives(values: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def angle_derivatives(values: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
     """Return first and second derivative by the angle of a periodic complex curve (N,), by FFT."""
     nodes = len(values)
     spectrum = np.fft.fft(values)

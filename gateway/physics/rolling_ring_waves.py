@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A packet swells from nothing over this angle, so that it does not step at the edge.
 _ONSET_RAD = 0.03

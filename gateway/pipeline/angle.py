@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis
 from gateway.estimators.base import Revolution
@@ -18,8 +17,7 @@ from gateway.signal.contact import find_contact_edges
 from gateway.signal.normalise import normalise_radial
 from gateway.signal.orders import coefficient_std, highest_order, order_coefficients, sample_std
 from gateway.signal.resample import GRID_SIZE, MARGIN_SAMPLES, fit_phase, resample_revolution
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A revolution with more of its samples lost than this is kept out of averages: a straight line stands in for them.
 _MAX_MISSING: Final = 0.0

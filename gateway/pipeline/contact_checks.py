@@ -9,12 +9,11 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.signal.segmentation import Contact
 from gateway.signal.trains import least_level, turn
+from gateway.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 # missing(first, end) -> how many of these samples were lost and filled
 Missing = Callable[[int, int], int]
 

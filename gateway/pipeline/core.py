@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Environment, Frame, Hello, MessageType, SampleBlock
 from firmware_protocol.sequence import unwrap
-from gateway.estimators.base import FloatArray
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.pipeline.setup import WheelSetup
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel import WheelPipeline
+from gateway.types import FloatArray
 
 if TYPE_CHECKING:
     from firmware_protocol.batch import FrameBatch, SampleGroup

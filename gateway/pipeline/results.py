@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from gateway.estimators.base import Conditions, Estimate, FloatArray, Revolution
+from gateway.estimators.base import Conditions, Estimate, Revolution
+from gateway.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

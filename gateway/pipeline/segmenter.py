@@ -10,17 +10,13 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.pipeline.contact_checks import ContactPair as ContactPair
 from gateway.pipeline.contact_checks import Missing, consistent, mend
 from gateway.pipeline.results import WheelState
 from gateway.pipeline.tracking import ContactTrack, Read
 from gateway.signal.segmentation import Contact, find_contacts, refine_contact
 from gateway.signal.trains import LONGEST_PERIOD_S, Known
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 SEARCH_STEP_S: Final = 0.125
 SEARCH_WINDOW_S: Final = 3.0

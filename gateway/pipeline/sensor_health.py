@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Environment
+from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.base import Revolution
 from gateway.pipeline.results import SensorFlag
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A channel that does not move by one count for so long does not measure: electrical noise alone moves it.
 _WINDOW_S: Final = 1.0
@@ -37,8 +37,6 @@ _REVOLUTIONS: Final = 10
 _RINGING_SHARE: Final = 0.025
 _RINGING_RATIO: Final = 30.0
 
-_AMBIENT_PA: Final = 101_325.0
-_ZERO_DEGC_K: Final = 273.15
 _FROZEN_READINGS: Final = 10
 _FROZEN_PA: Final = 5_000.0
 
@@ -97,8 +95,8 @@ def tilt_rad(mean_mps2: FloatArray) -> tuple[Axis, float] | None:
 
 def expected_pressure_change_pa(pressure_pa: float, coldest_degc: float, hottest_degc: float) -> float:
     """Return by how much the gauge pressure of a closed volume differs between two temperatures (ideal gas)."""
-    middle_k = 0.5 * (coldest_degc + hottest_degc) + _ZERO_DEGC_K
-    return (pressure_pa + _AMBIENT_PA) * (hottest_degc - coldest_degc) / middle_k
+    middle_k = 0.5 * (coldest_degc + hottest_degc) + ZERO_CELSIUS_K
+    return (pressure_pa + STANDARD_ATMOSPHERE_PA) * (hottest_degc - coldest_degc) / middle_k
 
 
 class SensorHealth:

@@ -11,11 +11,12 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, FloatArray, Revolution, Status
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.setup import WheelSetup
 from gateway.signal.average import RunningAverage
+from gateway.types import FloatArray
 
 # Environment values kept for revolutions that are still being cut.
 _ENVIRONMENT_DEPTH: Final = 64

@@ -10,15 +10,14 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.pipeline.contact_checks import ContactPair, Missing, edge_jitter2, kept_rolling, mend, size
 from gateway.signal.dips import box_offsets, dip_score
 from gateway.signal.resample import MARGIN_SAMPLES
 from gateway.signal.segmentation import Contact, refine_contact
 from gateway.signal.trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, turn
+from gateway.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 # read(first, end) -> nominally inward radial acceleration of the samples first to end (exclusive), m/s^2
 Read = Callable[[int, int], FloatArray]
 

@@ -21,8 +21,7 @@ from gateway.pipeline.sensor_health import SensorHealth
 from gateway.pipeline.setup import WheelSetup
 from gateway.pipeline.timebase import HostClock, SampleClock
 from gateway.pipeline.tire import TireEstimates
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 RING_S: Final = 8.0
 # Longer gaps are not bridged: the wheel is searched for anew behind them.

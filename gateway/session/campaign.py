@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import Conditions
 from gateway.closure.group_making import FEW, label
@@ -24,6 +23,7 @@ from gateway.errors import RecordingError
 from gateway.session.campaign_clock import combined
 from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_recording
 from gateway.session.campaign_wheel import the_wheel
+from gateway.types import IntArray
 
 LEAST_REVOLUTIONS: Final = 4
 """Groups of fewer are left out, unless there is nothing else."""
@@ -208,7 +208,7 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
     )
 
 
-def _states(groups: Sequence[Group]) -> NDArray[np.intp]:
+def _states(groups: Sequence[Group]) -> IntArray:
     return tire_states(
         np.array([group.conditions.load_n for group in groups]),
         np.array([group.conditions.pressure_pa for group in groups]),

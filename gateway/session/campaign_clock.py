@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.batch import FrameBatch
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 UNKNOWN: Final = (math.nan, math.nan)
 

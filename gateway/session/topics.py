@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 
 from firmware_protocol.messages import Environment, Frame, Hello, HubStatus, LogLevel, LogText
-from gateway.estimators.base import Estimate, FloatArray
+from gateway.estimators.base import Estimate
 from gateway.pipeline.results import RevolutionResult
+from gateway.types import FloatArray
 
 # The waveform topic is for looking at, not for computing: the raw bytes beside it hold every sample.
 _WAVEFORM_POINTS: Final = 256

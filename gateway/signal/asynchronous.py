@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A line stands above the floor by what 800 bins of noise exceed once in a hundred spectra.
 _NORMAL_QUANTILE: Final = 4.2

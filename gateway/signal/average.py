@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.signal.contact import EDGE_MODEL_STD_RAD
 from gateway.signal.moments import RunningMoments
 from gateway.signal.orders import ORDER_COUNT
 from gateway.signal.resample import GRID_SIZE
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 DEFAULT_HORIZON_REVOLUTIONS: Final = 50.0
 

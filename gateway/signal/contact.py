@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.signal.orders import coefficient_std
 from gateway.signal.resample import angle_grid
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # How far inside the edge the steepest slope of the smoothed waveform lies, against the smoothing in orders: mean and
 # spread over loads, pressures, wear, belts and treads of the exact ring (tools/bench_ring_paper.py prints the table).

@@ -8,12 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.signal.resample import GRID_SIZE
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)

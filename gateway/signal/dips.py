@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 MIN_DEPTH_MPS2: Final = 4.0
 # depth * duration^2 is about 1.3 L^2 / R; contact lengths of 40 to 550 mm on radii of 0.2 to 0.6 m.

@@ -16,9 +16,8 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from gateway.types import ComplexArray, FloatArray
 
 LOWEST_ORDER: Final = 1
 HIGHEST_ORDER: Final = 40
@@ -98,14 +97,14 @@ def remove_roll(lateral: FloatArray, radial: FloatArray, roll_rad: float) -> Flo
     return result
 
 
-def _complex(coefficients: FloatArray) -> NDArray[np.complex128]:
+def _complex(coefficients: FloatArray) -> ComplexArray:
     """Return c - i s."""
     k = len(coefficients) // 2
-    result: NDArray[np.complex128] = coefficients[:k] - 1j * coefficients[k:]
+    result: ComplexArray = coefficients[:k] - 1j * coefficients[k:]
     return result
 
 
-def _synthesis(coefficients: NDArray[np.complex128], orders: range, n: int) -> FloatArray:
+def _synthesis(coefficients: ComplexArray, orders: range, n: int) -> FloatArray:
     """Return the waveform of complex coefficients c - i s."""
     spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)
     spectrum[orders.start : orders.stop] = coefficients * (_signs(orders) * (n / 2.0))

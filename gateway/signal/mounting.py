@@ -13,13 +13,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gateway.signal.normalise import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.resample import angle_grid
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 # Orders used: above them there is noise and nothing of a tire's slope.
 HIGHEST_ORDER: Final = 60

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.contact import contact_interior
 from gateway.signal.resample import Phase, angle_grid
+from gateway.types import FloatArray
 
-FloatArray = NDArray[np.float64]
-
-STANDARD_GRAVITY_MPS2: Final = 9.80665
 _ITERATIONS: Final = 3
 
 

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter1d
 
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 GRID_SIZE: Final = 1024
 

@@ -6,9 +6,6 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
 
 # What may stand in the mean of the lateral axis beside the tilt, as a constant: zero-g offset left after the hello's
 # calibration (0.1 g) and gravity times camber (1 m/s^2 is 6 deg).

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.signal.dips import box_offsets, find_dips, is_clipped, noise_std_mps2
 from gateway.signal.trains import Known, best_train, doubtful
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # The search looks at no more than this many samples a second; the shortest contact still spans three.
 SEARCH_RATE_HZ: Final = 4800.0

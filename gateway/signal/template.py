@@ -16,15 +16,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter1d
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.contact import ContactEdges, find_contact_edges, smoothing_order
-from gateway.signal.normalise import STANDARD_GRAVITY_MPS2
 from gateway.signal.resample import Phase, angle_grid
 from gateway.signal.segmentation import refine_contact
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # The template reaches so far beyond the edges: the overshoots with all of their slope.
 _BEYOND_RAD: Final = 0.35

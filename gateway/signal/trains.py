@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.signal.dips import Dips
-
-FloatArray = NDArray[np.float64]
+from gateway.types import BoolArray, FloatArray
 
 # Contact duration over period, L / (2 pi R).
 DUTY: Final = (0.015, 0.22)
@@ -192,10 +191,10 @@ def _possible_pairs(
     return i[good], j[good], own[good]
 
 
-def _rough(at_s: FloatArray, width_s: FloatArray) -> NDArray[np.bool_]:
+def _rough(at_s: FloatArray, width_s: FloatArray) -> BoolArray:
     period = at_s[None, :] - at_s[:, None]
     wider = np.maximum(width_s[None, :], width_s[:, None])
-    result: NDArray[np.bool_] = (period > wider / (INTERVAL_RATIO * DUTY[1])) & (
+    result: BoolArray = (period > wider / (INTERVAL_RATIO * DUTY[1])) & (
         period < np.minimum(LONGEST_PERIOD_S, wider / DUTY[0])
     )
     return result

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 class Biquad:

@@ -6,11 +6,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.simulator.tire_model import TireModel
-
-FloatArray = NDArray[np.float64]
+from gateway.types import ComplexArray, FloatArray
 
 # The solution's slope is drawn on so many angles; a peak is then known to 1e-6 of itself.
 _FINE = 16384
@@ -51,7 +49,7 @@ def slopes_of(y_m: FloatArray, radius_m: float, leading_rad: float, trailing_rad
     order = np.arange(len(spectrum))
     theta = -np.pi + 2.0 * np.pi * np.arange(_FINE) / _FINE
 
-    def synthesised(coefficients: NDArray[np.complex128]) -> FloatArray:
+    def synthesised(coefficients: ComplexArray) -> FloatArray:
         padded = np.zeros(_FINE // 2 + 1, np.complex128)
         padded[: len(coefficients)] = coefficients
         return np.fft.irfft(padded, n=_FINE) * _FINE

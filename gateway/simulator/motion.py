@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.simulator.series import Series
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A profile that does not repeat is held at its last speed; it is laid out this far.
 _FOREVER_S = 1e9

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.simulator.motion import MotionProfile
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Each pass of the inversion leaves at most the ripple's share of the error: 0.2 after 24 passes is 1e-17.
 _PASSES = 24

@@ -7,11 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring import RingSolution
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Step of load for the tire's vertical stiffness.
 _LOAD_STEP = 0.02

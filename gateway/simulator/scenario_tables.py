@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from gateway.config.faults import Section
+from gateway.constants import AXIS_NAMES
 from gateway.simulator.faults import parse_fault
 from gateway.simulator.series import Series, checked_text, constant, in_range, per_axis
 
 Triple = tuple[float, float, float]
 AxisName = Literal["circumferential", "lateral", "radial"]
-
-AXIS_NAMES: Final[tuple[AxisName, ...]] = ("circumferential", "lateral", "radial")
 
 
 class Header(Section):

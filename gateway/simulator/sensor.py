@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
+from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.simulator.filters import Biquad, highpass, lowpass
-from gateway.simulator.scenario_tables import AXIS_NAMES, Defect, Sensor
+from gateway.simulator.scenario_tables import Defect, Sensor
 from gateway.simulator.sensor_defect import SensorDefect
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 FULL_SCALE_COUNTS = 32767
 REFERENCE_DEGC = 25.0

@@ -8,11 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.simulator.filters import loose_mass
 from gateway.simulator.scenario_tables import Defect
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 class SensorDefect:

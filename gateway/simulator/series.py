@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import PlainValidator
 
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

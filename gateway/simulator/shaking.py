@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.simulator.filters import band_noise_gain, lowpass, lowpass_noise_gain, resonator
 from gateway.simulator.rotation import Turning, WheelRotation
 from gateway.simulator.scenario_tables import Impact, Road, Vibration
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 REFERENCE_MPS = 65.0 / 3.6
 """Speed at which a scenario states how strong things are."""

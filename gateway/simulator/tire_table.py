@@ -13,8 +13,8 @@ from gateway.physics.rolling_ring import RingSolution
 from gateway.physics.rolling_ring_waveform import angle_derivatives
 from gateway.simulator.runout import SolvedPoint, with_runout
 from gateway.simulator.tire_model import TireModel
+from gateway.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 WaveformTable = NDArray[np.float32]
 """(TABLE_ANGLES + 1, COLUMNS) over theta = -pi + 2 pi i / TABLE_ANGLES; the last row is the first. Single precision
 is 1e-7 of the signal, far below any sensor's noise, and half the memory to go through."""

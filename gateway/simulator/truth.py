@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring import RingNumbers
 from gateway.simulator.lateral_truth import LateralSlopes, lateral_slopes
 from gateway.simulator.plan import WheelPlan
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

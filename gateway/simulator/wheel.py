@@ -8,14 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.simulator.edge_jitter import EdgeJitter
 from gateway.simulator.plan import WheelPlan
 from gateway.simulator.sensor import SensorChain
 from gateway.simulator.shaking import Blows, HubMotion, NarrowNoise, RoadNoise
 from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, look_up
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 class WheelSamples(NamedTuple):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway.closure.diagnosis import Curves, Diagnosis, Spectra, Trend
+from gateway.constants import AXIS_NAMES
 from gateway.views.closure_figures import (
     CONTACT_VIEW_DEG,
     NOISE_STDS,
@@ -17,15 +18,7 @@ from gateway.views.closure_figures import (
     trend_figure,
     waveform_figure,
 )
-from gateway.views.closure_rows import (
-    AXES,
-    AxisResidual,
-    present,
-    printed,
-    reference_group,
-    residuals,
-    significant,
-)
+from gateway.views.closure_rows import AxisResidual, present, printed, reference_group, residuals, significant
 from gateway.views.closure_svg import inline_svg, report_style
 from gateway.views.numbers import split_name
 from gateway.views.text import clean
@@ -129,12 +122,13 @@ def _time_locked(diagnosis: Diagnosis) -> Iterator[Chapter]:
 
 
 def _waveform(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Drawing:
-    size = next(one for one in residuals(curves) if one.axis == AXES[axis])
+    size = next(one for one in residuals(curves) if one.axis == AXIS_NAMES[axis])
     return _drawing(
         waveform_figure(curves, axis, diagnosis.unexplained),
         f"w{axis}",
-        f"{AXES[axis].capitalize()} acceleration and residual in m/s² over the wheel's angle, {label}. {_sizes(size)}",
-        f"{AXES[axis].capitalize()} acceleration.",
+        f"{AXIS_NAMES[axis].capitalize()} acceleration and residual in m/s² over the wheel's angle, {label}. "
+        f"{_sizes(size)}",
+        f"{AXIS_NAMES[axis].capitalize()} acceleration.",
         f"Measured mean and models; what both leave; what is left after, to its own scale. Right: within "
         f"±{CONTACT_VIEW_DEG:.0f} deg of the contact's centre. {_sizes(size)}",
     )
@@ -144,15 +138,15 @@ def _orders(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Draw
     return _drawing(
         orders_figure(curves, axis, diagnosis.unexplained),
         f"o{axis}",
-        f"Cosine and sine coefficients in m/s² of the {AXES[axis]} residual by order, before and after, {label}.",
-        f"{AXES[axis].capitalize()} residual by order.",
+        f"Cosine and sine coefficients in m/s² of the {AXIS_NAMES[axis]} residual by order, before and after, {label}.",
+        f"{AXIS_NAMES[axis].capitalize()} residual by order.",
         "Bars at the foot mark orders of what is left unexplained." if _marked(diagnosis, axis) else "",
     )
 
 
 def _marked(diagnosis: Diagnosis, axis: int) -> bool:
     return any(
-        left.axis == AXES[axis] and left.lock == "angle" and left.orders is not None and not left.changes
+        left.axis == AXIS_NAMES[axis] and left.lock == "angle" and left.orders is not None and not left.changes
         for left in diagnosis.unexplained
     )
 

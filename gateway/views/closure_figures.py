@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gateway.closure.diagnosis import Curves, FloatArray, Spectra, Trend, Unexplained
-from gateway.views.closure_rows import AXES, present
+from gateway.closure.diagnosis import Curves, Spectra, Trend, Unexplained
+from gateway.constants import AXIS_NAMES
+from gateway.types import FloatArray
+from gateway.views.closure_rows import present
 from gateway.views.closure_svg import AFTER, BEFORE, INK, LEFT, MEASURED, NOISE, QUIET, drawable, new_figure
 from gateway.views.numbers import split_name
 
@@ -75,7 +77,7 @@ def residual_figure(curves: Curves) -> Figure:
     panels = figure.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
     for panel, axis in zip(panels, axes, strict=True):
         _residual(panel, curves, axis)
-        panel.set_title(AXES[axis], fontsize=9.5)
+        panel.set_title(AXIS_NAMES[axis], fontsize=9.5)
         panel.set_xlim(-180, 180)
         panel.set_xticks(np.linspace(-180, 180, 5))
     panels[-1].set_xlabel("angle from the contact's centre, deg")
@@ -128,7 +130,7 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
         panel.loglog(frequency, spectra.measured_m2ps3[axis][positive], color=QUIET, lw=0.9, label="measured")
         panel.loglog(frequency, spectra.before_m2ps3[axis][positive], color=BEFORE, ls="--", label="sensor noise alone")
         panel.loglog(frequency, spectra.after_m2ps3[axis][positive], color=AFTER, label="with the effects added")
-        panel.set_title(AXES[axis], fontsize=9.5 if small else None)
+        panel.set_title(AXIS_NAMES[axis], fontsize=9.5 if small else None)
         panel.xaxis.set_major_formatter("{x:g}")
     _density_ticks(panels[0])
     for panel in panels:
@@ -186,7 +188,7 @@ def _residual(panel: Axes, curves: Curves, axis: int, *, before: bool = True) ->
 
 
 def _of(unexplained: Sequence[Unexplained], axis: int, lock: str) -> list[Unexplained]:
-    return [left for left in unexplained if left.axis == AXES[axis] and left.lock == lock and not left.changes]
+    return [left for left in unexplained if left.axis == AXIS_NAMES[axis] and left.lock == lock and not left.changes]
 
 
 def _band_label(noise: float) -> str:

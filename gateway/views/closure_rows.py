@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.diagnosis import Curves, Diagnosis, Finding, Fitted, FloatArray, Unexplained, Verdict
+from gateway.closure.diagnosis import Curves, Diagnosis, Finding, Fitted, Unexplained, Verdict
+from gateway.constants import AXIS_NAMES
+from gateway.types import FloatArray
 from gateway.views.numbers import MISSING, UNITS, Unit, round_to_error, split_name
 from gateway.views.text import clean
-
-AXES: Final = ("circumferential", "lateral", "radial")
 
 MODELS: Final = {
     "paper": "the ring paper's series as printed",
@@ -216,7 +216,7 @@ def residuals(curves: Curves) -> list[AxisResidual]:
     """Return the residual of the mean waveform of every recorded axis; noise and all."""
     return [
         AxisResidual(
-            AXES[axis],
+            AXIS_NAMES[axis],
             _rms(curves.measured_mps2[axis] - curves.before_mps2[axis]),
             _rms(curves.measured_mps2[axis] - curves.after_mps2[axis]),
             float(curves.noise_mps2[axis]),

@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import FloatArray, Status
+from gateway.estimators.base import Status
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot, WheelState
+from gateway.types import FloatArray
 from gateway.views.console_rows import EMPTY, Role, Row, Run, beside, fill_while_fitting, fit, plot_row, row_width
 from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, kpa, percent, show
 from gateway.views.reading import Reading, read_result

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.estimators.base import FloatArray
+from gateway.types import BoolArray, FloatArray
 
 
 class Ink(Enum):
@@ -89,7 +89,7 @@ def _columns(curve: FloatArray, half_range_rad: float, columns: int) -> tuple[Fl
     return np.fmin.reduce(values, axis=1), np.fmax.reduce(values, axis=1)
 
 
-def _dots(low: FloatArray, high: FloatArray, scale: _Scale, rows: int, joined: bool) -> NDArray[np.bool_]:
+def _dots(low: FloatArray, high: FloatArray, scale: _Scale, rows: int, joined: bool) -> BoolArray:
     """Return which dots (rows from the top x columns) a curve covers; `joined` closes jumps between columns."""
     per_unit = (rows - 1) / (scale.high - scale.low)
     unknown = np.isnan(low)
@@ -106,7 +106,7 @@ def _dots(low: FloatArray, high: FloatArray, scale: _Scale, rows: int, joined: b
     return (row >= top) & (row <= bottom)
 
 
-def _pack(dots: NDArray[np.bool_]) -> NDArray[np.uint16]:
+def _pack(dots: BoolArray) -> NDArray[np.uint16]:
     """Return the braille bits of every cell."""
     rows, columns = dots.shape
     cells = dots.reshape(rows // 4, 4, columns // 2, 2)
@@ -114,7 +114,7 @@ def _pack(dots: NDArray[np.bool_]) -> NDArray[np.uint16]:
     return bits
 
 
-def _runs(text: str, inks: NDArray[np.bool_]) -> list[tuple[str, Ink]]:
+def _runs(text: str, inks: BoolArray) -> list[tuple[str, Ink]]:
     """Split a row of cells where the ink changes."""
     cuts = [0, *(np.flatnonzero(inks[1:] != inks[:-1]) + 1).tolist(), len(text)]
     return [(text[i:j], Ink.LAST if inks[i] else Ink.AVERAGE) for i, j in pairwise(cuts)]

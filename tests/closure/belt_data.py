@@ -8,18 +8,17 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, Conditions, Here
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Revolution
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2, SensorWaveform
+from gateway.physics.rolling_ring_waveform import SensorWaveform
 from gateway.pipeline.setup import WheelSetup
+from gateway.types import FloatArray
 from tests.exact_ring_data import on_grid
 from tests.simulated_wheel import simulated
-
-FloatArray = NDArray[np.float64]
 
 RADIUS_M = 0.32
 PRESSURE_PA = 2.1e5

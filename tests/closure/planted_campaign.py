@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
@@ -31,9 +30,8 @@ from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import ORDERS, Block, Campaign, Group
 from gateway.closure.starting import angle_effects, make_core
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.types import ComplexArray, FloatArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Plant = Callable[[FloatArray, FloatArray, Conditions], FloatArray]
 
 RADIUS_M, PRESSURE_PA, LOAD_N, G = 0.31, 2.2e5, 4500.0, 9.80665

@@ -18,7 +18,8 @@ from gateway.closure.effects.base import (
     SignalEffect,
 )
 from gateway.closure.effects.catalogue import catalogue
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2, SensorWaveform
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.physics.rolling_ring_waveform import SensorWaveform
 from gateway.simulator.plan import WheelPlan, wheel_plans
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.tire_table import LATERAL as LATERAL_COLUMN

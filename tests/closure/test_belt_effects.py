@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gateway.closure.assembly import base_signal
 from gateway.closure.effects.base import (
@@ -33,10 +32,9 @@ from gateway.closure.effects.belt import (
 from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, EXTENSION_N, OMEGA, RADIUS_M, THETA, at, averaged, here_of, limited
-
-FloatArray = NDArray[np.float64]
 
 # Effect -> parameters somewhere off its starts.
 AT = {

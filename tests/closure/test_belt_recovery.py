@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.exact_core import ExactCore
@@ -15,9 +14,8 @@ from gateway.closure.likelihood import whiten
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import ORDERS, Block, Campaign, Group
 from gateway.closure.trial import refit, try_effect
+from gateway.types import FloatArray
 from tests.closure.belt_data import at
-
-FloatArray = NDArray[np.float64]
 
 # 100 revolutions of a 5 mg/rtHz sensor at 60 km/h.
 _STD_MPS2 = 0.015

@@ -15,6 +15,7 @@ from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.selection import select
 from gateway.closure.starting import make_core
+from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
     BLOCKS,
@@ -23,7 +24,6 @@ from tests.closure.planted_campaign import (
     PRESSURE_PA,
     REVOLUTIONS,
     WARM,
-    FloatArray,
     Plant,
     Sideways,
     among,

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gateway.closure.diagnose import diagnose
 from gateway.closure.direction import turned_round
 from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions
 from gateway.errors import TreadlinkError
+from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     Plant,
     campaign_of,
@@ -22,8 +22,6 @@ from tests.closure.planted_campaign import (
     ring,
     turned,
 )
-
-FloatArray = NDArray[np.float64]
 
 THREE = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
 BACKWARDS = conditions(40.0, reverse=True)

@@ -26,8 +26,7 @@ from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from gateway.session.campaign import read_campaign
 from gateway.session.diagnose import diagnose_recordings
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
@@ -27,9 +26,8 @@ from gateway.closure.observation import ORDERS, Block, EdgeTiming, Group
 from gateway.closure.scatter import regressors
 from gateway.closure.starting import angle_effects
 from gateway.session.campaign import read_campaign
+from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, OMEGA, RADIUS_M, THETA, here_of
-
-FloatArray = NDArray[np.float64]
 
 HALF_RAD = 0.5 * (here_of().trailing_edge_rad - here_of().leading_edge_rad)
 NOISE_MPS2 = 0.5

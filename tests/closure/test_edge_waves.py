@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, SignalEffect
 from gateway.closure.effects.belt_packets import REFERENCE_MPS, seen
@@ -18,10 +17,9 @@ from gateway.closure.likelihood import whiten
 from gateway.closure.model import ClosureModel
 from gateway.closure.starting import angle_effects
 from gateway.closure.trial import refit, try_effect
+from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, THETA, here_of
 from tests.closure.test_belt_recovery import campaign
-
-FloatArray = NDArray[np.float64]
 
 WAVES = "travelling edge waves"
 OFFSET_M = 6e-3

@@ -15,10 +15,10 @@ from gateway.closure.likelihood import whiten
 from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import select
 from gateway.closure.starting import make_core
+from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
     TWO_SPEEDS,
-    FloatArray,
     Plant,
     among,
     campaign_of,

@@ -8,10 +8,10 @@ import pytest
 from gateway.closure.effects.base import RADIAL, Conditions
 from gateway.closure.findings import fitted_parameter
 from gateway.closure.rivals import rivals_of
+from gateway.types import FloatArray
 from gateway.views.closure_rows import show_fitted
 from tests.closure.planted_campaign import (
     TWO_SPEEDS,
-    FloatArray,
     Plant,
     among,
     campaign_of,

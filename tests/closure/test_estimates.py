@@ -20,13 +20,13 @@ from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import select
 from gateway.closure.starting import make_core
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     LOAD_N,
     ONE_SPEED,
     PRESSURE_PA,
     RADIUS_M,
     TWO_SPEEDS,
-    FloatArray,
     among,
     campaign_of,
     conditions,

@@ -16,14 +16,13 @@ from gateway.closure.exact_core import ExactCore
 from gateway.closure.held_out import FoldError, agreement, hold_out, hold_out_fold, over_noise, summary
 from gateway.closure.observation import ORDERS, Campaign
 from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.types import ComplexArray, FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
     BLOCKS,
     ONE_SPEED,
     REVOLUTIONS,
     TWO_SPEEDS,
-    ComplexArray,
-    FloatArray,
     Plant,
     campaign_of,
     conditions,

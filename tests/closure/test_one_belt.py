@@ -11,7 +11,8 @@ from gateway.closure.effects.base import LATERAL, Conditions
 from gateway.closure.effects.lateral_load import STIFFNESSES
 from gateway.closure.one_belt import agree, another_belt, common
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
-from tests.closure.planted_campaign import ALL_AXES, TWO_SPEEDS, FloatArray, Plant, among, campaign_of, fitted, ring
+from gateway.types import FloatArray
+from tests.closure.planted_campaign import ALL_AXES, TWO_SPEEDS, Plant, among, campaign_of, fitted, ring
 
 EFFECTS = among("ply steer", "conicity", "roll tilt")
 PRIOR = np.array([parameter.prior_std for parameter in STIFFNESSES])

@@ -7,7 +7,6 @@ from typing import cast
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import Conditions, RingEffect, SignalEffect, SpectrumEffect, StartModel
 from gateway.closure.effects.catalogue import candidates, catalogue
@@ -15,10 +14,9 @@ from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.series_core import SeriesCore
 from gateway.physics.bound import waveform_orders
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 HERE = Conditions(56.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
 SERIES_ONLY = ("belt kinematics (n^2-1)", "pressure shape", "geometric tension loss")

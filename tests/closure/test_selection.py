@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gateway.closure import gates
 from gateway.closure.diagnose import diagnose
@@ -21,6 +20,7 @@ from gateway.closure.selection import Selection, select
 from gateway.closure.starting import angle_effects, make_core
 from gateway.closure.taking_out import taken_out
 from gateway.closure.trial import refit, try_effect
+from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
     Plant,
@@ -33,8 +33,6 @@ from tests.closure.planted_campaign import (
     ring,
     turned,
 )
-
-FloatArray = NDArray[np.float64]
 
 CONDITIONS = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0), conditions(60.0, load_n=3500.0))
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import RADIAL, StartModel
 from gateway.closure.effects.catalogue import candidates
@@ -20,8 +19,6 @@ from gateway.closure.selection import select
 from gateway.closure.starting import angle_effects, make_core
 from gateway.closure.tire_state import shift, slopes
 from tests.closure.planted_campaign import LOAD_N, PLANE, campaign_of, conditions
-
-FloatArray = NDArray[np.float64]
 
 NAMES = ExactCore.names
 HERE = conditions()

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Conditions, Estimate, Status
 from gateway.estimators.forward import SHAPE, ForwardEstimator
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
 from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P
 from gateway.estimators.forward_waves import packet_basis
 from gateway.physics.bound import waveform_orders
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waves import EdgeWaves
 from gateway.signal.average import RunningAverage

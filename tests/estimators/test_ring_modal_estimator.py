@@ -13,8 +13,8 @@ from gateway.estimators.base import Estimate, Status
 from gateway.estimators.ring_modal import RingModalEstimator
 from gateway.estimators.ring_modal_fit import fit_modal
 from gateway.estimators.ring_paper import RingPaperEstimator
-from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.contact_pressure import road_orders
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_modal import signal_orders
 from gateway.physics.rolling_ring import RingParameters
 from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled

@@ -15,7 +15,7 @@ from gateway.estimators.base import AngleAverage, Conditions, Estimate, Status
 from gateway.estimators.determination import NUMBERS, RATIOS, SETTLED_REVOLUTIONS
 from gateway.estimators.ring_fit import fit_ring_numbers
 from gateway.estimators.ring_paper import RingPaperEstimator
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import signal_orders, signal_waveform, stiffness_terms
 from gateway.signal.average import RunningAverage
 from gateway.signal.normalise import normalise_radial

@@ -12,7 +12,7 @@ import pytest
 from gateway.estimators.base import Conditions, Estimate, Status
 from gateway.estimators.weak_form import WeakFormEstimator
 from gateway.estimators.weak_form_fit import WaveformFits, fit_waveforms
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waves import EdgeWaves
 from gateway.signal.average import RunningAverage

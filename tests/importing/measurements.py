@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, Frame, Hello, SampleBlock
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 def waveform(samples: int, seed: int = 1) -> FloatArray:

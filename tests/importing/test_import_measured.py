@@ -10,7 +10,8 @@ from firmware_protocol.messages import Coupling
 from gateway.cli.estimate import estimate
 from gateway.cli.importing import import_
 from gateway.config.load import parse_vehicle
-from gateway.importing.import_map import STANDARD_GRAVITY_MPS2, load_map
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from tests.importing.measurements import Decoded
 

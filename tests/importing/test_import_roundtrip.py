@@ -7,12 +7,14 @@ import pytest
 
 from firmware_protocol.messages import Axis, Coupling
 from gateway.config.load import parse_vehicle
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ImportDataError, RecordingError
 from gateway.importing.columns import BLOCK_ROWS
-from gateway.importing.import_map import STANDARD_GRAVITY_MPS2, parse_map
+from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
-from tests.importing.measurements import Decoded, FloatArray, simple_map, waveform, write_csv
+from gateway.types import FloatArray
+from tests.importing.measurements import Decoded, simple_map, waveform, write_csv
 
 
 def imported(path: Path, map_text: str) -> tuple[ImportReport, Decoded]:

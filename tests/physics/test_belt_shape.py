@@ -18,7 +18,7 @@ from gateway.physics.belt_shape import (
     even_orders,
     integrate_from_zero,
 )
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 
 RADIUS_M = 0.32

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.bound import (
     DEFAULT_PARAMETERS,
     NUMBERS,
@@ -14,7 +15,6 @@ from gateway.physics.bound import (
     waveform_orders,
     waveform_sensitivity,
 )
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import solve_rolling_ring
 from tests.exact_ring_data import BASE_RING, PRESSURE_PA, omega_at
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.contact_pressure import PARABOLIC, pressure_shape, road_orders, unit_road_orders
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import RoadForce, modal_force
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.physics.constants import TABLE_3_NUMBERS
 from gateway.physics.contact_pressure import road_orders
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_modal import (
     displacement_orders,
     dynamic_stiffness,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal import normalise
 from gateway.signal.normalise import normalise_radial
 from gateway.signal.resample import Phase, angle_grid, fit_phase, resample_revolution

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, HubStatus, SampleBlock
 from gateway.config.load import parse_vehicle
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
 from gateway.simulator.edge_jitter import EdgeJitter
 from gateway.simulator.filters import band_noise_gain, loose_mass, resonator
 from gateway.simulator.motion import MotionProfile

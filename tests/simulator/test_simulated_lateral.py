@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from firmware_protocol.decoder import FrameDecoder
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.ply_steer import separate_plysteer_conicity
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
 from gateway.pipeline.core import Pipeline
 from gateway.pipeline.setup import WheelSetup
 from gateway.simulator.lateral_truth import slopes_of

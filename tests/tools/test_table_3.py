@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gateway.physics.constants import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import Kinematics
 from gateway.physics.rolling_ring import RingSolution
 from tools.bench_ring_paper import RADIUS_M, ratio_with_truth_given

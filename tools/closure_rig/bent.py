@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.simulator.sensor import SensorChain
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

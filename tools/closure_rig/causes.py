@@ -10,7 +10,7 @@ import numpy as np
 
 from closure_rig.bench import Bench
 from closure_rig.bent import Bend
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 
 Tables = Mapping[str, Mapping[str, Any]]
 """Changes to a scenario: table -> key -> value; "wheel" is the wheel's own table, "stated" is what is declared."""

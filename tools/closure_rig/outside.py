@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from closure_rig.causes import Drawing, Tables
 from gateway.simulator.rotation import Turning, WheelRotation
 from gateway.simulator.sensor import SensorChain
+from gateway.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 Disturbance = Callable[[Turning, bool], FloatArray]
 """From the rotation at n samples, and whether it rolls in reverse, to (n, 3) added specific force in m/s^2."""
 

@@ -12,13 +12,13 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
 )
-from gateway.closure.effects.order_filter import ORDER, ComplexArray, filtered
+from gateway.closure.effects.order_filter import ORDER, filtered
+from gateway.types import ComplexArray, FloatArray
 
 _ROOT_2 = math.sqrt(2.0)
 

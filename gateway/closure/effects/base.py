@@ -13,14 +13,12 @@ from enum import IntEnum, StrEnum
 from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.ring_options import RingOptions
 from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.types import FloatArray
 
-FloatArray = NDArray[np.float64]
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
-AXES: Final = ("circumferential", "lateral", "radial")
 """What they are called."""
 
 FIELD_SIZE: Final = 512

@@ -6,12 +6,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import FIELD_SIZE, Here
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gateway.types import ComplexArray, FloatArray
 
 # Orders above it are not compared, and a solver's grid makes the highest ones; derivatives leave them out.
 SLOPE_ORDERS: Final = 160

@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, FloatArray, Here, bare
+from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, Here, bare
+from gateway.types import FloatArray
 
 # Angle turned since the middle of a revolution, which runs from contact centre to contact centre.
 _FROM_MIDDLE_RAD: Final[FloatArray] = np.roll(

@@ -9,14 +9,14 @@ from gateway.closure.effects.base import (
     LATERAL,
     NOWHERE,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
     bare,
 )
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import FloatArray
 
 # Cars are set to -3 to 1 deg, for circuits to -5; banked roads lean up to 4 deg (7 %), and suspensions roll.
 _MOST_RAD: Final = math.radians(6.0)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.closure.effects.base import NOWHERE, RADIAL, Conditions, FloatArray, Parameter, StartModel
+from gateway.closure.effects.base import NOWHERE, RADIAL, Conditions, Parameter, StartModel
 from gateway.closure.effects.resonance_bell import bell, relative_speed
+from gateway.types import FloatArray
 
 
 class CavityResonance:

@@ -11,14 +11,14 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
     bare,
 )
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import FloatArray
 
 _ROOT_2PI = math.sqrt(2.0 * math.pi)
 # A knee is at least this wide, so that the ends of the clipped part stay differentiable.

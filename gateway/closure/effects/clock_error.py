@@ -7,13 +7,13 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
 )
 from gateway.closure.effects.belt_inertia import belt_inertia
+from gateway.types import FloatArray
 
 
 class ClockError:

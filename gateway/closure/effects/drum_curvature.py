@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from gateway.closure.effects.base import NOWHERE, Conditions, FloatArray, Parameter
+from gateway.closure.effects.base import NOWHERE, Conditions, Parameter
 from gateway.closure.ring_options import RingOptions
+from gateway.types import FloatArray
 
 _LEAST_HOLLOW_PM: Final = -0.2
 # Errors from 0 at which the road is hollow.

@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, NOWHERE, RADIAL, FloatArray, Parameter
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, NOWHERE, RADIAL, Parameter
+from gateway.types import FloatArray
 
 # An edge takes its surroundings along, fading over this angle to either side.
 REACH_RAD: Final = 0.5

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
@@ -19,8 +18,7 @@ from gateway.closure.effects.base import (
 )
 from gateway.closure.effects.belt import SLOPE_ORDERS, relative_offset
 from gateway.closure.effects.belt_packets import Packet, decaying, free_part, pulse, seen
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A short packet answers to orders two or three off its own, so that a scan of every sixth finds any. Behind the contact
 # they are below the tread's own order.

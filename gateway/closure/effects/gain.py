@@ -6,13 +6,13 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
     bare,
 )
+from gateway.types import FloatArray
 
 
 class Gain:

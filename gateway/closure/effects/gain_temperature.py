@@ -8,12 +8,12 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
 )
+from gateway.types import FloatArray
 
 # Temperatures nearer to each other than this say nothing of a drift.
 _LEAST_RANGE_K = 2.0

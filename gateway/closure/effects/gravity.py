@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, CORRECTED, RADIAL, Conditions, Here, Parameter, Stage, bare
 from gateway.closure.effects.belt import gravity_projections
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
-
-FloatArray = NDArray[np.float64]
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import FloatArray
 
 
 class Gravity:

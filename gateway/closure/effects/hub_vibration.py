@@ -11,11 +11,11 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Parameter,
     StartModel,
 )
 from gateway.closure.effects.resonance_bell import bell, relative_speed
+from gateway.types import FloatArray
 
 
 class HubVibration:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, NOWHERE, RADIAL, Conditions, Here, Parameter, Stage, bare
 from gateway.closure.effects.belt import gravity_projections
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # 20 g at 0.2 m on 40 kg of unsprung mass is 0.1 mm; 150 g, and a wheel hop resonance near order 1, is 3 mm.
 _LARGEST_M = 3e-3

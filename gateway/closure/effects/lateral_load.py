@@ -6,8 +6,9 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from gateway.closure.effects.base import LATERAL, Conditions, FloatArray, Here, Parameter, Stage, bare
+from gateway.closure.effects.base import LATERAL, Conditions, Here, Parameter, Stage, bare
 from gateway.closure.lateral_response import Load, Response, Stiffness, unit_response
+from gateway.types import FloatArray
 
 
 def _stiffness(name: str) -> Parameter:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from gateway.closure.effects.base import RADIAL, FloatArray, Here, bare
+from gateway.closure.effects.base import RADIAL, Here, bare
+from gateway.types import FloatArray
 
 
 def turned(here: Here, axis: int, angle_rad: float) -> FloatArray:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gateway.closure.effects.base import FIELD_SIZE, FloatArray
-
-ComplexArray = NDArray[np.complex128]
+from gateway.closure.effects.base import FIELD_SIZE
+from gateway.types import ComplexArray, FloatArray
 
 ORDER: Final[ComplexArray] = np.arange(FIELD_SIZE // 2 + 1).astype(np.complex128)
 """Orders of the spectra, 0 to FIELD_SIZE / 2."""

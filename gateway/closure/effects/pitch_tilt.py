@@ -9,13 +9,13 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
 )
 from gateway.closure.effects.leak import turned, turned_slope
+from gateway.types import FloatArray
 
 
 class PitchTilt:

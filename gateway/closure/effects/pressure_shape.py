@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from gateway.closure.effects.base import EXACT_ONLY, Conditions, FloatArray, Parameter
+from gateway.closure.effects.base import EXACT_ONLY, Conditions, Parameter
 from gateway.closure.ring_options import RingOptions
-from gateway.physics.constants import TABLE_3_LOAD_NUMBER
+from gateway.physics.reference_tire import TABLE_3_LOAD_NUMBER
+from gateway.types import FloatArray
 
 
 class PressureShape:

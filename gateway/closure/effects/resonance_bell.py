@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import Conditions, FloatArray
+from gateway.closure.effects.base import Conditions
+from gateway.types import FloatArray
 
 REFERENCE_MPS: Final = 65.0 / 3.6
 """Speed at which sizes are stated."""

@@ -12,11 +12,11 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Parameter,
     StartModel,
 )
 from gateway.closure.effects.resonance_bell import relative_speed
+from gateway.types import FloatArray
 
 
 class RoadVibration:

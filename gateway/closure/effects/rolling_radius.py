@@ -9,7 +9,6 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
@@ -17,6 +16,7 @@ from gateway.closure.effects.base import (
 )
 from gateway.closure.effects.belt import relative_offset
 from gateway.closure.effects.belt_inertia import belt_inertia
+from gateway.types import FloatArray
 
 
 class RollingRadius:

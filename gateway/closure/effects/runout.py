@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from gateway.closure.effects.base import NOWHERE, Conditions, FloatArray, Parameter
+from gateway.closure.effects.base import NOWHERE, Conditions, Parameter
 from gateway.closure.ring_options import RingOptions
+from gateway.types import FloatArray
 
 # New car tires: 0.5 mm first harmonic, 1 to 1.5 mm the usual limit; a bent rim or flat spot gives 3 mm.
 _LARGEST_M: Final = 3e-3

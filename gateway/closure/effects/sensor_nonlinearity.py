@@ -10,12 +10,12 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
 )
+from gateway.types import FloatArray
 
 # R omega^2 of a car's tire at 65 km/h: where its sensor works.
 _SHOWN_AT_MPS2: Final = 1000.0

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from gateway.closure.effects.base import NOWHERE, Conditions, FloatArray, Parameter
+from gateway.closure.effects.base import NOWHERE, Conditions, Parameter
 from gateway.closure.ring_options import RingOptions
+from gateway.types import FloatArray
 
 
 class ShearFlexibility:

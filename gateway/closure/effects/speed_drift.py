@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, CORRECTED, RADIAL, Conditions, Here, Parameter, Stage, bare
 from gateway.closure.effects.belt import closed_shape, from_mid_revolution, spin_projections
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 
 class SpeedDrift:

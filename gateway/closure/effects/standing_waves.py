@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, NOWHERE, RADIAL, Conditions, Here, Stage
 from gateway.closure.effects.edge_waves import EFFECT as TRAVELLING
 from gateway.closure.effects.edge_waves import NO_PITCH, ORDERS_AFTER, ORDERS_BEFORE, no_wave
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # A linear fit from here sees slopes by shape through these amplitudes: with small ones it would leap.
 _START: Final = (0.3, 0.3, 40.0, 2.5, 0.3, 0.3, 40.0, 2.5)

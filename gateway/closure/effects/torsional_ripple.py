@@ -6,7 +6,6 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
@@ -20,9 +19,8 @@ from gateway.closure.effects.base import (
     bare,
 )
 from gateway.closure.effects.belt import slopes, spin_projections
-from gateway.physics.rolling_ring_waveform import STANDARD_GRAVITY_MPS2
-
-FloatArray = NDArray[np.float64]
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import FloatArray
 
 # Cardan joints (2), tripods (3), tire non-uniformity and brake judder (1 to 3), wheel bolts (5), motor cogging and
 # gears (6, 12, 24, ..).

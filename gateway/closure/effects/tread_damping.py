@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gateway.closure.effects.base import NOWHERE, Conditions, FloatArray, Parameter
+from gateway.closure.effects.base import NOWHERE, Conditions, Parameter
 from gateway.closure.ring_options import RingOptions
+from gateway.types import FloatArray
 
 
 class TreadDamping:

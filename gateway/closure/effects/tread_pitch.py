@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, NOWHERE, RADIAL, Conditions, Here, Parameter, Stage
 from gateway.closure.effects.edge_waves import felt
-
-FloatArray = NDArray[np.float64]
+from gateway.types import FloatArray
 
 # Passenger car tires have 50 to 80 pitches, truck and winter patterns from 40, fine ones up to 110.
 _START_ORDERS: Final = tuple(float(order) for order in range(44, 110, 3))

@@ -9,13 +9,13 @@ from gateway.closure.effects.base import (
     LATERAL,
     NOWHERE,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
     bare,
 )
+from gateway.types import FloatArray
 
 
 class YawTilt:

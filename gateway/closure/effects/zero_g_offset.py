@@ -10,13 +10,13 @@ from gateway.closure.effects.base import (
     NOWHERE,
     RADIAL,
     Conditions,
-    FloatArray,
     Here,
     Parameter,
     Stage,
     StartModel,
 )
-from gateway.physics.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import FloatArray
 
 
 def _offset(axis: str) -> Parameter:
