@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from firmware_protocol import wire
 from firmware_protocol.batch_tracking import BootNotice, BySource, accept_batch, by_source
+from firmware_protocol.block_scan import LOOKAHEAD_BYTES, MAX_GROUP, Bytes, Indices, scan
 from firmware_protocol.codec import DECODERS, FIXED_LENGTHS, SAMPLE_DTYPE, SAMPLE_LAYOUTS, decode_payload
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import Frame, Hello, Message, MessageType
-from firmware_protocol.scan import LOOKAHEAD_BYTES, MAX_GROUP, Bytes, Indices, scan
 from firmware_protocol.signing import Gate
-from firmware_protocol.tracking import LinkTracker
+from firmware_protocol.source_tracking import LinkTracker
 
 # The header and the start of a sample payload as six little-endian 32-bit words, one row of an array each.
 _WORDS: Final = 6

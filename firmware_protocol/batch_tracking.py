@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.sequence import COUNTER_MASK, FULL_WINDOW, Window, advance
-from firmware_protocol.tracking import LinkTracker, SourceTracker
+from firmware_protocol.source_tracking import LinkTracker, SourceTracker
 from firmware_protocol.wire import WINDOW_FRAMES
 
 # Below this, the numpy calls for a source cost more than its frames one by one.

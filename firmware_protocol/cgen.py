@@ -10,7 +10,7 @@ from firmware_protocol.cgen_decoders import decoder_declarations, decoder_defini
 from firmware_protocol.cgen_signing import SIGNING_DECLARATION, signing_definitions
 from firmware_protocol.cgen_values import limits, literal
 from firmware_protocol.declaration import MAX_SAMPLES, PAYLOADS, PURPOSES
-from firmware_protocol.layout import Field, fields
+from firmware_protocol.field_table import Field, fields
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Axis, Coupling, LogLevel, MessageType, Outcome
 
 HEADER_NAME: Final = "treadlink_protocol.h"

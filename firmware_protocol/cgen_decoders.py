@@ -7,7 +7,7 @@ from typing import Final
 
 from firmware_protocol.cgen_values import limits
 from firmware_protocol.declaration import PAYLOADS
-from firmware_protocol.layout import Field, fields
+from firmware_protocol.field_table import Field, fields
 from firmware_protocol.messages import COMMANDS, MessageType
 
 _GET: Final = {"uint8_t": "at[{}]", "uint64_t": "get_u64(at + {})", "float": "get_f32(at + {})"}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from firmware_protocol.checks import MAX_F32
-from firmware_protocol.layout import Field
+from firmware_protocol.field_table import Field
 
 _TOP: Final = {"uint8_t": 0xFF, "uint16_t": 0xFFFF, "uint32_t": 0xFFFF_FFFF}
 

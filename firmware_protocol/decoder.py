@@ -16,7 +16,7 @@ from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import Frame, Hello, Message, MessageType, SampleBlock
 from firmware_protocol.sequence import COUNTER_MASK
 from firmware_protocol.signing import Gate
-from firmware_protocol.tracking import LinkTracker
+from firmware_protocol.source_tracking import LinkTracker
 
 _HEADER: Final = Struct("<2xBBBHBII")
 # A sample frame up to its samples in one unpack: sync, version and type are one number, as are hub and wheel,

@@ -9,7 +9,7 @@ from firmware_protocol import wire
 from firmware_protocol.checks import MAX_F32
 from firmware_protocol.conformance import EXAMPLE
 from firmware_protocol.declaration import HEADER, PAYLOADS, PURPOSES, build
-from firmware_protocol.layout import Field, fields
+from firmware_protocol.field_table import Field, fields
 from firmware_protocol.messages import MessageType
 
 _BLOCK = re.compile(r"(?P<begin><!-- generated: (?P<name>\w+) -->)\n.*?(?P<end><!-- end -->)", re.DOTALL)

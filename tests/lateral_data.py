@@ -18,9 +18,9 @@ from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lat
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.setup import WheelSetup
 from gateway.pipeline.timebase import HostClock
-from gateway.pipeline.wheel import WheelPipeline
+from gateway.pipeline.wheel_pipeline import WheelPipeline
+from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
 
 RADIUS_M, REFERENCE_PRESSURE_PA = 0.32, 2.1e5

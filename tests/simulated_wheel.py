@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.config.faults import parse_document
-from gateway.pipeline.core import Pipeline
+from gateway.config.validation import parse_document
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
 from gateway.simulator.truth import WheelTruth

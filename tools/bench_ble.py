@@ -14,9 +14,9 @@ from multiprocessing.connection import Connection
 
 from gateway.clock import SystemClock
 from gateway.io.source import Chunk, open_source
-from gateway.simulator.ble_peripheral import Peripheral
-from gateway.simulator.bluez_stand_in import BluezStandIn
-from gateway.simulator.dbus_daemon import PrivateBus
+from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
+from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
+from gateway.simulator.bluetooth.peripheral import Peripheral
 
 COUNT = 20_000
 PACED = 3_000

@@ -130,7 +130,7 @@ def bench_console(columns: int, rows: int) -> None:
         os.close(read_end)
         fcntl.ioctl(sys.stdout.fileno(), termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
         os.environ["TERM"] = "xterm-256color"
-        from gateway.views.console import run_console
+        from gateway.views.console.screen import run_console
 
         session = FakeSession()
         run_console(session)
@@ -163,9 +163,9 @@ def best_us(function: object, number: int) -> float:
 
 
 def bench_parts() -> None:
-    from gateway.views.console_page import ViewState, compose
+    from gateway.views.console.page import ViewState, compose
+    from gateway.views.console.waveform import draw_waveform
     from gateway.views.plain import PlainView
-    from gateway.views.waveform import draw_waveform
 
     session = FakeSession()
     wheel = session.snapshots[0].wheels[0]

@@ -29,11 +29,11 @@ from gateway.estimators.weak_form_fit import fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring import solve_rolling_ring
-from gateway.signal.average import RunningAverage
-from gateway.signal.contact import find_contact_edges
-from gateway.signal.normalise import normalise_radial
-from gateway.signal.orders import ORDER_COUNT, order_coefficients
-from gateway.signal.resample import fit_phase, resample_revolution
+from gateway.signal.angle_resampling import fit_phase, resample_revolution
+from gateway.signal.contact_edges import find_contact_edges
+from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
+from gateway.signal.speed_normalisation import normalise_radial
+from gateway.signal.synchronous_average import RunningAverage
 
 LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
 REVOLUTIONS = 64

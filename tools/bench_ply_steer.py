@@ -20,13 +20,13 @@ from pathlib import Path
 import numpy as np
 
 from gateway.estimators.base import Conditions, Revolution
-from gateway.estimators.lateral import DEFINITIONS, lateral_record, slopes
+from gateway.estimators.lateral_shape import DEFINITIONS, lateral_record, slopes
 from gateway.estimators.ply_steer import PlySteerEstimator
 from gateway.estimators.ply_steer_models import TABLE_FORCE_N, compare, roll_car_tire, table_points
 from gateway.estimators.slip_angle import SlipAngleEstimator
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
-from gateway.signal.average import AngleAverage, RunningAverage
+from gateway.signal.synchronous_average import AngleAverage, RunningAverage
 from gateway.types import FloatArray
 from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 

@@ -21,10 +21,10 @@ from gateway.estimators.ring_paper import RingPaperEstimator
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.signal import contact
-from gateway.signal.average import RunningAverage
-from gateway.signal.normalise import normalise_radial
-from gateway.signal.orders import coefficient_std, highest_order, order_coefficients, sample_std
-from gateway.signal.resample import GRID_SIZE, fit_phase, resample_revolution
+from gateway.signal.angle_resampling import GRID_SIZE, fit_phase, resample_revolution
+from gateway.signal.order_spectrum import coefficient_std, highest_order, order_coefficients, sample_std
+from gateway.signal.speed_normalisation import normalise_radial
+from gateway.signal.synchronous_average import RunningAverage
 from gateway.types import FloatArray
 
 RADIUS_M, SPEED_KMH, RATE_HZ = 0.32, 65.0, 9600.0

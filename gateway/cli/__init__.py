@@ -25,7 +25,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "estimate": ("gateway.cli.estimate:estimate", "Estimate recordings in one pass: one row a revolution and wheel."),
     "diagnose": ("gateway.cli.diagnose:diagnose", "Find what the model lacks in recordings, and name it."),
     "calibrate": ("gateway.cli.calibrate:calibrate", "Fit load and reference numbers of a tire to known loads."),
-    "import": ("gateway.cli.importing:import_", "Turn a CSV, MAT or Parquet measurement into a recording."),
+    "import": ("gateway.cli.import_measurement:import_", "Turn a CSV, MAT or Parquet measurement into a recording."),
     "repair": ("gateway.cli.repair:repair", "Rescue a recording that was cut off or damaged."),
     "compact": ("gateway.cli.repair:compact", "Compress a finished recording."),
     "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires to a file or a pseudo-terminal."),

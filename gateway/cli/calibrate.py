@@ -10,16 +10,16 @@ from typing import Final
 import click
 import numpy as np
 
-from gateway.config.load import load_vehicle, parse_vehicle
-from gateway.config.model import LoadCalibrationTable, Reference, VehicleConfig
 from gateway.config.toml_writer import toml_text
+from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig
+from gateway.config.vehicle_file import load_vehicle, parse_vehicle
 from gateway.errors import TreadlinkError
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration, reference_numbers
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
 from gateway.session.batch import estimate_items
-from gateway.views.report_file import check_outputs, write_whole
+from gateway.views.output_file import check_outputs, write_whole
 
 ESTIMATOR: Final = "weak-form"
 # The first revolutions of a wheel are found before there is an average to time them against.

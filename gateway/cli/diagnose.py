@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from gateway.cli.opening import config_option, keys_option
+from gateway.cli.session_setup import config_option, keys_option
 from gateway.config.effects_file import effects_text
-from gateway.config.load import load_vehicle
+from gateway.config.vehicle_file import load_vehicle
 from gateway.errors import TreadlinkError
-from gateway.security.keys import default_key_file
-from gateway.views.report_file import check_outputs, write_whole
+from gateway.security.key_file import default_key_file
+from gateway.views.output_file import check_outputs, write_whole
 from gateway.views.text import clean
 
 if TYPE_CHECKING:
@@ -118,13 +118,13 @@ def diagnose(
         force=force,
     )
     if html_path is not None:
-        from gateway.views.closure_svg import require_report_packages
+        from gateway.views.report.svg import require_report_packages
 
         require_report_packages()
     vehicle = load_vehicle(config_path) if config_path is not None else None
     from gateway.closure.effects.base import StartModel
-    from gateway.session.diagnose import diagnose_recordings
-    from gateway.views.closure_summary import closure_summary_lines
+    from gateway.session.campaign_diagnosis import diagnose_recordings
+    from gateway.views.report.terminal import closure_summary_lines
 
     with _told_when_cut_off(), _progress() as on_progress:
         diagnosis = diagnose_recordings(
@@ -153,9 +153,9 @@ def _write(
     Raises:
         TreadlinkError: the first that could not; others are told before.
     """
-    from gateway.views.closure_html import write_html
-    from gateway.views.closure_json import write_json
-    from gateway.views.closure_unsaved import saved_text
+    from gateway.views.report.diagnosis_json import write_json
+    from gateway.views.report.html import write_html
+    from gateway.views.report.unsaved import saved_text
 
     failed: list[TreadlinkError] = []
     for path, write in ((json_path, write_json), (html_path, write_html), (effects_path, _save_effects)):
@@ -176,7 +176,7 @@ def _write(
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
     if diagnosis.correction is None:
-        from gateway.views.closure_unsaved import why_unsaved
+        from gateway.views.report.unsaved import why_unsaved
 
         reason, remedy = why_unsaved(diagnosis)
         raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)

@@ -13,8 +13,8 @@ from typing import Final
 
 import click
 
-from gateway.cli import checks
-from gateway.cli.checks import Check, Level
+from gateway.cli import doctor_checks as checks
+from gateway.cli.doctor_checks import Check, Level
 from gateway.clock import SystemClock
 
 _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red"}

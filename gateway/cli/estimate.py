@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.opening import (
+from gateway.cli.session_setup import (
     choose_vehicle,
     config_option,
     effects_option,
@@ -17,20 +17,20 @@ from gateway.cli.opening import (
     keys_option,
     open_effects,
 )
-from gateway.config.model import VehicleConfig
+from gateway.config.vehicle import VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.setup import CorrectionTable
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import Guard
-from gateway.security.keys import default_key_file
-from gateway.security.opening import open_guard
+from gateway.security.guard_setup import open_guard
+from gateway.security.key_file import default_key_file
 from gateway.session.batch import estimate_items
 from gateway.session.wheel_identity import SensorsHeard
-from gateway.views.report_file import check_outputs
-from gateway.views.summary import ResultSummary, effects_line, summary_lines
-from gateway.views.tables import TableFormat, open_table
+from gateway.views.output_file import check_outputs
+from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
+from gateway.views.tables.result_table import TableFormat, open_table
 from gateway.views.text import clean
 
 

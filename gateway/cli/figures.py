@@ -10,7 +10,7 @@ import click
 def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted or ctx.resilient_parsing:
         return
-    from gateway.figures.registry import all_figures, title
+    from gateway.papers.figure_registry import all_figures, title
 
     for name, draw in all_figures().items():
         click.echo(f"{name:20s} {title(draw)}")
@@ -28,8 +28,8 @@ def figures(names: tuple[str, ...], out: Path, suffix: str, force: bool) -> None
 
     Each comes with a caption that says what came out and what did not; index.html in the folder shows all.
     """
-    from gateway.figures.registry import chosen
-    from gateway.figures.sheet import draw_figures
+    from gateway.papers.figure_registry import chosen
+    from gateway.papers.figure_sheet import draw_figures
 
     wanted = chosen(names)
 

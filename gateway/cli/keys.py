@@ -10,7 +10,7 @@ import click
 
 from gateway.security.cmac import SecurityError
 from gateway.security.freshness import Ledger
-from gateway.security.keys import KeyFile, counters_file, default_key_file, parse_identity, parse_keys
+from gateway.security.key_file import KeyFile, counters_file, default_key_file, parse_identity, parse_keys
 from gateway.security.private_file import read_private
 
 _MOST_BYTES: Final = 16 << 20

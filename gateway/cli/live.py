@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.opening import (
+from gateway.cli.session_setup import (
     RunningSession,
     config_option,
     duration_option,
@@ -72,7 +72,7 @@ def show_session(session: RunningSession, *, plain: bool, duration_s: float | No
     if plain or not is_terminal():
         run_plain(session, duration_s, click.echo)
     else:
-        from gateway.views.console import run_console
+        from gateway.views.console.screen import run_console
 
         run_console(session.live, duration_s)
     end_session(session, click.echo)

@@ -8,7 +8,7 @@ from typing import Final
 
 import click
 
-from gateway.cli.opening import (
+from gateway.cli.session_setup import (
     RunningSession,
     config_option,
     duration_option,

@@ -8,7 +8,7 @@ from urllib.parse import quote
 import click
 
 from gateway.cli.live import show_session
-from gateway.cli.opening import (
+from gateway.cli.session_setup import (
     config_option,
     duration_option,
     effects_option,

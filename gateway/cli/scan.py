@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gateway.cli.checks import Level, check_device
+from gateway.cli.doctor_checks import Level, check_device
 
 if TYPE_CHECKING:
     from gateway.io.ble import Around

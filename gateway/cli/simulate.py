@@ -15,12 +15,12 @@ from gateway.clock import Clock, SystemClock
 from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, LinkItem
 from gateway.recording.writer import RecordingWriter
-from gateway.simulator.faults import Fault, describe_faults, parse_faults
+from gateway.simulator.link_faults import Fault, describe_faults, parse_faults
 from gateway.simulator.pty_link import PtyPort
 from gateway.simulator.scenario import builtin_scenarios, load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation
 from gateway.simulator.simulation import simulate as make_simulation
-from gateway.simulator.source import SimulatorSource, link_name, parse_speed
+from gateway.simulator.simulator_source import SimulatorSource, link_name, parse_speed
 
 _TICKS_PER_S = 10
 

@@ -11,7 +11,7 @@ import click
 
 from gateway.errors import SourceError
 from gateway.simulator.scenario_model import Scenario
-from gateway.simulator.source import SimulatorSource
+from gateway.simulator.simulator_source import SimulatorSource
 
 
 def to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) -> None:
@@ -21,9 +21,9 @@ def to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) ->
         SourceError: this system has no D-Bus daemon, by which programs reach Bluetooth on Linux.
     """
     try:
-        from gateway.simulator.ble_hubs import ble_hubs, broadcast
-        from gateway.simulator.bluez_stand_in import BluezStandIn
-        from gateway.simulator.dbus_daemon import PrivateBus
+        from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
+        from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
+        from gateway.simulator.bluetooth.hubs import ble_hubs, broadcast
     except ImportError as error:
         raise SourceError("simulated Bluetooth works on Linux only", "Use --pty or --out.") from error
 

@@ -13,7 +13,7 @@ from gateway.closure.effects.base import CIRCUMFERENTIAL
 from gateway.closure.fit import Fit
 from gateway.closure.model import ClosureModel
 from gateway.closure.observation import Block, Campaign, Group
-from gateway.signal.correction import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 
 _SPEEDS: Final = 9
 # What was found at some speeds, loads and pressures holds a little beyond them.

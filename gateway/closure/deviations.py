@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, map_coordinates, spline_filter1d
 
 from gateway.closure.scatter import regress, regressors
-from gateway.signal.resample import angle_grid
+from gateway.signal.angle_resampling import angle_grid
 from gateway.types import BoolArray, FloatArray
 
 HIGHEST_RATE_HZ: Final = 4000.0

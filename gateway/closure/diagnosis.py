@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
-from gateway.signal.correction import CorrectionTable
+from gateway.signal.effect_correction import CorrectionTable
 from gateway.types import FloatArray
 
 FAR_OFF: Final = 1.2

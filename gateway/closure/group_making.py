@@ -17,7 +17,7 @@ from gateway.closure.effects.base import Conditions
 from gateway.closure.grouping import alike, folded
 from gateway.closure.observation import ORDERS, Block, Group
 from gateway.closure.scatter import settle
-from gateway.signal.resample import GRID_SIZE, angle_grid
+from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
 from gateway.types import FloatArray, IntArray
 
 ASSUMED_LOAD_N: Final = 4000.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
 
-from gateway.config.faults import Fault, key_of, nearest, show
+from gateway.config.validation import Fault, key_of, nearest, show
 
 
 def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:

@@ -12,10 +12,10 @@ from typing import Any, Final, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
-from gateway.config.faults import Section, read_text
-from gateway.config.model import POSITION_PATTERN, VehicleConfig
+from gateway.config.validation import Section, read_text
+from gateway.config.vehicle import POSITION_PATTERN, VehicleConfig
 from gateway.errors import ConfigError
-from gateway.pipeline.setup import CorrectedEffect, CorrectionTable, EffectParameter, WheelSetup
+from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter, WheelSetup
 
 VERSION: Final = 1
 

@@ -8,7 +8,9 @@ from enum import StrEnum
 from typing import Protocol
 
 from gateway.estimators.tire_data import TireData
-from gateway.signal.average import AngleAverage as AngleAverage  # what the average hands out is what estimators see
+from gateway.signal.synchronous_average import (
+    AngleAverage as AngleAverage,  # what the average hands out is what estimators see
+)
 from gateway.types import ComplexArray, FloatArray
 
 

@@ -13,7 +13,7 @@ from typing import Final
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Estimator, Revolution, Status
 from gateway.estimators.registry import ESTIMATORS, make_estimator
-from gateway.signal.contact import EDGE_MODEL_STD_RAD
+from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
 
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
 

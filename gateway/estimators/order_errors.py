@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.signal.orders import ORDER_COUNT
+from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import FloatArray
 
 # Bands of orders [first, next); orders 0 and 1 count to the first.

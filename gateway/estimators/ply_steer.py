@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
-from gateway.estimators.lateral import (
+from gateway.estimators.lateral_shape import (
     DEFINITIONS,
     ORDERS,
     LateralAverage,

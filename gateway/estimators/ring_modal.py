@@ -23,7 +23,7 @@ from gateway.estimators.determination import (
 )
 from gateway.estimators.order_errors import band_mean, relative_std
 from gateway.estimators.ring_modal_fit import ModalFit, fit_modal
-from gateway.signal.orders import ORDER_COUNT
+from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import FloatArray
 
 FIRST_ORDER: Final = 2

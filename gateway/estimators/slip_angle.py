@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
-from gateway.estimators.lateral import (
+from gateway.estimators.lateral_shape import (
     DEFINITIONS,
     ORDERS,
     LateralAverage,
@@ -23,7 +23,7 @@ from gateway.estimators.lateral import (
     slopes,
     why_unusable,
 )
-from gateway.signal.lateral import lateral_waveform
+from gateway.signal.lateral_deformation import lateral_waveform
 from gateway.signal.moments import RunningMoments
 from gateway.signal.roll_calibration import RollCalibration
 from gateway.types import FloatArray

@@ -17,7 +17,7 @@ from gateway.estimators.weak_form_fit import curvature_of, fits_of
 from gateway.estimators.weak_form_rows import motion_begin
 from gateway.estimators.weak_form_solve import WeakFormSolution, solve_balance
 from gateway.physics.belt_shape import MAX_ORDER
-from gateway.signal.orders import ORDER_COUNT
+from gateway.signal.order_spectrum import ORDER_COUNT
 
 # The first revolution's solution is the next one's start: there is no need to converge on its noise.
 _COLD_PASSES: Final = 2

@@ -34,7 +34,7 @@ from gateway.physics.belt_shape import (
     BeltShape,
     integrate_from_zero,
 )
-from gateway.signal.orders import ORDER_COUNT
+from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import ComplexArray, FloatArray
 
 # Virtual rotations sin(j pi (theta - theta_c) / (pi - theta_c)), j = 1 to ROWS: orders up to about 35. The numbers need

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
-from gateway.config.faults import nearest
+from gateway.config.validation import nearest
 from gateway.errors import ImportDataError
 from gateway.importing.import_map import SUFFIXES, FileFormat, FileLayout
 from gateway.types import FloatArray

@@ -13,8 +13,8 @@ from firmware_protocol import wire
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Environment, Frame, Hello, Message, MessageType, SampleBlock
 from gateway.errors import ImportDataError
+from gateway.importing.data_scan import Scan
 from gateway.importing.import_map import PRESSURE_UNITS_PA, ImportMap
-from gateway.importing.scan import Scan
 from gateway.types import FloatArray
 
 CHUNK_S: Final = 0.01

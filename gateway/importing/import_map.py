@@ -10,8 +10,8 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AwareDatetime, BeforeValidator, Field
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.faults import Fault, Section, nearest, parse_document, read_text, show
-from gateway.config.model import ASSUMED_RADIUS_MM, POSITION_PATTERN, Tire, Vehicle, VehicleConfig, Wheel
+from gateway.config.validation import Fault, Section, nearest, parse_document, read_text, show
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, POSITION_PATTERN, Tire, Vehicle, VehicleConfig, Wheel
 from gateway.constants import STANDARD_GRAVITY_MPS2
 
 ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {

@@ -13,9 +13,9 @@ import numpy as np
 from firmware_protocol.messages import Axis
 from gateway.errors import RecordingError
 from gateway.importing.columns import Block, ColumnReader, open_columns, require_columns
+from gateway.importing.data_scan import Scan, scan
 from gateway.importing.frames import FrameStream, Quantiser
 from gateway.importing.import_map import ImportMap
-from gateway.importing.scan import Scan, scan
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.recording.writer import RecordingWriter
 from gateway.types import FloatArray

@@ -103,8 +103,8 @@ SOURCES: Final[dict[str, str]] = {
     "serial": "gateway.io.serial_link:open_serial",
     "tcp": "gateway.io.tcp_link:open_tcp",
     "ble": "gateway.io.ble:open_ble",
-    "replay": "gateway.recording.replay:open_replay",
-    "sim": "gateway.simulator.source:open_simulator",
+    "replay": "gateway.recording.replay_source:open_replay",
+    "sim": "gateway.simulator.simulator_source:open_simulator",
 }
 
 

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from gateway.signal.contact_trains import least_level, turn
 from gateway.signal.segmentation import Contact
-from gateway.signal.trains import least_level, turn
 from gateway.types import FloatArray
 
 # missing(first, end) -> how many of these samples were lost and filled

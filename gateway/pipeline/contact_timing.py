@@ -15,9 +15,9 @@ from typing import Final
 import numpy as np
 
 from gateway.pipeline.segmenter import ContactPair
-from gateway.signal.average import AngleAverage
-from gateway.signal.resample import GRID_SIZE, MARGIN_SAMPLES, Phase, fit_phase
-from gateway.signal.template import ContactMatch, ContactTemplate, contact_template, match_contact
+from gateway.signal.angle_resampling import GRID_SIZE, MARGIN_SAMPLES, Phase, fit_phase
+from gateway.signal.contact_template import ContactMatch, ContactTemplate, contact_template, match_contact
+from gateway.signal.synchronous_average import AngleAverage
 from gateway.types import FloatArray
 
 # The template's own centre is kept at angle 0 by so much of its distance a revolution: a sudden step would be a step of

@@ -12,10 +12,10 @@ from typing import Final
 
 from gateway.pipeline.contact_checks import ContactPair as ContactPair
 from gateway.pipeline.contact_checks import Missing, consistent, mend
+from gateway.pipeline.contact_tracking import ContactTrack, Read
 from gateway.pipeline.results import WheelState
-from gateway.pipeline.tracking import ContactTrack, Read
+from gateway.signal.contact_trains import LONGEST_PERIOD_S, Known
 from gateway.signal.segmentation import Contact, find_contacts, refine_contact
-from gateway.signal.trains import LONGEST_PERIOD_S, Known
 from gateway.types import FloatArray
 
 SEARCH_STEP_S: Final = 0.125

@@ -10,7 +10,7 @@ from typing import Final
 
 from gateway.errors import RecordingError
 from gateway.recording.container import McapOutput
-from gateway.recording.layout import SESSION_METADATA
+from gateway.recording.mcap_layout import SESSION_METADATA
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 
 Progress = Callable[[int, int], None]

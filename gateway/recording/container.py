@@ -14,7 +14,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 from gateway import __version__
 from gateway.errors import RecordingError
 from gateway.recording.chunk_index import PackedIndexes
-from gateway.recording.layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
+from gateway.recording.mcap_layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
 from gateway.recording.schemas import stored_schema
 
 _BUFFER_BYTES: Final = 1 << 20

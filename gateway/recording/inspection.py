@@ -16,8 +16,8 @@ from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import Hello, MessageType
 from firmware_protocol.sequence import unwrap
 from gateway.io.source import LinkEvent
-from gateway.recording.blocks import LinkBlocks
-from gateway.recording.layout import RAW_ENCODING, message_to_item
+from gateway.recording.decoder_blocks import LinkBlocks
+from gateway.recording.mcap_layout import RAW_ENCODING, message_to_item
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _SECOND_NS: Final = 1_000_000_000

@@ -14,7 +14,7 @@ from mcap.records import Channel, Metadata
 
 from gateway.errors import RecordingError
 from gateway.io.source import LinkItem
-from gateway.recording.layout import (
+from gateway.recording.mcap_layout import (
     CHANNEL_METADATA,
     MAX_RECORD_BYTES,
     SESSION_METADATA,
@@ -24,7 +24,7 @@ from gateway.recording.layout import (
     is_sealed,
     message_to_item,
 )
-from gateway.recording.records import (
+from gateway.recording.mcap_records import (
     MAGIC,
     RECORD_HEAD,
     channel_info,

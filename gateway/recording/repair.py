@@ -11,7 +11,7 @@ from pathlib import Path
 from firmware_protocol.decoder import FrameDecoder
 from gateway.errors import RecordingError
 from gateway.recording.container import McapOutput
-from gateway.recording.layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
+from gateway.recording.mcap_layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
 from gateway.recording.reader import RecordingReader
 from gateway.recording.salvage import Salvage
 from gateway.recording.stitch import Losses, Stitcher

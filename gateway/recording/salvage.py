@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Channel, MessageIndex, Metadata
 
-from gateway.recording.layout import (
+from gateway.recording.mcap_layout import (
     CHANNEL_METADATA,
     JSON_ENCODING,
     MAX_RECORD_BYTES,
@@ -25,7 +25,7 @@ from gateway.recording.layout import (
     declared_channel,
     is_sealed,
 )
-from gateway.recording.records import (
+from gateway.recording.mcap_records import (
     MAGIC,
     MESSAGE_HEAD,
     MESSAGE_HEAD_BYTES,

@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from gateway.recording.layout import (
+from gateway.recording.mcap_layout import (
     MARKS_TOPIC,
     RAW_ENCODING,
     RAW_SCHEMA_ENCODING,

@@ -27,7 +27,7 @@ from gateway.recording.evidence import (
     unfinished,
     without_strangers,
 )
-from gateway.recording.layout import RAW_ENCODING, ChannelInfo, raw_topic
+from gateway.recording.mcap_layout import RAW_ENCODING, ChannelInfo, raw_topic
 from gateway.recording.salvage import Indexed, Salvage, Torn, Whole
 
 _MOST_PIECES_AHEAD: Final = 4096

@@ -13,7 +13,7 @@ from gateway import __version__
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkEventKind, LinkItem
 from gateway.recording.container import McapOutput
-from gateway.recording.layout import (
+from gateway.recording.mcap_layout import (
     FORMAT_VERSION,
     JSON_ENCODING,
     MARKS_TOPIC,

@@ -13,7 +13,7 @@ from firmware_protocol.messages import HUB_ITSELF, MessageType
 from firmware_protocol.signing import is_of_hub, is_signed
 from gateway.security.cmac import Key, Verifier
 from gateway.security.freshness import Counter, Freshness, Ledger
-from gateway.security.keys import hub_identity, sensor_identity
+from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.security.words import Teller
 
 _HELLO_IDS: Final = struct.Struct("<QII")

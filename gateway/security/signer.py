@@ -7,7 +7,7 @@ from pathlib import Path
 
 from firmware_protocol.signing import sign
 from gateway.security.cmac import Key, SecurityError, start
-from gateway.security.keys import KeyFile
+from gateway.security.key_file import KeyFile
 
 
 class FrameSigner:

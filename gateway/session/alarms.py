@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from gateway.config.model import Thresholds
+from gateway.config.vehicle import Thresholds
 from gateway.estimators.base import Status
 from gateway.pipeline.results import Alarm, LinkSnapshot, WheelSnapshot
 from gateway.security.guard import SUSPICIOUS

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from firmware_protocol.batch import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.config.effects_file import with_effects
-from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Chunk, LinkItem
-from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.setup import CorrectionTable, WheelSetup
-from gateway.recording.blocks import LinkBlocks
+from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.wheels import Pipeline
+from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.security.guard import Guard
 
 

@@ -18,7 +18,7 @@ from gateway.closure.group_making import FEW, label
 from gateway.closure.grouping import telling, tire_states
 from gateway.closure.observation import Campaign, Group
 from gateway.closure.processes import Processes
-from gateway.config.model import VehicleConfig
+from gateway.config.vehicle import VehicleConfig
 from gateway.errors import RecordingError
 from gateway.session.campaign_clock import combined
 from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_recording

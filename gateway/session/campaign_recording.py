@@ -14,15 +14,15 @@ from firmware_protocol.batch import FrameBatch
 from gateway.closure.collecting import RevolutionStore
 from gateway.closure.group_making import Declared, make_groups
 from gateway.closure.observation import Group
-from gateway.config.load import parse_vehicle
-from gateway.config.model import VehicleConfig
+from gateway.config.vehicle import VehicleConfig
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
-from gateway.security.opening import open_guard
+from gateway.security.guard_setup import open_guard
 from gateway.session.batch import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
-from gateway.session.stated import GIVEN, RECORDED, assumed, stated
+from gateway.session.provenance import GIVEN, RECORDED, assumed, stated
 from gateway.session.wheel_identity import SensorsHeard, address, configured
 
 # With several wheels and none chosen, so many more revolutions are looked at to name the wheels.

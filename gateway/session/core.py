@@ -11,21 +11,21 @@ from typing import Final
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
 from gateway.config.effects_file import effects_notices, with_effects
-from gateway.config.model import ASSUMED_RADIUS_MM, Thresholds, VehicleConfig
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, Thresholds, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
-from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
-from gateway.pipeline.setup import CorrectionTable, WheelSetup
+from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.wheels import Pipeline
 from gateway.security.guard import Guard
 from gateway.session.alarms import alarms, sensor_alarms
 from gateway.session.commands import refusal
-from gateway.session.diagnosis import LinkDiagnosis
+from gateway.session.link_health import LinkDiagnosis
 from gateway.session.recording_stage import Recorder
 from gateway.session.security_watch import SecurityWatch
-from gateway.session.topics import log_level, message_topic, revolution_payload, waveform_payload
 from gateway.session.wheel_identity import sensor_ids, unconfigured
+from gateway.views.recording_topics import log_level, message_topic, revolution_payload, waveform_payload
 
 _NOTICES: Final = 20
 _WAVEFORM_EVERY_NS: Final = 1_000_000_000

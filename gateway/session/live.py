@@ -12,10 +12,10 @@ from gateway.clock import Clock
 from gateway.errors import TreadlinkError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
-from gateway.session.buffer import Buffer
+from gateway.session.bounded_buffer import Buffer
 from gateway.session.core import SessionCore
 from gateway.session.recording_stage import RecordingStage
-from gateway.views.summary import ResultSummary
+from gateway.views.session_summary import ResultSummary
 
 # Between the readers and the core: half a minute and more of any link.
 _QUEUE_ITEMS: Final = 8192

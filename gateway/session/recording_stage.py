@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple, Protocol
 from gateway.clock import Clock
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkItem
-from gateway.session.buffer import Buffer
+from gateway.session.bounded_buffer import Buffer
 
 # Four minutes of four wheels: a disk that is stuck for longer is told, and what does not fit is counted.
 MOST_BYTES: Final = 64 << 20

@@ -9,7 +9,7 @@ import numpy as np
 
 from firmware_protocol.batch import FrameBatch
 from firmware_protocol.messages import Environment, Hello, MessageType
-from gateway.config.model import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
 
 
 def sensor_ids(vehicle: VehicleConfig | None) -> dict[str, str]:

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from gateway.signal.contact_trains import Known, best_train, doubtful
 from gateway.signal.dips import box_offsets, find_dips, is_clipped, noise_std_mps2
-from gateway.signal.trains import Known, best_train, doubtful
 from gateway.types import FloatArray
 
 # The search looks at no more than this many samples a second; the shortest contact still spans three.

@@ -24,11 +24,11 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
-from gateway.security.keys import hub_identity, sensor_identity
+from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.security.signer import FrameSigner
 from gateway.simulator.scenario_tables import Hub
 from gateway.simulator.sensor import FULL_SCALE_COUNTS
-from gateway.simulator.wheel import WheelSimulator
+from gateway.simulator.simulated_wheel import WheelSimulator
 
 FIRMWARE = (1, 0, 0)
 _HUB_ID = 0x5452_4541_4400_0000

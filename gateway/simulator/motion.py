@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.simulator.series import Series
+from gateway.simulator.time_series import Series
 from gateway.types import FloatArray
 
 # A profile that does not repeat is held at its last speed; it is laid out this far.

@@ -5,12 +5,12 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
-from gateway.config.faults import nearest, parse_document, read_text
 from gateway.config.toml_writer import toml_text
+from gateway.config.validation import nearest, parse_document, read_text
 from gateway.errors import SourceError
-from gateway.simulator.plan import wheel_plans
 from gateway.simulator.scenario_checks import scenario_faults
 from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.wheel_plan import wheel_plans
 
 _SUFFIX = ".toml"
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from gateway.config.faults import Fault, show
+from gateway.config.validation import Fault, show
 
 
 def scenario_faults(data: Mapping[str, Any]) -> Iterator[Fault]:

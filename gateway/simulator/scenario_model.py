@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal, TypeVar
 
 from pydantic import Field
 
-from gateway.config.faults import Section
+from gateway.config.validation import Section
 from gateway.simulator.scenario_tables import (
     Defect,
     EdgeWaveTable,
@@ -22,7 +22,7 @@ from gateway.simulator.scenario_tables import (
     TreadPitchTable,
     Vibration,
 )
-from gateway.simulator.series import Series, constant, in_range
+from gateway.simulator.time_series import Series, constant, in_range
 
 SectionT = TypeVar("SectionT", bound=Section)
 

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from gateway.config.faults import Section
+from gateway.config.validation import Section
 from gateway.constants import AXIS_NAMES
-from gateway.simulator.faults import parse_fault
-from gateway.simulator.series import Series, checked_text, constant, in_range, per_axis
+from gateway.simulator.link_faults import parse_fault
+from gateway.simulator.time_series import Series, checked_text, constant, in_range, per_axis
 
 Triple = tuple[float, float, float]
 AxisName = Literal["circumferential", "lateral", "radial"]

@@ -14,12 +14,12 @@ from gateway.io.source import Chunk
 from gateway.physics.brush_tread import BrushNotConvergedError
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.security.signer import open_signer
-from gateway.simulator.faults import Fault, apply_faults, parse_faults
 from gateway.simulator.hub import HubSimulator, TimedFrame
-from gateway.simulator.plan import WheelPlan, wheel_plans
+from gateway.simulator.link_faults import Fault, apply_faults, parse_faults
 from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.truth import WheelTruth
-from gateway.simulator.wheel import WheelSimulator
+from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 
 BLOCK_S = 0.25
 """Simulated at a time; part of what the seed determines."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from gateway.physics.rolling_ring import RingNumbers
 from gateway.simulator.lateral_truth import LateralSlopes, lateral_slopes
-from gateway.simulator.plan import WheelPlan
+from gateway.simulator.wheel_plan import WheelPlan
 from gateway.types import FloatArray
 
 

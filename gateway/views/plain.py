@@ -8,7 +8,7 @@ from typing import Final
 from gateway.estimators.base import Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.views.numbers import Shown, kpa
-from gateway.views.reading import Reading, read_result
+from gateway.views.readout import Reading, read_result
 from gateway.views.text import clean, crop, crop_middle, pad, width
 
 LINE_WIDTH: Final = 160

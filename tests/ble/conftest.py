@@ -10,9 +10,9 @@ import pytest
 
 from gateway.io.ble import scan
 from gateway.io.source import Source
-from gateway.simulator.ble_peripheral import Peripheral
-from gateway.simulator.bluez_stand_in import BluezStandIn
-from gateway.simulator.dbus_daemon import PROGRAM, PrivateBus
+from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
+from gateway.simulator.bluetooth.dbus_daemon import PROGRAM, PrivateBus
+from gateway.simulator.bluetooth.peripheral import Peripheral
 from tests.io.hub_ends import Reader
 
 ADDRESSES = [f"C0:FF:EE:00:00:{number:02X}" for number in range(1, 9)]

@@ -15,13 +15,13 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from gateway.cli.checks import Level, check_bluetooth, check_source
+from gateway.cli.doctor_checks import Level, check_bluetooth, check_source
 from gateway.cli.scan import scan
 from gateway.cli.simulate import simulate
 from gateway.clock import ManualClock
-from gateway.simulator.ble_peripheral import Peripheral
-from gateway.simulator.bluez_stand_in import BluezStandIn
-from gateway.simulator.dbus_daemon import PrivateBus
+from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
+from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
+from gateway.simulator.bluetooth.peripheral import Peripheral
 from tests.ble.conftest import ADDRESSES, require_dbus_daemon, settle
 from tests.io.hub_ends import TIMEOUT_S
 

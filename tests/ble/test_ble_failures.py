@@ -22,9 +22,9 @@ from gateway.clock import ManualClock
 from gateway.io.ble import scan
 from gateway.io.ble_errors import BLE_ERRORS, explain
 from gateway.io.source import LinkEventKind, Source, open_source
-from gateway.simulator.ble_peripheral import Peripheral
-from gateway.simulator.bluez_stand_in import BluezStandIn
-from gateway.simulator.dbus_daemon import PrivateBus
+from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
+from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
+from gateway.simulator.bluetooth.peripheral import Peripheral
 from tests.ble.conftest import ADDRESSES, settle
 from tests.io.hub_ends import Reader
 

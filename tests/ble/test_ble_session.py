@@ -26,20 +26,20 @@ from firmware_protocol.messages import (
     TimeSync,
 )
 from gateway.clock import ManualClock, SystemClock
-from gateway.config.load import parse_vehicle
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import SourceError
 from gateway.io.ble import BleSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, open_source
 from gateway.session.commands import TwoWaySource, carry_out, command_frame, refusal, with_commands
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
-from gateway.simulator.ble_hubs import BleHub, ble_hubs, broadcast
-from gateway.simulator.ble_peripheral import Peripheral
-from gateway.simulator.bluez_stand_in import BluezStandIn
+from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
+from gateway.simulator.bluetooth.hubs import BleHub, ble_hubs, broadcast
+from gateway.simulator.bluetooth.peripheral import Peripheral
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
-from gateway.simulator.source import SimulatorSource
-from gateway.views.summary import ResultSummary
+from gateway.simulator.simulator_source import SimulatorSource
+from gateway.views.session_summary import ResultSummary
 from tests.io.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]

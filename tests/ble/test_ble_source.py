@@ -18,8 +18,8 @@ from gateway.io import ble_link
 from gateway.io.ble import BleSource, scan
 from gateway.io.ble_link import BleLink, BleSettings
 from gateway.io.source import LinkEventKind, Source, open_source
-from gateway.simulator.ble_peripheral import UART_FROM_HUB, UART_TO_HUB, Peripheral
-from gateway.simulator.bluez_stand_in import BluezStandIn
+from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
+from gateway.simulator.bluetooth.peripheral import UART_FROM_HUB, UART_TO_HUB, Peripheral
 from tests.ble.conftest import ADDRESSES
 from tests.io.hub_ends import TIMEOUT_S, Reader
 

@@ -15,7 +15,7 @@ from gateway.closure.effects.base import StartModel
 from gateway.closure.observation import Campaign
 from gateway.config.effects_file import load_effects
 from gateway.errors import OutputError, TreadlinkError
-from gateway.signal.correction import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from tests.closure.campaign_recordings import write_recording
 from tests.closure.diagnosis_data import empty, ordinary
 
@@ -59,7 +59,7 @@ def closed(monkeypatch):
         options["on_progress"](0.5, "halfway\x1b[2J")
         return answer[0]
 
-    monkeypatch.setattr("gateway.session.diagnose.diagnose", diagnose)
+    monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose", diagnose)
     return asked, answer
 
 
@@ -170,7 +170,7 @@ def test_one_file_that_cannot_be_written_does_not_take_the_others(closed, record
     def full(*_arguments, **_options):
         raise OutputError("the disk is full", "Free some space.")
 
-    monkeypatch.setattr("gateway.views.closure_json.write_whole", full)
+    monkeypatch.setattr("gateway.views.report.diagnosis_json.write_whole", full)
     closed[1][0] = replace(empty(), correction=None)
     html, effects = tmp_path / "a.html", tmp_path / "e.json"
     result = run(recording, "--json", tmp_path / "a.json", "--html", html, "--save-effects", effects)
@@ -199,7 +199,7 @@ def test_a_process_that_was_ended_is_told(recording, monkeypatch):
     def ended(*_arguments, **_options):
         raise BrokenProcessPool("A process in the process pool was terminated abruptly")
 
-    monkeypatch.setattr("gateway.session.diagnose.diagnose", ended)
+    monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose", ended)
     message, remedy = refused(recording)
     assert "ended from outside" in message
     assert "--jobs 1" in remedy

@@ -16,7 +16,7 @@ import pytest
 
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
-from gateway.simulator.faults import parse_faults
+from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
 

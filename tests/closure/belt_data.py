@@ -15,7 +15,7 @@ from gateway.estimators.base import Revolution
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waveform import SensorWaveform
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
 from tests.exact_ring_data import on_grid
 from tests.simulated_wheel import simulated

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from gateway.config.faults import parse_document
+from gateway.config.validation import parse_document
 from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario

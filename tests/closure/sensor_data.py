@@ -20,11 +20,11 @@ from gateway.closure.effects.base import (
 from gateway.closure.effects.catalogue import catalogue
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring_waveform import SensorWaveform
-from gateway.simulator.plan import WheelPlan, wheel_plans
 from gateway.simulator.scenario import parse_scenario
+from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.tire_table import LATERAL as LATERAL_COLUMN
 from gateway.simulator.tire_table import look_up
-from gateway.simulator.wheel import WheelSimulator
+from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 
 G = STANDARD_GRAVITY_MPS2
 # High, so that the simulated digital filters are close to analogue ones.

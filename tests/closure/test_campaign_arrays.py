@@ -14,8 +14,8 @@ from gateway.closure.deviations import deviation_rate_hz, deviations
 from gateway.closure.grouping import alike, folded, modes, telling, tire_states
 from gateway.closure.observation import ORDERS
 from gateway.closure.scatter import settle
-from gateway.signal.asynchronous import welch_spectrum
-from gateway.signal.orders import order_coefficients
+from gateway.signal.nonsynchronous_spectrum import welch_spectrum
+from gateway.signal.order_spectrum import order_coefficients
 
 N = 1024
 THETA = -math.pi + 2 * math.pi * np.arange(N) / N

@@ -15,7 +15,7 @@ from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.model import ClosureModel
 from gateway.closure.observation import ORDERS, Block, Campaign, Group
-from gateway.signal.correction import CorrectionTable
+from gateway.signal.effect_correction import CorrectionTable
 from tests.closure.belt_data import at
 
 PITCH_RAD = 0.02

@@ -25,7 +25,7 @@ from gateway.closure.trial import refit, try_effect
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from gateway.session.campaign import read_campaign
-from gateway.session.diagnose import diagnose_recordings
+from gateway.session.campaign_diagnosis import diagnose_recordings
 from gateway.types import FloatArray
 
 ROOT = Path(__file__).parents[2]

@@ -17,7 +17,7 @@ from tests.closure.diagnosis_data import nasty, ordinary
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
 pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")
 
-from gateway.views.closure_html import write_html
+from gateway.views.report.html import write_html
 
 TIMEOUT_S = 90
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')

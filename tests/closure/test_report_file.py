@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import OutputError
-from gateway.views.closure_html import write_html
-from gateway.views.closure_json import write_json
-from gateway.views.report_file import check_target, write_whole
+from gateway.views.output_file import check_target, write_whole
+from gateway.views.report.diagnosis_json import write_json
+from gateway.views.report.html import write_html
 from tests.closure.diagnosis_data import empty
 
 

@@ -9,21 +9,21 @@ import pytest
 
 from gateway.closure import likelihood
 from gateway.closure.diagnosis import Finding, Fitted, HeldOut, Verdict
-from gateway.signal.orders import ORDER_COUNT
-from gateway.signal.orders import order_coefficients as reference_coefficients
+from gateway.signal.order_spectrum import ORDER_COUNT
+from gateway.signal.order_spectrum import order_coefficients as reference_coefficients
 from tests.closure.diagnosis_data import NASTY, curves, empty, nasty, ordinary, trends
 
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
 pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")
 
 from gateway.views import closure_chapters
-from gateway.views.closure_chapters import chapters
-from gateway.views.closure_figures import order_coefficients, orders_figure, trend_figure, waveform_figure
-from gateway.views.closure_html import diagnosis_html
-from gateway.views.closure_rows import reference_group
-from gateway.views.closure_summary import closure_summary_lines
-from gateway.views.closure_svg import inline_svg, report_style
-from gateway.views.closure_tables import by_state, estimate_rows, refused_rows, steps, unexplained_rows
+from gateway.views.report.chapters import chapters
+from gateway.views.report.figures import order_coefficients, orders_figure, trend_figure, waveform_figure
+from gateway.views.report.html import diagnosis_html
+from gateway.views.report.report_tables import by_state, estimate_rows, refused_rows, steps, unexplained_rows
+from gateway.views.report.rows import reference_group
+from gateway.views.report.svg import inline_svg, report_style
+from gateway.views.report.terminal import closure_summary_lines
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.closure.diagnosis import Diagnosis, Fitted
 from gateway.errors import OutputError
-from gateway.views.closure_json import FORMAT, FORMAT_VERSION, diagnosis_json, write_json
+from gateway.views.report.diagnosis_json import FORMAT, FORMAT_VERSION, diagnosis_json, write_json
 from tests.closure.diagnosis_data import NASTY, empty, nasty, ordinary
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import OutputError
-from gateway.views.closure_html import diagnosis_html
+from gateway.views.report.html import diagnosis_html
 from tests.closure.diagnosis_data import empty
 
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
@@ -38,7 +38,7 @@ def test_a_missing_package_is_named_with_the_extra(package, monkeypatch):
 
 def test_the_views_import_nothing_heavy():
     code = (
-        "import sys, gateway.views.closure_html, gateway.views.closure_json, gateway.views.closure_summary\n"
+        "import sys, gateway.views.report.html, gateway.views.report.diagnosis_json, gateway.views.report.terminal\n"
         "sys.exit(str({'matplotlib', 'jinja2'} & set(sys.modules) or 0))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
@@ -57,4 +57,6 @@ def test_the_wheel_holds_the_template(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     with zipfile.ZipFile(next((tmp_path / "out").glob("*.whl"))) as wheel:
-        assert {"gateway/views/closure_report.html.j2", "gateway/views/closure_report.css"} <= set(wheel.namelist())
+        assert {"gateway/views/report/closure_report.html.j2", "gateway/views/report/closure_report.css"} <= set(
+            wheel.namelist()
+        )

@@ -9,8 +9,8 @@ from gateway.closure.diagnosis import Fitted
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.gravity import EFFECT as GRAVITY
 from gateway.closure.findings import fitted_parameter
-from gateway.views.closure_rows import printed, show_fitted, significant, span_text
-from gateway.views.closure_summary import LINE_WIDTH, closure_summary_lines
+from gateway.views.report.rows import printed, show_fitted, significant, span_text
+from gateway.views.report.terminal import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
 from tests.closure.diagnosis_data import empty, nasty, ordinary
 

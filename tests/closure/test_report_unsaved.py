@@ -9,7 +9,7 @@ import pytest
 
 from gateway.closure.contribution import _MEASURED
 from gateway.closure.diagnosis import Finding, Verdict
-from gateway.views.closure_unsaved import MEASURED, saved_text, why_unsaved
+from gateway.views.report.unsaved import MEASURED, saved_text, why_unsaved
 from tests.closure.diagnosis_data import empty, ordinary
 
 

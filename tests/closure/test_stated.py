@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.load import parse_vehicle
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
-from gateway.session.stated import GIVEN, stated
-from gateway.views.closure_html import diagnosis_html
-from gateway.views.closure_json import diagnosis_json
+from gateway.session.provenance import GIVEN, stated
+from gateway.views.report.diagnosis_json import diagnosis_json
+from gateway.views.report.html import diagnosis_html
 from tests.closure.campaign_recordings import START_NS, write_recording
 from tests.closure.diagnosis_data import ordinary
 

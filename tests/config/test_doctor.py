@@ -12,9 +12,9 @@ import pytest
 from click.testing import CliRunner
 from serial.tools import list_ports
 
-from gateway.cli import checks
-from gateway.cli.checks import Check, Level
+from gateway.cli import doctor_checks as checks
 from gateway.cli.doctor import doctor
+from gateway.cli.doctor_checks import Check, Level
 from gateway.clock import ManualClock
 
 Usage = namedtuple("Usage", "total used free")

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.config.effects_file import check_effects, effects_text, load_effects
-from gateway.config.load import parse_vehicle
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import ConfigError
-from gateway.pipeline.setup import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 
 RNG = np.random.default_rng(1)
 TABLE = CorrectionTable(

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.config.load import load_vehicle, parse_vehicle
-from gateway.config.model import (
+from gateway.config.vehicle import (
     Axle,
     Mounting,
     Reference,
@@ -17,6 +16,7 @@ from gateway.config.model import (
     Wheel,
     default_vehicle,
 )
+from gateway.config.vehicle_file import load_vehicle, parse_vehicle
 from gateway.errors import ConfigError
 
 EXAMPLE = """

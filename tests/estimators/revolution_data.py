@@ -8,9 +8,9 @@ import numpy as np
 
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
 from gateway.physics.rolling_ring import RingSolution
-from gateway.signal.average import RunningAverage
-from gateway.signal.contact import find_contact_edges
-from gateway.signal.orders import coefficient_std, order_coefficients, sample_std
+from gateway.signal.contact_edges import find_contact_edges
+from gateway.signal.order_spectrum import coefficient_std, order_coefficients, sample_std
+from gateway.signal.synchronous_average import RunningAverage
 from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, omega_at, on_grid
 
 OMEGA = omega_at(65.0)

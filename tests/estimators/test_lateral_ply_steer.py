@@ -12,7 +12,7 @@ import pytest
 
 from firmware_protocol.messages import Coupling
 from gateway.estimators.base import Conditions, Estimate, Revolution, Status
-from gateway.estimators.lateral import lateral_record, slopes
+from gateway.estimators.lateral_shape import lateral_record, slopes
 from gateway.estimators.ply_steer import NAMES, ROLL_NAME, PlySteerEstimator, separate_plysteer_conicity
 from gateway.estimators.registry import make_estimator
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution

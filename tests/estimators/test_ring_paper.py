@@ -17,9 +17,9 @@ from gateway.estimators.ring_fit import fit_ring_numbers
 from gateway.estimators.ring_paper import RingPaperEstimator
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import signal_orders, signal_waveform, stiffness_terms
-from gateway.signal.average import RunningAverage
-from gateway.signal.normalise import normalise_radial
-from gateway.signal.resample import angle_grid, fit_phase, resample_revolution
+from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
+from gateway.signal.speed_normalisation import normalise_radial
+from gateway.signal.synchronous_average import RunningAverage
 from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, cosine_orders, solution
 

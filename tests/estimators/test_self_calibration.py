@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gateway.estimators.base import Status
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.wheel_setup import WheelSetup
 from tests.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)

@@ -15,7 +15,7 @@ from gateway.estimators.weak_form_fit import WaveformFits, fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waves import EdgeWaves
-from gateway.signal.average import RunningAverage
+from gateway.signal.synchronous_average import RunningAverage
 from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 from tests.exact_ring_data import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid, solution
 

@@ -11,7 +11,7 @@ from gateway.estimators.base import Conditions, Estimate, Status
 from gateway.estimators.load import LoadEstimator
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, TireData
 from gateway.estimators.wear import WearEstimator
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.wheel_setup import WheelSetup
 from tests.estimators.revolution_data import exact_wave, make_revolution, settled
 from tests.exact_ring_data import solution
 from tests.simulated_wheel import last, simulated
@@ -53,8 +53,8 @@ def test_pressure_does_not_pass_for_wear() -> None:
 
 def test_wear_shows_in_the_snapshot() -> None:
     from firmware_protocol.decoder import FrameDecoder
-    from gateway.config.faults import parse_document
-    from gateway.pipeline.core import Pipeline
+    from gateway.config.validation import parse_document
+    from gateway.pipeline.wheels import Pipeline
     from gateway.simulator.scenario_model import Scenario
     from gateway.simulator.simulation import simulate
 

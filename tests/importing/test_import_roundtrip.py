@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.load import parse_vehicle
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ImportDataError, RecordingError
 from gateway.importing.columns import BLOCK_ROWS

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from gateway.estimators.asynchronous import AsynchronousEstimator
 from gateway.estimators.base import Status
-from gateway.pipeline.core import Pipeline
-from gateway.pipeline.setup import WheelSetup
+from gateway.estimators.nonsynchronous import AsynchronousEstimator
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 from tests.estimators.revolution_data import settled
 from tests.simulated_wheel import last, simulated
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gateway.estimators.base import Status
-from gateway.pipeline.core import Pipeline
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0)
 

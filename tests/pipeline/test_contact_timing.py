@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.config.faults import parse_document
-from gateway.pipeline.core import Pipeline
-from gateway.pipeline.setup import WheelSetup
+from gateway.config.validation import parse_document
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
 

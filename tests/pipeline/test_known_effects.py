@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from gateway.closure.collecting import waveform_orders
-from gateway.config.faults import parse_document
-from gateway.config.load import parse_vehicle
+from gateway.config.validation import parse_document
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.estimators.base import Status
 from gateway.io.source import Chunk
-from gateway.pipeline.setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup
+from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore
-from gateway.signal.correction import EffectParameter
+from gateway.signal.effect_correction import EffectParameter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate

@@ -14,9 +14,9 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, MessageType
 from gateway.estimators.base import Status
-from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import WheelState
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, load_std_n=50.0)
 UNKNOWN = WheelSetup("", 0, 0, 0.32)

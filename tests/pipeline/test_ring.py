@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.pipeline.ring import SampleRing
+from gateway.pipeline.sample_buffer import SampleRing
 
 
 def ramp(first: int, n: int) -> np.ndarray:

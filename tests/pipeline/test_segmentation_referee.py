@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.pipeline.core import Pipeline
 from gateway.pipeline.results import WheelState
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 from tests.segmentation_signals import MEASURED, Case, Verdict, judge, make_signal, segment
 
 

@@ -15,8 +15,8 @@ from gateway.errors import RecordingError
 from gateway.io.source import LinkItem
 from gateway.recording import compact as compact_module
 from gateway.recording.compact import compact_recording
+from gateway.recording.mcap_records import ChunkParts, chunk_records
 from gateway.recording.reader import RecordingReader
-from gateway.recording.records import ChunkParts, chunk_records
 from tests.recording import streams
 
 

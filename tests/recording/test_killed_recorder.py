@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.io.source import Chunk
-from gateway.recording.layout import raw_topic
+from gateway.recording.mcap_layout import raw_topic
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
 

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk
 from gateway.recording.compact import compact_recording
-from gateway.recording.layout import REPAIR_METADATA
+from gateway.recording.mcap_layout import REPAIR_METADATA
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import needs_repair, repair_recording
 from tests.recording import damage, streams

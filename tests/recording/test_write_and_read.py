@@ -19,7 +19,7 @@ from mcap.stream_reader import StreamReader
 
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
-from gateway.recording.layout import MARKS_TOPIC, event_topic, raw_topic
+from gateway.recording.mcap_layout import MARKS_TOPIC, event_topic, raw_topic
 from gateway.recording.reader import RecordingReader
 from gateway.recording.schemas import TOPICS, schema_of
 from gateway.recording.writer import RecordingWriter

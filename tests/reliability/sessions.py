@@ -10,7 +10,7 @@ from gateway.clock import SystemClock
 from gateway.io.source import LinkItem
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
-from gateway.views.summary import ResultSummary
+from gateway.views.session_summary import ResultSummary
 
 TIMEOUT_S = 30.0
 

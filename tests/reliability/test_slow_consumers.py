@@ -7,15 +7,15 @@ from collections import Counter
 
 import pytest
 
-from gateway.cli.opening import RunningSession, end_session, run_plain
-from gateway.config.load import parse_vehicle
+from gateway.cli.session_setup import RunningSession, end_session, run_plain
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.session import live as live_module
 from gateway.session import recording_stage
-from gateway.session.buffer import Buffer
+from gateway.session.bounded_buffer import Buffer
 from gateway.session.core import SessionCore
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, start
 from tests.reliability.streams import simulated

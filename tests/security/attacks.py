@@ -12,7 +12,7 @@ from firmware_protocol.messages import HUB_ITSELF, Coupling, Frame, Hello, HubSt
 from gateway.security.cmac import Key
 from gateway.security.freshness import Ledger
 from gateway.security.guard import Guard, Place
-from gateway.security.keys import hub_identity, sensor_identity
+from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.security.signer import FrameSigner
 
 SENSORS = {0: 0xA001, 1: 0xA002}

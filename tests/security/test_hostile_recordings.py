@@ -18,9 +18,9 @@ from firmware_protocol.codec import encode_raw
 from gateway.errors import ConfigError
 from gateway.io.source import Chunk
 from gateway.recording.compact import compact_recording
-from gateway.recording.layout import CHANNEL_METADATA, RAW_ENCODING, SESSION_METADATA, seal
+from gateway.recording.mcap_layout import CHANNEL_METADATA, RAW_ENCODING, SESSION_METADATA, seal
+from gateway.recording.mcap_records import CHUNK_HEAD, MAGIC, RECORD_HEAD
 from gateway.recording.reader import RecordingReader
-from gateway.recording.records import CHUNK_HEAD, MAGIC, RECORD_HEAD
 from gateway.recording.repair import repair_recording
 from gateway.session.batch import estimate_items
 
@@ -167,7 +167,7 @@ def test_times_out_of_the_world_do_no_harm(tmp_path: Path) -> None:
 
 
 def test_a_recorded_configuration_is_as_strict_as_any(tmp_path: Path) -> None:
-    from gateway.config.load import parse_vehicle
+    from gateway.config.vehicle_file import parse_vehicle
 
     with pytest.raises(ConfigError):
         parse_vehicle('[[wheel]]\nposition="../../x"\nhub=0\nwheel=0\n[tire]\nradius_mm=300.0\n', "recording")

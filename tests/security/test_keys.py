@@ -14,7 +14,7 @@ from gateway.errors import TreadlinkError
 from gateway.security import cmac
 from gateway.security.cmac import Key, SecurityError, mac
 from gateway.security.freshness import Ledger
-from gateway.security.keys import KeyFile, counters_file, parse_identity
+from gateway.security.key_file import KeyFile, counters_file, parse_identity
 from gateway.security.private_file import write_private
 
 SECRET = "00112233445566778899aabbccddeeff"

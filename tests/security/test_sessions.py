@@ -12,13 +12,13 @@ from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.clock import ManualClock
-from gateway.config.load import parse_vehicle
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import Chunk, open_source
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
-from gateway.security.keys import KeyFile, counters_file
-from gateway.security.opening import open_guard
+from gateway.security.guard_setup import open_guard
+from gateway.security.key_file import KeyFile, counters_file
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore
 from tests.security.attacks import downgraded, forged

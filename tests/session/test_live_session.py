@@ -11,7 +11,7 @@ from gateway.errors import SourceError, TreadlinkError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
-from gateway.views.summary import ResultSummary
+from gateway.views.session_summary import ResultSummary
 
 TIMEOUT_S = 20.0
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gateway.signal.asynchronous import asynchronous_part, spectral_lines, welch_spectrum
+from gateway.signal.nonsynchronous_spectrum import asynchronous_part, spectral_lines, welch_spectrum
 from tests.exact_ring_data import omega_at, on_grid, solution
 
 RATE_HZ = 4000.0

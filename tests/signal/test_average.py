@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.signal.average import AngleAverage, RunningAverage
-from gateway.signal.contact import EDGE_MODEL_STD_RAD
-from gateway.signal.orders import ORDER_COUNT, order_coefficients
-from gateway.signal.resample import angle_grid
+from gateway.signal.angle_resampling import angle_grid
+from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
+from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
+from gateway.signal.synchronous_average import AngleAverage, RunningAverage
 
 SHAPE = 1000.0 * (1.0 - np.exp(-((angle_grid() / 0.25) ** 4)))
 

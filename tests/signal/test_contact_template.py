@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from gateway.signal.resample import Phase
-from gateway.signal.template import contact_template, match_contact
+from gateway.signal.angle_resampling import Phase
+from gateway.signal.contact_template import contact_template, match_contact
 from tests.exact_ring_data import omega_at, on_grid, solution
 
 OMEGA = omega_at(65.0)

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.signal.lateral import (
+from gateway.signal.angle_resampling import angle_grid
+from gateway.signal.lateral_deformation import (
     HIGHEST_ORDER,
     chord_row,
     deformation,
@@ -22,7 +23,6 @@ from gateway.signal.lateral import (
     trusted_orders,
 )
 from gateway.signal.moments import RunningMoments
-from gateway.signal.resample import angle_grid
 from gateway.signal.roll_calibration import MOUNTING_STD_RAD, RollCalibration
 
 N, RADIUS_M = 1024, 0.32

@@ -7,8 +7,8 @@ import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal import normalise
-from gateway.signal.normalise import normalise_radial
-from gateway.signal.resample import Phase, angle_grid, fit_phase, resample_revolution
+from gateway.signal.angle_resampling import Phase, angle_grid, fit_phase, resample_revolution
+from gateway.signal.speed_normalisation import normalise_radial
 from tests.exact_ring_data import RADIUS_M, cosine_orders, omega_at, on_grid, sampled, solution
 
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.signal.orders import (
+from gateway.signal.angle_resampling import angle_grid
+from gateway.signal.order_spectrum import (
     ORDER_COUNT,
     coefficient_std,
     highest_order,
@@ -15,7 +16,6 @@ from gateway.signal.orders import (
     sample_std,
     waveform_from_orders,
 )
-from gateway.signal.resample import angle_grid
 
 
 @settings(max_examples=30, deadline=None)

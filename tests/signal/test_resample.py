@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.signal.orders import order_coefficients
-from gateway.signal.resample import (
+from gateway.signal.angle_resampling import (
     MARGIN_SAMPLES,
     Phase,
     angle_grid,
@@ -16,6 +15,7 @@ from gateway.signal.resample import (
     fit_phase,
     resample_revolution,
 )
+from gateway.signal.order_spectrum import order_coefficients
 
 
 def tone(order: int, samples: float, start: float, rows: int) -> np.ndarray:

@@ -11,21 +11,21 @@ from hypothesis import strategies as st
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, HubStatus, SampleBlock
-from gateway.config.load import parse_vehicle
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
 from gateway.simulator.edge_jitter import EdgeJitter
 from gateway.simulator.filters import band_noise_gain, loose_mass, resonator
 from gateway.simulator.motion import MotionProfile
-from gateway.simulator.plan import WheelPlan, wheel_plans
 from gateway.simulator.rotation import Ripple, WheelRotation
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.sensor import mounting_matrix
-from gateway.simulator.series import Series
+from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import simulate
+from gateway.simulator.time_series import Series
 from gateway.simulator.tire_table import look_up
 from gateway.simulator.truth import WheelTruth
-from gateway.simulator.wheel import WheelSimulator
+from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 
 RATE = 9600.0
 OMEGA = 65.0 / 3.6 / 0.32

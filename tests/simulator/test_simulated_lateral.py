@@ -11,15 +11,15 @@ import pytest
 from firmware_protocol.decoder import FrameDecoder
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.ply_steer import separate_plysteer_conicity
-from gateway.pipeline.core import Pipeline
-from gateway.pipeline.setup import WheelSetup
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
 from gateway.simulator.lateral_truth import slopes_of
-from gateway.simulator.plan import wheel_plans
 from gateway.simulator.scenario import load_scenario, parse_scenario
+from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import simulate
 from gateway.simulator.tire_table import LATERAL, Range, TireTable, look_up
 from gateway.simulator.truth import WheelTruth
-from gateway.simulator.wheel import WheelSimulator
+from gateway.simulator.wheel_plan import wheel_plans
 
 QUIET = "[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\n"
 OMEGA = 65.0 / 3.6 / 0.32

@@ -26,7 +26,7 @@ from gateway.errors import ConfigError, SourceError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.simulation import simulate
-from gateway.simulator.source import SimulatorSource
+from gateway.simulator.simulator_source import SimulatorSource
 
 START_NS = 1_700_000_000_000_000_000
 LINK = "sim:test"

@@ -14,13 +14,13 @@ from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.physics.rolling_ring_waves import EdgeWaves
 from gateway.simulator.filters import highpass, lowpass, lowpass_noise_gain
 from gateway.simulator.motion import MotionProfile
-from gateway.simulator.plan import wheel_plans
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.sensor import SensorChain, mounting_matrix
-from gateway.simulator.series import Series, constant
+from gateway.simulator.simulated_wheel import WheelSimulator
+from gateway.simulator.time_series import Series, constant
 from gateway.simulator.tire_model import RING_NODES, TireModel
 from gateway.simulator.tire_table import Range, TireTable, look_up
-from gateway.simulator.wheel import WheelSimulator
+from gateway.simulator.wheel_plan import wheel_plans
 
 RING = RingParameters.from_numbers(3.08e-3, 0.195, 2.97, 2.53, radius_m=0.32, pressure_pa=2.1e5)
 QUIET = "noise_mg_rthz = 0.0\nrange_g = 1000.0\n"

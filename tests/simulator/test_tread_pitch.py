@@ -9,9 +9,9 @@ import pytest
 
 from firmware_protocol.messages import Coupling
 from gateway.physics.rolling_ring_waves import TreadPitch
-from gateway.simulator.plan import wheel_plans
 from gateway.simulator.scenario import parse_scenario
-from gateway.simulator.wheel import WheelSimulator
+from gateway.simulator.simulated_wheel import WheelSimulator
+from gateway.simulator.wheel_plan import wheel_plans
 
 OMEGA = 65.0 / 3.6 / 0.32
 PATTERN = "[wheel.tread_pitch]\namplitude_percent = 5.0\nblocks = 60.0\nreach_rad = 0.2\nphase_deg = 40.0\n"

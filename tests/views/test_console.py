@@ -7,7 +7,7 @@ import textwrap
 
 import pytest
 
-from gateway.views.console import ConsoleApp
+from gateway.views.console.screen import ConsoleApp
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
@@ -235,7 +235,7 @@ async def test_resize_draws_for_the_new_size(session):
 SCRIPT = textwrap.dedent(
     """
     from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot
-    from gateway.views.console import run_console
+    from gateway.views.console.screen import run_console
 
     class Session:
         calls = 0

@@ -5,9 +5,9 @@ import pytest
 
 from gateway.estimators.base import Estimate, Status
 from gateway.pipeline.results import WheelCounters, WheelSnapshot, WheelState
-from gateway.views.console_page import ViewState, compose, panel_grid
-from gateway.views.console_rows import Role, row_width
-from gateway.views.waveform import Zoom
+from gateway.views.console.page import ViewState, compose, panel_grid
+from gateway.views.console.styled_rows import Role, row_width
+from gateway.views.console.waveform import Zoom
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from gateway.views.console_rows import Role, beside, fill_while_fitting, fit, row_width, spread
+from gateway.views.console.styled_rows import Role, beside, fill_while_fitting, fit, row_width, spread
 from gateway.views.text import clean, crop, crop_middle, pad, width
 
 printable = st.text(st.characters(min_codepoint=32, max_codepoint=0x2FFF), max_size=30)

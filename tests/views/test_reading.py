@@ -3,7 +3,7 @@ import math
 
 from gateway.estimators.base import Estimate, Status
 from gateway.views.numbers import MISSING
-from gateway.views.reading import read_result
+from gateway.views.readout import read_result
 
 
 def test_numbers_are_shown_and_their_ratios_are_not(made):

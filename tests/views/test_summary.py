@@ -6,7 +6,7 @@ import pytest
 
 from gateway.estimators.base import Conditions, Estimate, Revolution, Status
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
-from gateway.views.summary import ResultSummary, effects_line, summary_lines
+from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 
 
 def result(

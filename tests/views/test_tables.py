@@ -13,7 +13,7 @@ import pytest
 from gateway.errors import OutputError
 from gateway.estimators.base import Conditions, Estimate, Revolution, Status
 from gateway.pipeline.results import RevolutionResult
-from gateway.views.tables import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
+from gateway.views.tables.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
 
 START_NS = 1_700_000_000_123_456_789
 BS = Estimate("Bs", 3.08e-3, 1.2e-5, Status.PROVISIONAL, "few revolutions, so far")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.views.waveform import MIN_HEIGHT, MIN_WIDTH, Ink, Zoom, draw_waveform, nice_scale
+from gateway.views.console.waveform import MIN_HEIGHT, MIN_WIDTH, Ink, Zoom, draw_waveform, nice_scale
 
 GUTTER = 7
 N = 720

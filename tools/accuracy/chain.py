@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling, Hello
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
-from gateway.pipeline.setup import WheelSetup
 from gateway.pipeline.timebase import HostClock
-from gateway.pipeline.wheel import WheelPipeline
-from gateway.signal.average import RunningAverage
+from gateway.pipeline.wheel_pipeline import WheelPipeline
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.signal.synchronous_average import RunningAverage
 
 FULL_SCALE_COUNTS = 32767
 _BLOCK = 36

@@ -18,8 +18,8 @@ from gateway.estimators.registry import make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
 from gateway.physics.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.pipeline.setup import WheelSetup
-from gateway.signal.average import RunningAverage
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.signal.synchronous_average import RunningAverage
 
 LONG = 100
 # Of one revolution each, without averaging; after LONG revolutions the mean of theirs counts.

@@ -118,8 +118,8 @@ def default_jobs() -> int:
 
 def _diagnose(given: Recorded, model: str) -> str:
     from gateway.closure.effects.base import StartModel
-    from gateway.session.diagnose import diagnose_recordings
-    from gateway.views.closure_json import diagnosis_json
+    from gateway.session.campaign_diagnosis import diagnose_recordings
+    from gateway.views.report.diagnosis_json import diagnosis_json
 
     diagnosis = diagnose_recordings(given.paths, model=StartModel(model), jobs=1, reverse=given.reverse)
     return json.dumps(diagnosis_json(diagnosis), indent=1, allow_nan=False)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.clock import SystemClock
-from gateway.config.load import parse_vehicle
+from gateway.config.vehicle_file import parse_vehicle
 from gateway.io.source import Chunk, LinkItem
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.writer import RecordingWriter
@@ -24,7 +24,7 @@ from gateway.session.live import LiveSession
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
 from gateway.simulator.truth import WheelTruth
-from gateway.views.summary import ResultSummary
+from gateway.views.session_summary import ResultSummary
 
 START_NS = 1_700_000_000_000_000_000
 

@@ -1,0 +1,271 @@
+"""The checks that `treadlink doctor` runs; each says what it found and, where that is not good, what to do."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import shutil
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.errors import ConfigError, TreadlinkError
+from gateway.io.source import open_source, parse_source_uri
+
+PYTHON_MIN: Final = (3, 11)
+TERMINAL_MIN_COLUMNS: Final = 80
+TERMINAL_MIN_LINES: Final = 24
+DISK_FAULT_BYTES: Final = 100_000_000
+# Four wheels, three axes at 9600 Hz in frames of 36 samples and 242 bytes.
+BYTES_PER_HOUR: Final = 4 * 9600 / 36 * 242 * 3600
+DISK_WARNING_HOURS: Final = 1.0
+_LISTEN_S: Final = 0.1
+
+_REQUIREMENT: Final = re.compile(
+    r"^([A-Za-z0-9._-]+)[^;]*?(?:>=([0-9.]+))?[^;]*(?:;\s*extra\s*==\s*['\"]([^'\"]+)['\"])?\s*$"
+)
+
+
+class Level(StrEnum):
+    """How a check ended."""
+
+    OK = "ok"
+    WARNING = "warning"
+    FAULT = "fault"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line of the doctor.
+
+    Attributes:
+        name: what was looked at.
+        level: how it ended.
+        text: what was found.
+        remedy: what to do, empty when nothing.
+    """
+
+    name: str
+    level: Level
+    text: str
+    remedy: str = ""
+
+
+def check_python(version: tuple[int, int, int] = sys.version_info[:3]) -> Iterator[Check]:
+    """Check the interpreter's version."""
+    found = ".".join(map(str, version))
+    if version[:2] < PYTHON_MIN:
+        wanted = ".".join(map(str, PYTHON_MIN))
+        yield Check("python", Level.FAULT, f"{found} is too old", f"Install Python {wanted} or newer.")
+    else:
+        yield Check("python", Level.OK, found)
+
+
+def check_packages() -> Iterator[Check]:
+    """Check every required package and every optional one, but those for development."""
+    try:
+        requirements = importlib.metadata.requires("treadlink") or []
+    except importlib.metadata.PackageNotFoundError:
+        yield Check("packages", Level.FAULT, "treadlink itself is not installed", "Run: pip install -e .")
+        return
+    missing = {"": False}
+    versions: list[str] = []
+    for requirement in requirements:
+        match = _REQUIREMENT.match(requirement)
+        if match is None or match[3] == "dev":
+            continue
+        name, minimum, extra = match[1], match[2], match[3] or ""
+        version = _version_of(name)
+        if version is not None and (minimum is None or _release(version) >= _release(minimum)):
+            versions.append(f"{name} {version}")
+            continue
+        missing[extra] = True
+        found = f"{name} is missing" if version is None else f"{name} {version} is older than {minimum}"
+        if extra:
+            yield Check(f"package [{extra}]", Level.WARNING, found, f"Optional. Run: pip install 'treadlink[{extra}]'")
+        else:
+            yield Check("package", Level.FAULT, found, f"Run: pip install '{name}>={minimum or 0}'")
+    if not missing[""]:
+        yield Check("packages", Level.OK, ", ".join(versions))
+
+
+def check_ports() -> Iterator[Check]:
+    """Check which serial ports are there, and whether they may be used."""
+    from serial.tools import list_ports
+
+    found = False
+    for port in sorted(list_ports.comports()):
+        found = True
+        check = check_device(Path(port.device), port.description or "")
+        # Many machines have ports that nobody wants; one that is wanted is named as a SOURCE.
+        yield check if check.level is Level.OK else replace(check, level=Level.WARNING)
+    if not found:
+        yield Check(
+            "serial port", Level.WARNING, "none present", "Plug in the hub; without one, try: treadlink live sim:demo"
+        )
+
+
+def check_bluetooth() -> Iterator[Check]:
+    """Check whether Bluetooth LE can be used: adapter, service and permission."""
+    from gateway.io.ble import scan
+
+    fault = scan(_LISTEN_S).fault
+    if fault is None:
+        yield Check("bluetooth", Level.OK, "can scan; `treadlink scan` lists the hubs in range")
+    else:
+        # Many machines have none, and need none with a hub on a cable.
+        yield Check("bluetooth", Level.WARNING, str(fault), f"Only for hubs on Bluetooth. {fault.remedy}")
+
+
+def check_device(device: Path, description: str = "") -> Check:
+    """Check whether a serial device may be read and written; on Linux, tell which group may."""
+    known = f"{device} ({description})" if description and description != "n/a" else str(device)
+    name = "serial port"
+    if os.name != "posix":
+        return Check(name, Level.OK, known)
+    if not device.exists():
+        return Check(name, Level.FAULT, f"there is no {device}", "Plug in the hub; `treadlink doctor` lists the ports.")
+    if not device.is_char_device():
+        return Check(name, Level.FAULT, f"{device} is not a serial port", "Check the name.")
+    if os.access(device, os.R_OK | os.W_OK):
+        return Check(name, Level.OK, f"{known} can be read and written")
+    group = device.group() if _has_group_name(device) else str(device.stat().st_gid)
+    if group == "root" or not device.stat().st_mode & 0o060:
+        remedy = f"Its group may not use it either; allow it: sudo chmod a+rw {device}, or add a udev rule."
+    else:
+        remedy = f"Join its group, then log out and in: sudo usermod -aG {group} $USER"
+    return Check(name, Level.FAULT, f"{known} may not be used by you", remedy)
+
+
+def check_disk(folder: Path) -> Iterator[Check]:
+    """Check that recordings can be written to a folder, and for how long."""
+    name = "recordings"
+    there = folder.absolute()
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    if folder.exists() and not folder.is_dir():
+        yield Check(name, Level.FAULT, f"{folder} is a file", "Choose a folder with --recordings.")
+        return
+    if not os.access(there, os.W_OK | os.X_OK):
+        yield Check(name, Level.FAULT, f"{there} may not be written", "Choose another folder with --recordings.")
+        return
+    free_bytes = shutil.disk_usage(there).free
+    hours = free_bytes / BYTES_PER_HOUR
+    text = f"{folder}: {free_bytes / 1e9:.1f} GB free, about {hours:.3g} h of four wheels at 9600 Hz"
+    if free_bytes < DISK_FAULT_BYTES:
+        yield Check(name, Level.FAULT, text, "Free some space, or choose another disk with --recordings.")
+    elif hours < DISK_WARNING_HOURS:
+        yield Check(name, Level.WARNING, text, "Enough for a short session only: free some space.")
+    else:
+        yield Check(name, Level.OK, text)
+
+
+def check_terminal(
+    is_terminal: bool, size: os.terminal_size, encoding: str, environment: Mapping[str, str]
+) -> Iterator[Check]:
+    """Check what the console needs of the terminal."""
+    name = "terminal"
+    if not is_terminal:
+        yield Check(name, Level.WARNING, "the output is no terminal", "`treadlink live` prints plain lines here.")
+        return
+    term = environment.get("TERM", "")
+    text = f"{term or 'TERM not set'}, {size.columns} x {size.lines}, {encoding}"
+    problems = []
+    if os.name == "posix" and term in ("", "dumb"):
+        problems.append("set TERM, for example to xterm-256color, or use --plain")
+    if size.columns < TERMINAL_MIN_COLUMNS or size.lines < TERMINAL_MIN_LINES:
+        problems.append(f"enlarge it to {TERMINAL_MIN_COLUMNS} x {TERMINAL_MIN_LINES} at least")
+    if "utf" not in encoding.lower():
+        problems.append("use a UTF-8 locale (LANG=C.UTF-8): curves and units are drawn with it")
+    if problems:
+        remedy = "; ".join(problems)
+        yield Check(name, Level.WARNING, text, f"{remedy[0].upper()}{remedy[1:]}.")
+    else:
+        yield Check(name, Level.OK, text)
+
+
+def check_config(path: Path) -> Iterator[Check]:
+    """Check a vehicle configuration; one line for each fault."""
+    from gateway.config.vehicle_file import load_vehicle
+
+    name = "configuration"
+    try:
+        config = load_vehicle(path)
+    except ConfigError as error:
+        yield from (Check(name, Level.FAULT, line, error.remedy) for line in str(error).splitlines())
+        return
+    setups = config.wheel_setups()
+    wheels = ", ".join(f"{setup.position} (hub {setup.hub}, wheel {setup.wheel})" for setup in setups)
+    yield Check(name, Level.OK, f"{path}: {config.name or 'unnamed'}, wheels {wheels}")
+    for what, key, unknown in (
+        ("load", "load_n or an [[axle]]", [setup.position for setup in setups if setup.load_n is None]),
+        ("pressure", "pressure_kpa", [setup.position for setup in setups if setup.pressure_pa is None]),
+    ):
+        if unknown:
+            rest = "; a sensor that reports it will do" if what == "pressure" else ""
+            text = f"{what} of {', '.join(unknown)} is unknown: only ratios of the numbers can be estimated"
+            yield Check(name, Level.WARNING, text, f"State {key} if it is known{rest}.")
+    yield from (Check(name, Level.WARNING, notice, "Measure and state it.") for notice in config.notices())
+
+
+def check_source(uri: str, clock: Any) -> Iterator[Check]:
+    """Check that a source can be opened, as far as that goes without reading from it."""
+    name = f"source {uri}"
+    try:
+        address = parse_source_uri(uri)
+        source = open_source(uri, clock)
+        source.close()
+        if address.scheme == "tcp":
+            _try_to_connect(address.target)
+        elif address.scheme == "ble":
+            yield Check(name, Level.OK, f"in range: {source.look()}")  # type: ignore[attr-defined]
+            return
+    except TreadlinkError as error:
+        yield Check(name, Level.FAULT, str(error), error.remedy)
+        return
+    except ImportError as error:
+        yield Check(name, Level.FAULT, f"a package is missing: {error.name}", "See the packages above.")
+        return
+    if address.scheme == "serial" and "://" not in address.target:
+        device = check_device(Path(address.target))
+        yield Check(name, device.level, device.text, device.remedy)
+        return
+    yield Check(name, Level.OK, "can be opened")
+
+
+def _try_to_connect(target: str) -> None:
+    import socket
+
+    host, _, port = target.rstrip("/").rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=3.0).close()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise TreadlinkError(
+            f"{target} does not answer: {reason}", "Is the hub on, and are address and port right?"
+        ) from error
+
+
+def _has_group_name(device: Path) -> bool:
+    try:
+        device.group()
+    except KeyError:
+        return False
+    return True
+
+
+def _version_of(name: str) -> str | None:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _release(version: str) -> tuple[int, ...]:
+    """Return the leading numbers of a version, enough to compare releases."""
+    match = re.match(r"\d+(?:\.\d+)*", version)
+    return tuple(map(int, match[0].split("."))) if match else ()

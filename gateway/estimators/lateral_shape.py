@@ -1,0 +1,241 @@
+"""What lateral estimators share: a revolution as coefficients, its average, and slopes with their errors."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.signal.angle_resampling import Phase, angle_grid
+from gateway.signal.lateral_deformation import (
+    HIGHEST_ORDER,
+    chord_row,
+    lateral_coefficients,
+    line_row,
+    remove_roll,
+    slope_row,
+    streamline_slope,
+    trusted_orders,
+)
+from gateway.signal.moments import RunningMoments
+from gateway.signal.roll_calibration import RollCalibration
+from gateway.types import FloatArray
+
+# Rows of `Revolution.axes_mps2`.
+CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
+
+ORDERS: Final = trusted_orders(HIGHEST_ORDER)
+# Shorter contacts have no slope to speak of on the angle grid.
+_LEAST_CONTACT_RAD: Final = 0.08
+
+_SIZE: Final = 2 * len(ORDERS)
+_GRID: Final = 512
+_ANGLES: Final = angle_grid(_GRID)
+_ANGLES.setflags(write=False)
+
+
+class LateralRecord(NamedTuple):
+    """One revolution, or the average of many.
+
+    Attributes:
+        lateral_m: (2 k,) coefficients of the lateral axis over Omega^2, roll tilt removed.
+        radial_m: (2 k,) of the radial axis: what a further roll tilt of 1 rad would add.
+        along_m: (2 k,) of the circumferential axis: what a yaw of 1 rad would add.
+        covariance: (2 k, 2 k) of `lateral_m`.
+        order_max: highest order that was seen.
+    """
+
+    lateral_m: FloatArray
+    radial_m: FloatArray
+    along_m: FloatArray
+    covariance: FloatArray
+    order_max: int
+
+
+class Slopes(NamedTuple):
+    """Slope of the streamline in the contact, in three definitions, and their rows.
+
+    Attributes:
+        values_rad: (3,) peak, first_half, adhesion_line.
+        rows: (3, 2 k) that give them from a record.
+        stretch_rad: first and last angle of the adhesion line.
+    """
+
+    values_rad: FloatArray
+    rows: FloatArray
+    stretch_rad: tuple[float, float]
+
+
+DEFINITIONS: Final = ("peak", "first_half", "adhesion_line")
+
+
+class LateralAverage:
+    """Running average of lateral records, with the roll tilt calibrated on the way."""
+
+    def __init__(self, horizon_revolutions: float, roll: RollCalibration) -> None:
+        """Start empty; `roll` is updated by every revolution taken in and may be shared."""
+        self._floor = 1.0 / horizon_revolutions
+        self.roll = roll
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything but the calibration, which has its own reset."""
+        self._lateral = RunningMoments(_SIZE, covariance=True)
+        # Radial, circumferential, and the tilt that each revolution was corrected with.
+        self._others = RunningMoments(2 * _SIZE + 1)
+        self._noise = 0.0
+        self._order_max = 0
+
+    @property
+    def effective_count(self) -> float:
+        """Number of revolutions of equal weight that would have the same variance."""
+        return float(1.0 / np.asarray(self._lateral.weight_square)) if self._lateral.count else 0.0
+
+    def update(self, revolution: Revolution) -> LateralRecord:
+        """Take a revolution in; return it by itself, corrected with the tilt known now."""
+        axes = revolution.axes_mps2
+        if not revolution.ac_coupled:
+            self.roll.update(float(axes[LATERAL].mean()), float(axes[RADIAL].mean()))
+        roll_rad = self.roll.roll_rad
+        record = lateral_record(revolution, roll_rad)
+        self._order_max = max(self._order_max, record.order_max)
+        weight = max(1.0 / (self._lateral.count + 1), self._floor)
+        # Orders that the sampling does not carry at this speed keep their average.
+        absent = np.tile(np.asarray(ORDERS) > record.order_max, 2)
+        self._lateral.update(np.where(absent, self._lateral.mean, record.lateral_m), weight)
+        others = np.concatenate([record.radial_m, record.along_m, [roll_rad]])
+        self._others.update(np.where([*absent, *absent, False], self._others.mean, others), weight)
+        self._noise += weight * (float(record.covariance[0, 0]) - self._noise)
+        return record
+
+    def record(self) -> LateralRecord:
+        """Return the average with the latest tilt; its covariance is that of the mean, without the tilt's."""
+        radial, along = self._others.mean[:_SIZE], self._others.mean[_SIZE:-1]
+        late = self.roll.roll_rad - float(self._others.mean[-1])
+        # Scatter of less than three revolutions says less than the noise above the tire's orders.
+        scatter = self._lateral.variance() if self._lateral.count >= 3 else self._noise * np.eye(_SIZE)
+        covariance = scatter * np.asarray(self._lateral.weight_square)
+        return LateralRecord(self._lateral.mean - late * radial, radial, along, covariance, self._order_max)
+
+
+def lateral_record(revolution: Revolution, roll_rad: float) -> LateralRecord:
+    """Return one revolution's coefficients, its drift of speed removed.
+
+    Raises nothing; the lateral axis must be there (`has_lateral`).
+    """
+    axes = revolution.axes_mps2
+    n = axes.shape[1]
+    lateral = remove_roll(axes[LATERAL], axes[RADIAL], roll_rad)
+    # Offset and camber do not grow with the speed, so they go before the drift is taken out.
+    waveforms = np.stack([lateral - lateral.mean(), axes[RADIAL], np.nan_to_num(axes[CIRCUMFERENTIAL])])
+    waveforms *= _drift_gain(revolution, n) / revolution.omega_radps**2
+    orders = trusted_orders(revolution.order_max)
+    coefficients = np.zeros((3, 2, len(ORDERS)))
+    coefficients[:, :, : len(orders)] = lateral_coefficients(waveforms, orders).reshape(3, 2, -1)
+    # The radial axis's noise stands in for the lateral's, from the same sensor, until scatter is known.
+    noise = revolution.noise_mps2 * math.sqrt(2.0 / n) / revolution.omega_radps**2
+    variance = noise**2 if math.isfinite(noise) else 0.0
+    flat = coefficients.reshape(3, -1)
+    return LateralRecord(flat[0], flat[1], flat[2], variance * np.eye(_SIZE), len(orders))
+
+
+def has_lateral(revolution: Revolution) -> bool:
+    """Return whether the sensor has a lateral axis."""
+    return not bool(np.isnan(revolution.axes_mps2[LATERAL]).all())
+
+
+def why_unusable(revolution: Revolution) -> str:
+    """Return why a revolution must not be averaged, or an empty string."""
+    if revolution.faults:
+        return "this revolution was not used: " + ", ".join(revolution.faults)
+    if not np.isfinite(revolution.axes_mps2[[LATERAL, RADIAL]]).all():
+        return "this revolution was not used: an axis is not finite"
+    if not (revolution.omega_radps > 0.0 and revolution.order_max >= 1):
+        return "this revolution was not used: its speed is not known or too high for the sampling"
+    return ""
+
+
+def contact_edges(average: AngleAverage, conditions: Conditions) -> tuple[float, float] | None:
+    """Return the contact edges that slopes are taken between; None without a contact or a radius."""
+    leading, trailing = average.leading_edge_rad, average.trailing_edge_rad
+    known = -math.pi < leading < trailing < math.pi and trailing - leading > _LEAST_CONTACT_RAD
+    return (leading, trailing) if known and conditions.radius_m > 0.0 else None
+
+
+def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: float) -> Slopes:
+    """Return the slopes between two contact edges.
+
+    peak: the steepest slope that has the sign of the least-squares line through the whole contact. first_half: mean
+    slope from the leading edge to the contact's middle. adhesion_line: least-squares line through the lateral
+    displacement over the stretch around the peak in which the slope keeps its sign, as one would lay a ruler on the
+    rising part of the plotted deformation.
+    """
+    leading, trailing = edges_rad
+    angles = _ANGLES
+    sign = np.sign(line_row(leading, trailing, ORDERS, radius_m) @ record.lateral_m) or 1.0
+    slope = sign * streamline_slope(record.lateral_m, ORDERS, radius_m, _GRID)
+    start, end = np.searchsorted(angles, edges_rad)
+    steep = int(start + slope[start:end].argmax())
+    before = np.flatnonzero(slope[start:steep] <= 0.0)
+    after = np.flatnonzero(slope[steep:end] <= 0.0)
+    first = leading if not len(before) else _zero(angles, slope, int(start + before[-1]))
+    last = trailing if not len(after) else _zero(angles, slope, int(steep + after[0] - 1))
+    peak = min(max(_vertex(angles, slope, steep), leading), trailing)
+    rows = np.stack(
+        [
+            slope_row(peak, ORDERS, radius_m),
+            chord_row(leading, 0.5 * (leading + trailing), ORDERS, radius_m),
+            line_row(first, last, ORDERS, radius_m),
+        ]
+    )
+    return Slopes(rows @ record.lateral_m, rows, (first, last))
+
+
+def edge_errors(
+    record: LateralRecord,
+    found: Slopes,
+    edges_rad: tuple[float, float],
+    edges_std_rad: tuple[float, float],
+    radius_m: float,
+) -> FloatArray:
+    """Return what the contact edges' standard errors do to the three slopes, (3,) rad.
+
+    The peak does not depend on them, the adhesion line only where an edge cuts it short.
+    """
+    total = np.zeros(len(DEFINITIONS))
+    for edge, std in enumerate(edges_std_rad):
+        if not (math.isfinite(std) and std > 0.0):
+            continue
+        leading, trailing = edges_rad[0] + std * (edge == 0), edges_rad[1] + std * (edge == 1)
+        chord = chord_row(leading, 0.5 * (leading + trailing), ORDERS, radius_m) @ record.lateral_m
+        total[1] += (chord - found.values_rad[1]) ** 2
+        if found.stretch_rad[edge] == edges_rad[edge]:
+            stretch = (leading, found.stretch_rad[1]) if edge == 0 else (found.stretch_rad[0], trailing)
+            total[2] += (line_row(*stretch, ORDERS, radius_m) @ record.lateral_m - found.values_rad[2]) ** 2
+    return np.sqrt(total)
+
+
+def _drift_gain(revolution: Revolution, n: int) -> FloatArray:
+    """Return (mean speed / speed)^2 on the angle grid; 1 when the acceleration is not known."""
+    period, acceleration = revolution.period_s, revolution.omega_dot_radps2
+    rate = 2.0 * math.pi / period - 0.5 * acceleration * period
+    if not (math.isfinite(acceleration) and rate > 0.0 and rate + acceleration * period > 0.0):
+        return np.ones(n)
+    result: FloatArray = Phase(0.0, period, rate, acceleration).relative_speed(n) ** -2.0
+    return result
+
+
+def _vertex(angles: FloatArray, height: FloatArray, at: int) -> float:
+    """Return the angle of the parabola's top through three neighbours of a maximum."""
+    left, middle, right = height[at - 1], height[at], height[(at + 1) % len(height)]
+    bend = left - 2.0 * middle + right
+    shift = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
+    return float(angles[at] + np.clip(shift, -1.0, 1.0) * (angles[1] - angles[0]))
+
+
+def _zero(angles: FloatArray, slope: FloatArray, before: int) -> float:
+    """Return where the slope crosses zero between a grid point and the next."""
+    share = slope[before] / (slope[before] - slope[before + 1])
+    return float(angles[before] + share * (angles[before + 1] - angles[before]))

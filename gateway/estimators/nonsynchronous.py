@@ -1,0 +1,139 @@
+"""What the wheel does not repeat, such as road and cavity resonance: its size, and its strongest line."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.signal.angle_resampling import angle_grid
+from gateway.signal.nonsynchronous_spectrum import Spectrum, spectral_lines, welch_spectrum
+from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.types import FloatArray
+
+NAMES: Final = ("asynchronous_rms_mps2", "asynchronous_line_hz", "asynchronous_line_rms_mps2")
+
+# The spectrum: up to 800 Hz in steps of 1 Hz. Cavity resonance lies at 190 to 250 Hz, the road below 500 Hz. Sampled
+# much faster, so that noise above does not fold into it.
+RATE_HZ: Final = 4000.0
+SEGMENT: Final = 4000
+BAND_HZ: Final = (5.0, 800.0)
+# Looked at once in so many seconds of rolling; later spectra push earlier ones out by this share.
+_EVERY_S: Final = 4.0
+_SHARE: Final = 0.25
+_SETTLED_REVOLUTIONS: Final = 8.0
+# A line so close to a multiple of the wheel's frequency may be what the average has not taken off, in steps.
+_LOCKED_STEPS: Final = 0.6
+
+
+class AsynchronousEstimator:
+    """Root mean square of what is not locked to the wheel, and frequency and size of its strongest line."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self.reset()
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "asynchronous"
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._clear()
+        self._spectrum: Spectrum | None = None
+        self._spectra = 0
+        self._found: tuple[Estimate, ...] = ()
+
+    def _clear(self) -> None:
+        self._times: list[FloatArray] = []
+        self._values: list[FloatArray] = []
+        self._duration_s = 0.0
+        self._next = -1
+
+    def update(
+        self,
+        revolution: Revolution,
+        average: AngleAverage,
+        conditions: Conditions,  # noqa: ARG002 - the interface's; nothing of the tire is needed
+    ) -> tuple[Estimate, ...]:
+        """Return asynchronous_rms_mps2 (5 to 800 Hz, sensor noise included), asynchronous_line_hz and its rms.
+
+        Made anew every four seconds of uninterrupted rolling, the same in between. Never raises on values.
+        """
+        reason = ""
+        if revolution.faults:
+            reason = "this revolution was not used: " + ", ".join(revolution.faults)
+        elif average.effective_count < _SETTLED_REVOLUTIONS:
+            reason = "the average is not settled yet"
+        elif not np.isfinite(revolution.radial_mps2 - average.radial_mps2).all():
+            reason = "the radial axis is not known"
+        if reason:
+            self._clear()
+        else:
+            if revolution.index != self._next:
+                self._clear()
+            self._take(revolution, average)
+            if self._duration_s >= _EVERY_S:
+                self._look(revolution.omega_radps / (2.0 * math.pi))
+                self._clear()
+            self._next = revolution.index + 1
+        if not self._found:
+            waiting = reason or f"needs {_EVERY_S:.0f} s of uninterrupted rolling"
+            return tuple(Estimate(name, math.nan, math.nan, Status.INVALID, waiting) for name in NAMES)
+        return self._found
+
+    def _take(self, revolution: Revolution, average: AngleAverage) -> None:
+        """Put one revolution's difference from the average on the time axis, thinned to what the spectrum needs."""
+        # The average holds this revolution by its own weight.
+        weight = max(1.0 / average.count, 1.0 / DEFAULT_HORIZON_REVOLUTIONS)
+        n = len(revolution.radial_mps2)
+        difference = np.roll(revolution.radial_mps2 - average.radial_mps2, -(n // 2)) / (1.0 - weight)
+        rate_hz = n / revolution.period_s
+        block = 1 << max(0, min(4, math.floor(math.log2(max(rate_hz / RATE_HZ, 1.0)))))
+        # Angle to time at constant acceleration about the middle of the revolution.
+        middle = angle_grid(n)
+        omega, drift = revolution.omega_radps, revolution.omega_dot_radps2
+        start = -0.5 * drift * (0.5 * revolution.period_s) ** 2
+        speed = np.sqrt(np.maximum(omega**2 + 2.0 * drift * (middle - start), 1e-12))
+        time = self._duration_s + 0.5 * revolution.period_s + 2.0 * (middle - start) / (omega + speed)
+        self._times.append(time.reshape(-1, block).mean(axis=1))
+        self._values.append(difference.reshape(-1, block).mean(axis=1))
+        self._duration_s += revolution.period_s
+
+    def _look(self, wheel_hz: float) -> None:
+        """Make the spectrum and what is told of it."""
+        times, values = np.concatenate(self._times), np.concatenate(self._values)
+        even = np.arange(times[0], times[-1], 1.0 / RATE_HZ)
+        fresh = welch_spectrum(np.interp(even, times, values), RATE_HZ, SEGMENT)
+        if fresh is None:
+            return
+        # Means over blocks and straight lines between them let high frequencies down; that is put back.
+        step_hz = len(times) / (times[-1] - times[0])
+        density = fresh.density_m2ps3 / np.sinc(np.minimum(fresh.frequency_hz / step_hz, 0.6)) ** 6
+        self._spectra += 1
+        share = max(1.0 / self._spectra, _SHARE)
+        old = density if self._spectrum is None else self._spectrum.density_m2ps3
+        averages = fresh.averages * min(self._spectra, 2.0 / _SHARE - 1.0)
+        self._spectrum = Spectrum(fresh.frequency_hz, old + share * (density - old), averages)
+        high = min(BAND_HZ[1], 0.4 * step_hz)
+        rms, rms_std = self._spectrum.rms_mps2(BAND_HZ[0], high)
+        lines = spectral_lines(self._spectrum, BAND_HZ[0], high)
+        overall = Estimate(NAMES[0], rms, rms_std, Status.VALID, f"5 to {high:.0f} Hz, sensor noise included")
+        if not lines:
+            none = "no line stands out"
+            absent = (Estimate(name, math.nan, math.nan, Status.INVALID, none) for name in NAMES[1:])
+            self._found = (overall, *absent)
+            return
+        line = lines[0]
+        order = line.frequency_hz / wheel_hz
+        locked = abs(order - round(order)) * wheel_hz < _LOCKED_STEPS * self._spectrum.step_hz
+        doubt = f"at order {round(order)} of the wheel: may be locked to it" if locked else ""
+        status = Status.PROVISIONAL if locked else Status.VALID
+        self._found = (
+            overall,
+            Estimate(NAMES[1], line.frequency_hz, line.frequency_std_hz, status, doubt),
+            Estimate(NAMES[2], line.rms_mps2, line.rms_std_mps2, status, doubt),
+        )

@@ -1,0 +1,38 @@
+"""The one registry of figures."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from gateway.errors import ConfigError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Modules with a function `figures()`: name -> function that draws into a figure and returns its caption.
+MODULES: Final = ("gateway.papers.ring_figures", "gateway.papers.ply_steer_figures")
+
+
+def all_figures() -> dict[str, Callable[[Figure], str]]:
+    """Return every figure by name; imports no matplotlib."""
+    return {name: draw for module in MODULES for name, draw in importlib.import_module(module).figures().items()}
+
+
+def title(draw: Callable[[Figure], str]) -> str:
+    """Return what a figure shows, in one line."""
+    return (draw.__doc__ or "").strip().splitlines()[0].rstrip(".")
+
+
+def chosen(names: tuple[str, ...]) -> dict[str, Callable[[Figure], str]]:
+    """Return the figures of these names, all when none is named.
+
+    Raises:
+        ConfigError: no figure of a name.
+    """
+    known = all_figures()
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ConfigError(f"no figure '{unknown[0]}'", f"Known figures: {', '.join(known)}.")
+    return {name: known[name] for name in names} if names else known

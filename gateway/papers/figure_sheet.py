@@ -1,0 +1,127 @@
+"""Draw figures to files in one style, with their captions beside them."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from gateway.errors import OutputError
+from gateway.papers.figure_registry import title
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS: Final = ("svg", "png")
+INDEX: Final = "index.html"
+
+_SIZE_INCH: Final = (7.0, 4.4)
+# Okabe and Ito's colours, which colour-blind eyes tell apart.
+_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+
+
+def draw_figures(
+    figures: Mapping[str, Callable[[Figure], str]],
+    out: Path,
+    *,
+    suffix: str,
+    force: bool = False,
+    on_figure: Callable[[str, str], None] = lambda _name, _caption: None,
+) -> list[Path]:
+    """Draw figures into the folder `out`, with an index of captions beside them; return the files written.
+
+    Args:
+        figures: name to function.
+        out: folder; made when it is not there.
+        suffix: one of FORMATS.
+        force: whether files that are there may be replaced.
+        on_figure: called with name and caption after each.
+
+    Raises:
+        OutputError: matplotlib is missing, a file is in the way, or the folder cannot be written.
+    """
+    matplotlib, make_figure = _matplotlib()
+    files = [out / f"{name}.{suffix}" for name in figures]
+    _make_room(out, [*files, out / INDEX], force=force)
+    captions: dict[str, str] = {}
+    with matplotlib.rc_context(_style()):
+        for (name, draw), file in zip(figures.items(), files, strict=True):
+            figure = make_figure(figsize=_SIZE_INCH, dpi=150, layout="constrained")
+            captions[name] = draw(figure)
+            for axes in figure.axes:
+                axes.spines[["top", "right"]].set_visible(False)
+            try:
+                # No date: the same figure gives the same file.
+                figure.savefig(file, metadata={"Date": None} if suffix == "svg" else None)
+            except OSError as error:
+                raise OutputError(f"cannot write '{file}': {error.strerror}", "Choose another folder.") from error
+            on_figure(name, captions[name])
+    page = _index(figures, captions, suffix)
+    try:
+        (out / INDEX).write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"cannot write '{out / INDEX}': {error.strerror}", "Choose another folder.") from error
+    return [*files, out / INDEX]
+
+
+def _matplotlib() -> tuple[Any, Any]:
+    """Return the package and its Figure, which needs no display."""
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise OutputError(
+            "figures need matplotlib, which is not installed", "Install it with: pip install 'treadlink[plot]'."
+        ) from error
+    return matplotlib, Figure
+
+
+def _style() -> dict[str, object]:
+    from cycler import cycler
+
+    return {
+        "axes.prop_cycle": cycler(color=_COLOURS),
+        "axes.grid": True,
+        "grid.color": "0.9",
+        "grid.linewidth": 0.8,
+        "axes.axisbelow": True,
+        "font.size": 10.0,
+        "axes.labelsize": 10.5,
+        "legend.frameon": True,
+        "legend.framealpha": 0.9,
+        "legend.edgecolor": "0.85",
+        "lines.linewidth": 1.6,
+        "svg.hashsalt": "treadlink",
+    }
+
+
+def _make_room(out: Path, files: list[Path], *, force: bool) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"'{out}' is no folder that can be made: {error.strerror}", "Choose another folder."
+        ) from error
+    there = [file for file in files if file.exists()]
+    if there and not force:
+        raise OutputError(f"'{there[0]}' exists already", "Choose another folder, or replace it with --force.")
+
+
+def _index(figures: Mapping[str, Callable[[Figure], str]], captions: Mapping[str, str], suffix: str) -> str:
+    """Return the page that shows the figures with their captions."""
+    parts = [
+        "<!doctype html>",
+        '<html lang="en"><head><meta charset="utf-8"><title>Figures of the papers, redrawn</title>',
+        "<style>body{font:16px/1.5 sans-serif;max-width:46rem;margin:2rem auto;padding:0 1rem}"
+        "img{width:100%}figure{margin:2.5rem 0}</style></head><body>",
+        "<h1>Figures of the papers, redrawn</h1>",
+        "<p>From simulated tires through the estimators of treadlink; each with what comes out and what does not.</p>",
+    ]
+    for name, draw in figures.items():
+        parts.append(
+            f'<figure id="{name}"><h2>{html.escape(name)}: {html.escape(title(draw))}</h2>'
+            f'<img src="{name}.{suffix}" alt="{html.escape(title(draw))}">'
+            f"<figcaption>{html.escape(captions[name])}</figcaption></figure>"
+        )
+    return "\n".join([*parts, "</body></html>", ""])

@@ -1,0 +1,141 @@
+"""Simulated tires of the ring paper's Table 1, seen by a noisy sensor, averaged, and put through the estimators."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.estimators.registry import make_estimator
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.signal.angle_resampling import GRID_SIZE
+from gateway.signal.contact_edges import find_contact_edges
+from gateway.signal.order_spectrum import coefficient_std, highest_order, order_coefficients, sample_std
+from gateway.signal.synchronous_average import RunningAverage
+from gateway.types import FloatArray
+
+RADIUS_M: Final = 0.32
+SPEED_KMH: Final = 65.0
+OMEGA_RADPS: Final = SPEED_KMH / 3.6 / RADIUS_M
+RATE_HZ: Final = 9600.0
+REVOLUTIONS: Final = 50
+NOISE_MG_PER_RTHZ: Final = 5.0
+LOADS_N: Final = (2000.0, 5000.0, 8000.0)
+PRESSURES_PA: Final = (1.7e5, 2.1e5, 2.5e5)
+WEAR_MM: Final = (0.0, 2.9, 6.4)
+# Belt and tread of the new tire; the paper does not state it.
+RING_THICKNESS_MM: Final = 15.0
+ESTIMATORS: Final = ("ring-paper", "weak-form")
+NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
+
+_BASE: Final = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=2.1e5)
+_SAMPLES: Final = 2.0 * math.pi / OMEGA_RADPS * RATE_HZ
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """One tire and what the estimators make of it.
+
+    Attributes:
+        wear_mm: off the ring's thickness.
+        ring: the true ring in equilibrium.
+        average: what the gateway has of it.
+        found: (4,) Bs, Cw, Rs, Ts by estimator; NaN where it gives none.
+    """
+
+    wear_mm: float
+    ring: RingSolution
+    average: AngleAverage
+    found: Mapping[str, FloatArray]
+
+    @property
+    def half_angle_rad(self) -> float:
+        """Contact half angle as found in the signal."""
+        return 0.5 * (self.average.trailing_edge_rad - self.average.leading_edge_rad)
+
+    @property
+    def truth(self) -> FloatArray:
+        """The true numbers, (4,)."""
+        return np.array(self.ring.numbers)
+
+
+@lru_cache(maxsize=64)
+def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
+    """Return one condition: EI goes with the cube of the thickness, half of the sidewall with the pressure."""
+    sidewall = 0.5 + 0.5 * pressure_pa / 2.1e5
+    ring = replace(
+        _BASE,
+        bending_stiffness_nm2=_BASE.bending_stiffness_nm2 * (1.0 - wear_mm / RING_THICKNESS_MM) ** 3,
+        radial_stiffness_npm2=_BASE.radial_stiffness_npm2 * sidewall,
+        tangential_stiffness_npm2=_BASE.tangential_stiffness_npm2 * sidewall,
+    )
+    solved = solve_rolling_ring(ring, load_n, pressure_pa, OMEGA_RADPS, nodes=1440)
+    seed = round(wear_mm * 10) * 10_000 + round(pressure_pa * 1e-4) * 100 + round(load_n * 1e-3)
+    revolution, average = _seen(solved, seed)
+    stated = Conditions(RADIUS_M, load_n, pressure_pa)
+    found = {}
+    for name in ESTIMATORS:
+        estimates = {e.name: e.value for e in make_estimator(name).update(revolution, average, stated)}
+        found[name] = np.array([estimates[number] for number in NUMBERS])
+    return Condition(wear_mm, solved, average, found)
+
+
+def table_1() -> list[Condition]:
+    """Return the 27 conditions of Table 1."""
+    return [condition(*place) for place in itertools.product(WEAR_MM, PRESSURES_PA, LOADS_N)]
+
+
+def _seen(ring: RingSolution, seed: int) -> tuple[Revolution, AngleAverage]:
+    """Return the last revolution and the average of REVOLUTIONS noisy ones."""
+    spectrum = np.fft.rfft(ring.sensor.radial_m)[: GRID_SIZE // 2 + 1]
+    spectrum[-1] = 0.0
+    clean = OMEGA_RADPS**2 * np.fft.irfft(spectrum, n=GRID_SIZE) * (GRID_SIZE / len(ring.theta_rad))
+    # The grid is about as fine as the sampling, so its noise is the samples'.
+    noise = NOISE_MG_PER_RTHZ * 1e-3 * STANDARD_GRAVITY_MPS2 * math.sqrt(0.5 * RATE_HZ * GRID_SIZE / _SAMPLES)
+    rng = np.random.default_rng(seed)
+    running = RunningAverage(horizon_revolutions=REVOLUTIONS)
+    for index in range(REVOLUTIONS):
+        revolution = _revolution(index, clean + noise * rng.standard_normal(GRID_SIZE))
+        average = running.update(
+            revolution.radial_mps2,
+            revolution.orders_mps2,
+            OMEGA_RADPS,
+            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+            edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
+            noise_mps2=revolution.noise_mps2,
+        )
+    return revolution, average
+
+
+def _revolution(index: int, wave_mps2: FloatArray) -> Revolution:
+    noise = coefficient_std(wave_mps2, _SAMPLES)
+    edges = find_contact_edges(wave_mps2, _SAMPLES, noise)
+    absent = np.full(GRID_SIZE, np.nan)
+    order_max = highest_order(_SAMPLES)
+    return Revolution(
+        index=index,
+        start_s=index * 2.0 * math.pi / OMEGA_RADPS,
+        period_s=2.0 * math.pi / OMEGA_RADPS,
+        omega_radps=OMEGA_RADPS,
+        omega_dot_radps2=0.0,
+        radial_mps2=wave_mps2,
+        axes_mps2=np.stack([absent, absent, wave_mps2]),
+        orders_mps2=order_coefficients(wave_mps2, order_max),
+        order_max=order_max,
+        leading_edge_rad=edges.leading_rad,
+        trailing_edge_rad=edges.trailing_rad,
+        leading_edge_std_rad=edges.leading_std_rad,
+        trailing_edge_std_rad=edges.trailing_std_rad,
+        noise_mps2=sample_std(noise, _SAMPLES, GRID_SIZE),
+        missing_fraction=0.0,
+        saturated=False,
+        ac_coupled=False,
+    )

@@ -1,0 +1,285 @@
+"""Following the contacts of a rolling wheel from one to the next."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from gateway.pipeline.contact_checks import ContactPair, Missing, edge_jitter2, kept_rolling, mend, size
+from gateway.signal.angle_resampling import MARGIN_SAMPLES
+from gateway.signal.contact_trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, turn
+from gateway.signal.dips import box_offsets, dip_score
+from gateway.signal.segmentation import Contact, refine_contact
+from gateway.types import FloatArray
+
+# read(first, end) -> nominally inward radial acceleration of the samples first to end (exclusive), m/s^2
+Read = Callable[[int, int], FloatArray]
+
+# A dip is the next contact when it has this share of the depth that its period asks for.
+_ACCEPT_SHARE: Final = 0.45
+_ACCEPT_GRAVITY_MPS2: Final = 4.0
+# Contacts in a row that may go unseen, their samples lost or hit by an impact, when the next one is where it must be.
+_MAX_UNSEEN: Final = 2
+_UNSEEN_TURN_RATIO: Final = (1.25, 1.12)
+_UNSEEN_PERIOD_RATIO: Final = 1.3
+_UNSEEN_DEPTH_RATIO: Final = 2.0
+# Below this, at 10 to 15 km/h, a wheel may have stopped or turned back instead.
+_UNSEEN_DEPTH_MPS2: Final = 25.0
+# How far depth (in its logarithm) and time (in periods, and by how much the acceleration may change, m/s^2) stray.
+_DEPTH_SPREAD: Final = 0.3
+_TURN_SPREAD: Final = 0.12
+_SIZE_SPREAD: Final = 0.2
+_UNSEEN_COST: Final = 4.0
+_TIME_SPREAD: Final = 0.02
+_JERK_MPS2: Final = 5.0
+_MOST_SPREAD: Final = 0.5
+_MOST_CANDIDATES: Final = 6
+_BAND: Final = (0.8, 1.25)
+# A braking wheel is not expected to go on like this: it may stop, or speed up again.
+_MOST_LONGER: Final = 1.45
+# Shallower contacts than this are passed at speeds at which a wheel can stop or turn back within a revolution.
+_SLOW_MPS2: Final = 250.0
+# A contact that lasts this much longer or shorter than it should had an edge spoilt.
+_SPOILT_SHARE: Final = 0.15
+# Depth times period squared follows pressure and load slowly.
+_DEPTH_WEIGHT: Final = 0.3
+_JITTER_WEIGHT: Final = 0.1
+# A contact whose duration times the square root of its depth is further off is none, or spoilt beyond use.
+_SIZE_RATIO: Final = 1.6
+_LEAST_DEPTH_MPS2: Final = 6.0
+# Contacts that a search may be compared with.
+_RECENT: Final = 6
+# What is learnt of a wheel is believed after so many contacts of at least this depth, passed at 20 km/h or more.
+_KNOWN_CONTACTS: Final = 8
+_KNOWN_DEPTH_MPS2: Final = 60.0
+
+
+class ContactTrack:
+    """The latest contacts of a wheel, and where the next one is to come. Deterministic."""
+
+    def __init__(self, contacts: list[Contact], rate_hz: float, sign: int) -> None:
+        """Take up a run of at least three contacts."""
+        self._rate_hz = rate_hz
+        self._sign = sign
+        periods = [after.centre - before.centre for before, after in pairwise(contacts)]
+        ratios = [periods[0] / periods[1], *(a / b for a, b in pairwise(periods))]
+        self._jitter2 = float(
+            np.mean([edge_jitter2(*three) for three in zip(contacts[:-1], contacts[1:], ratios, strict=True)])
+        )
+        self.contact = contacts[-1]
+        self.recent = deque(contacts, maxlen=_RECENT)
+        self.periods = (periods[-2], periods[-1])
+        self._depth_period2 = self.contact.depth_mps2 * self.periods[-1] ** 2
+        self._turn = float(np.median([self._turn_of(*pair) for pair in pairwise(contacts)]))
+        self._size = float(np.median([size(contact) for contact in contacts]))
+        self._followed = 0
+        self._duty = float(np.median([c.duration / p for c, p in zip(contacts[1:], periods, strict=True)]))
+        self._plan()
+
+    def _turn_of(self, start: Contact, end: Contact, turns: int = 1) -> float:
+        period_s = (end.centre - start.centre) / turns / self._rate_hz
+        return float(turn(start.depth_mps2, end.depth_mps2, period_s))
+
+    @property
+    def known(self) -> Known | None:
+        """What has been learnt of the wheel, None while that is not sure."""
+        if self._followed < _KNOWN_CONTACTS:
+            return None
+        return Known(self._sign, self._turn, self._size / self._rate_hz)
+
+    def _plan(self) -> None:
+        """Set when to look for the next contact."""
+        self._period = self._expected_period()
+        self._width = max(3.0, self._duty * self._period)
+        outer = box_offsets(self._width)[2]
+        beyond = max(0.25 * self._width + outer + 1, MARGIN_SAMPLES + 2)
+        self.next_index = math.ceil(self.contact.centre + self._period + beyond)
+        longest = LONGEST_PERIOD_S * self._rate_hz
+        wait = min(INTERVAL_RATIO * self._period, longest)
+        if self.contact.depth_mps2 > _UNSEEN_DEPTH_MPS2:
+            wait = max(wait, min((_MAX_UNSEEN + 1.4) * self._period, 2.0 * longest))
+        self._give_up_at = math.ceil(self.contact.centre + wait + beyond)
+
+    def _expected_period(self) -> float:
+        """Period of the next revolution at constant angular acceleration."""
+        before, last = self.periods
+        speed, gain = 1.0 / last, 2.0 * (1.0 / last - 1.0 / before) / (last + before)
+        period = last
+        for _ in range(3):
+            period = 1.0 / max(speed + 0.5 * gain * (last + period), speed / INTERVAL_RATIO)
+        longest = min(last * _MOST_LONGER, LONGEST_PERIOD_S * self._rate_hz)
+        return float(np.clip(period, last / INTERVAL_RATIO, longest))
+
+    def _nearest(self) -> float:
+        """Samples to the next contact at least."""
+        return min(0.5 * self._period, self.periods[-1] / INTERVAL_RATIO)
+
+    def step(self, read: Read, missing: Missing) -> list[ContactPair] | None:
+        """Look for the next contact in the samples before `next_index`; None when the wheel is lost."""
+        last, end = self.contact, self.next_index
+        first = min(max(int(last.centre + self._nearest()) - box_offsets(self._width)[2], int(last.centre)), end)
+        radial = read(first, end) * self._sign
+        candidates, waiting = self._candidates(np.concatenate(([0.0], np.cumsum(radial))), first)
+        if waiting and end < self._give_up_at:
+            self.next_index = end + max(1, round(0.5 * self._width))
+            return []
+        fitting: list[tuple[float, int, Contact, int]] = []
+        for place, (at, width) in enumerate(candidates):
+            found = refine_contact(radial, at - first, width)
+            if found is not None:
+                found = mend(replace(found, centre=found.centre + first), width, missing)
+            turns = self._turns_to(found, read) if found is not None else 0
+            if found is not None and turns:
+                fitting.append((self._misfit(found, turns), place, found, turns))
+        if fitting:
+            return self._accept(*min(fitting)[2:])
+        if end < self._give_up_at:
+            self.next_index = end + max(1, round(0.15 * self._period))
+            return []
+        return None
+
+    def _candidates(self, prefix: FloatArray, first: int) -> tuple[list[tuple[float, float]], bool]:
+        """Dips that the next contact may be, one or more revolutions on, the likeliest first, each with its width.
+
+        Args:
+            prefix: cumulative sum of the signal from sample `first` on.
+            first: its first sample.
+
+        Returns:
+            the dips, and whether the likeliest lies so near the end that more samples may move it.
+        """
+        spread = self._time_spread()
+        # What the period may turn out to be while a slow wheel speeds up or brakes decides how wide a dip to look for.
+        stretches = [1.0]
+        if self.contact.depth_mps2 < _SLOW_MPS2:
+            lowest = math.floor(2.0 * math.log2(self._nearest() / self._period))
+            stretches = [2.0 ** (half / 2.0) for half in range(lowest, 3)]
+        found: list[tuple[float, float, float, bool]] = []
+        for stretch in stretches:
+            width = max(3.0, stretch * self._width)
+            score, offset = dip_score(prefix, width)
+            if not len(score):
+                continue
+            # The least depth that may be accepted anywhere decides quickly where to look closer.
+            farthest = (first + offset + len(score) - self.contact.centre) / (_MAX_UNSEEN + 1.0)
+            least = self._depth_period2 / max(farthest, 1.5 * self._period) ** 2
+            places = np.flatnonzero(score >= (_ACCEPT_SHARE - 0.2) * least)
+            period = places + (first + offset - self.contact.centre)
+            turns = np.minimum(np.maximum(np.rint(period / self._period), 1.0), _MAX_UNSEEN + 1.0)
+            expected = self._depth_period2 * (turns / period) ** 2
+            good = score[places] >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
+            if len(stretches) > 1:
+                relative = period / (turns * self._period * stretch)
+                good &= (relative > _BAND[0]) & (relative < _BAND[1])
+            places, period, turns, expected = places[good], period[good], turns[good], expected[good]
+            if not len(places):
+                continue
+            breaks = np.flatnonzero(np.diff(places) > max(1, round(0.5 * width))) + 1
+            for lo, hi in pairwise((0, *breaks.tolist(), len(places))):
+                at = lo + int(np.argmax(score[places[lo:hi]]))
+                top = int(places[at])
+                depth_off = math.log(score[top] / expected[at]) / _DEPTH_SPREAD
+                time_off = (period[at] / self._period - turns[at]) / (spread * turns[at])
+                cost = float(depth_off**2 + time_off**2 + _UNSEEN_COST * (turns[at] - 1.0))
+                found.append((cost, float(first + offset + top), width, top + 0.3 * width >= len(score)))
+        found.sort()
+        return [(at, width) for _, at, width, _ in found[:_MOST_CANDIDATES]], bool(found) and found[0][3]
+
+    def _turns_to(self, found: Contact, read: Read) -> int:
+        """How many revolutions lie between the last contact and this one; 0 when it is none of this wheel's."""
+        last = self.contact
+        period = found.centre - last.centre
+        if not 1.0 / _SIZE_RATIO < size(found) / self._size < _SIZE_RATIO or found.depth_mps2 < _LEAST_DEPTH_MPS2:
+            return 0
+        unseen_limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
+        for turns in range(1, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
+            one = period / turns
+            limit = TURN_RATIO if turns == 1 else unseen_limit
+            stretch = INTERVAL_RATIO if turns == 1 else _UNSEEN_PERIOD_RATIO
+            unlike = max(one / self._period, self._period / one)
+            if turns == 1:
+                unlike = min(unlike, max(one / self.periods[-1], self.periods[-1] / one))
+            own = self._turn_of(last, found, turns) / self._turn
+            if 1.0 / limit < own < limit and unlike < stretch:
+                return turns if self._rolled_through(last, found, turns, read) else 0
+        return 0
+
+    def _misfit(self, found: Contact, turns: int) -> float:
+        """How far a contact, `turns` revolutions on, is from what it should be, weak ones further."""
+        late = (found.centre - self.contact.centre) / turns / self._period - 1.0
+        return (
+            (math.log(self._turn_of(self.contact, found, turns) / self._turn) / _TURN_SPREAD) ** 2
+            + (math.log(size(found) / self._size) / _SIZE_SPREAD) ** 2
+            + (0.5 * late / self._time_spread()) ** 2
+            + _UNSEEN_COST * (turns - 1)
+            - math.log(found.depth_mps2 * math.sqrt(found.duration))
+        )
+
+    def _time_spread(self) -> float:
+        return _TIME_SPREAD + min(_MOST_SPREAD, 2.0 * math.pi * _JERK_MPS2 / max(self.contact.depth_mps2, 1.0))
+
+    def _may_go_unseen(self, found: Contact) -> bool:
+        """Whether the wheel rolls on so steadily that a contact that was not seen can be put in its place."""
+        shallower, deeper = sorted((self.contact.depth_mps2, found.depth_mps2))
+        return shallower > _UNSEEN_DEPTH_MPS2 and deeper < _UNSEEN_DEPTH_RATIO * shallower
+
+    def _rolled_through(self, last: Contact, found: Contact, turns: int, read: Read) -> bool:
+        """Whether the wheel kept rolling between two contacts; told by the signal where a wheel may stop or turn."""
+        if min(last.depth_mps2, found.depth_mps2) > _SLOW_MPS2:
+            return True
+        first = round(last.centre - 0.35 * last.duration)
+        radial = read(first, round(found.centre + 0.2 * found.duration) + 1) * self._sign
+        return kept_rolling(radial, first, last, found, turns)
+
+    def _accept(self, found: Contact, turns: int) -> list[ContactPair]:
+        last, decided_at = self.contact, self.next_index
+        period = (found.centre - last.centre) / turns
+        expected = self._duty * period
+        excess = abs(found.duration - expected)
+        if excess > _SPOILT_SHARE * expected and excess**2 > 36.0 * self._jitter2:
+            found = replace(found, centre_std=max(found.centre_std, 0.5 * excess))
+        elif turns == 1:
+            jitter2 = edge_jitter2(last, found, self.periods[-1] / period)
+            self._jitter2 += _JITTER_WEIGHT * (jitter2 - self._jitter2)
+        pairs: list[ContactPair] = []
+        start, previous = last, self.periods[-1]
+        for end in (*self._unseen(found, turns), found):
+            pairs.append(ContactPair(start, end, self.period_std(start, end), previous, decided_at))
+            previous = end.centre - start.centre
+            start = end
+        if found.centre_std < 0.1 * expected:
+            self._depth_period2 += _DEPTH_WEIGHT * (found.depth_mps2 * period**2 - self._depth_period2)
+            self._turn += _DEPTH_WEIGHT * (self._turn_of(last, found, turns) - self._turn)
+            self._duty += _DEPTH_WEIGHT * (found.duration / period - self._duty)
+            self._size += _DEPTH_WEIGHT * (size(found) - self._size)
+            self._followed += found.depth_mps2 > _KNOWN_DEPTH_MPS2
+        self.periods = (self.periods[-1] if turns == 1 else period, previous)
+        self.contact = found
+        self.recent.append(found)
+        self._plan()
+        return pairs
+
+    def _unseen(self, found: Contact, turns: int) -> list[Contact]:
+        """Contacts between the last and the found one, at constant angular acceleration since the revolution before."""
+        last, before = self.contact, self.periods[-1]
+        whole = found.centre - last.centre
+        bend = (turns / whole - 1.0 / before) / (whole + before)
+        slope = 1.0 / before + bend * before
+        contacts: list[Contact] = []
+        for number in range(1, turns):
+            # number = slope x + bend x^2, without cancellation
+            root = math.sqrt(max(slope**2 + 4.0 * bend * number, 0.0))
+            at = last.centre + min(2.0 * number / max(slope + root, 1e-12), whole * (number / turns + 0.2))
+            depth = 0.5 * (last.depth_mps2 + found.depth_mps2)
+            contacts.append(Contact(at, self._width, depth, 0.1 * self._width, predicted=True))
+        return contacts
+
+    def period_std(self, start: Contact, end: Contact) -> float:
+        """Return the standard error of the time between two contacts, in samples."""
+        return float(np.hypot(start.centre_std, end.centre_std).clip(min=self._jitter2**0.5))

@@ -1,0 +1,181 @@
+"""What is known of one wheel's tire: its conditions, running average and estimators."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from firmware_protocol.messages import Axis, Environment
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.registry import in_order, make_estimator
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.signal.synchronous_average import RunningAverage
+from gateway.types import FloatArray
+
+# Environment values kept for revolutions that are still being cut.
+_ENVIRONMENT_DEPTH: Final = 64
+# Estimators that known effects, which are locked to the wheel's angle, make no difference to.
+_UNAFFECTED: Final = frozenset({"kinematic", "asynchronous"})
+
+
+class _Lineage:
+    """Average and estimators of revolutions that may be compared."""
+
+    def __init__(self, estimators: Sequence[str]) -> None:
+        self.average = RunningAverage()
+        self.estimators = [make_estimator(name) for name in in_order(estimators)]
+
+
+class TireEstimates:
+    """Turns a wheel's revolutions into results; one instance a wheel.
+
+    Attributes:
+        last: the latest result, None before the first revolution.
+        rejected: revolutions with faults, which stay out of the average.
+    """
+
+    def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
+        """Make the estimators; they run in the registry's order."""
+        self._setup = setup
+        self._names = tuple(estimators)
+        self._current = _Lineage(estimators)
+        # Revolutions that known effects were taken off, and such that they were not, do not mix.
+        self._lineages = {False: self._current}
+        self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
+        self.last: RevolutionResult | None = None
+        self.rejected = 0
+
+    def reset(self) -> None:
+        """Forget the tire: there is another one."""
+        for lineage in self._lineages.values():
+            lineage.average.reset()
+            for estimator in lineage.estimators:
+                estimator.reset()
+
+    def forget_environment(self) -> None:
+        """The hub's time began anew: readings with old times say nothing any more."""
+        self._environment.clear()
+
+    def environment(self, tick_us: int, environment: Environment, pressure_error_pa: float) -> None:
+        """Take a pressure and temperature reading with its hub time and the error its health leaves it."""
+        self._environment.append((tick_us, environment, pressure_error_pa))
+
+    def take(self, revolution: Revolution, end_us: float, host_ns: int) -> RevolutionResult:
+        """Estimate one revolution that ended at hub time `end_us`."""
+        apart = bool(revolution.uncorrected)
+        if apart not in self._lineages:
+            self._lineages[apart] = _Lineage(self._names)
+        self._current = self._lineages[apart]
+        average = self._take_in(revolution)
+        conditions = self.conditions(end_us)
+        estimates = self._estimate(revolution, average, conditions)
+        self.last = RevolutionResult(self._setup.position, host_ns, revolution, conditions, estimates)
+        return self.last
+
+    def _estimate(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+        """Run the estimators in turn; each sees what those before it found.
+
+        A name that an earlier estimator gives already is prefixed with its estimator's: `ring-paper:Bs`.
+        """
+        given: dict[str, dict[str, Estimate]] = {}
+        seeing = replace(conditions, given=MappingProxyType(given))
+        estimates: list[Estimate] = []
+        taken: set[str] = set()
+        for estimator in self._current.estimators:
+            made = estimator.update(revolution, average, seeing)
+            if revolution.uncorrected and estimator.name not in _UNAFFECTED:
+                made = tuple(_doubted(estimate, revolution.uncorrected) for estimate in made)
+            found = {estimate.name: estimate for estimate in made}
+            given[estimator.name] = found
+            for name, estimate in found.items():
+                estimates.append(replace(estimate, name=f"{estimator.name}:{name}") if name in taken else estimate)
+            taken.update(found)
+        return tuple(estimates)
+
+    def _take_in(self, revolution: Revolution) -> AngleAverage:
+        """Update the running average, or leave it alone when the revolution has faults."""
+        latest = self._current.average.latest
+        if revolution.faults:
+            self.rejected += 1
+            if latest is not None:
+                return latest
+        target = self._current.average if not revolution.faults else RunningAverage()
+        finite = np.isfinite(revolution.radial_mps2).all()
+        return target.update(
+            revolution.radial_mps2 if finite else np.zeros_like(revolution.radial_mps2),
+            revolution.orders_mps2,
+            revolution.omega_radps,
+            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+            edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
+            noise_mps2=revolution.noise_mps2,
+        )
+
+    def conditions(self, tick_us: float) -> Conditions:
+        """Return what is known of the tire at hub time `tick_us`."""
+        pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
+        pressure_std = self._setup.pressure_std_pa
+        # The latest reading taken before.
+        taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
+        if taken is not None:
+            _, reading, pressure_error = taken
+            pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
+            temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
+            pressure_std = max(pressure_std, pressure_error)
+        return Conditions(
+            radius_m=self._setup.radius_m,
+            load_n=self._setup.load_n,
+            pressure_pa=pressure,
+            temperature_degc=temperature,
+            load_std_n=self._setup.load_std_n,
+            pressure_std_pa=pressure_std,
+            sensor_offset_m=self._setup.sensor_offset_m,
+            tire=self._setup.tire,
+        )
+
+    @property
+    def average(self) -> AngleAverage | None:
+        """The running average, None before the first revolution without a fault."""
+        return self._current.average.latest
+
+    def average_as_measured(self, *, ac_coupled: bool) -> AngleAverage | None:
+        """Return the running average with the known effects in, as contacts are looked for in the samples."""
+        average, table = self.average, self._setup.correction
+        if average is None or table is None or self._current is not self._lineages[False]:
+            return average
+        added = table.contribution_mps2(average.omega_radps, ac_coupled=ac_coupled)[Axis.RADIAL]
+        return replace(average, radial_mps2=average.radial_mps2 + added)
+
+    def contribution(
+        self, omega_radps: float, end_us: float, *, sensor_id: int, ac_coupled: bool
+    ) -> tuple[FloatArray | None, str]:
+        """Return what known effects add to a revolution, (3, n), or None; and why not, where effects are known."""
+        table = self._setup.correction
+        if table is None:
+            return None, ""
+        conditions = self.conditions(end_us)
+        refusal = table.refusal(omega_radps, conditions.load_n, conditions.pressure_pa)
+        if table.sensor_id is not None and table.sensor_id != sensor_id:
+            refusal = f"they are of sensor {table.sensor_id:08x}, and this is {sensor_id:08x}"
+        if refusal:
+            return None, refusal
+        return table.contribution_mps2(omega_radps, ac_coupled=ac_coupled), ""
+
+    def latest(self, name: str) -> Estimate | None:
+        """Return the latest estimate of a name, None where it is invalid or no estimator gives it."""
+        estimates = self.last.estimates if self.last is not None else ()
+        return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)
+
+
+def _doubted(estimate: Estimate, why: str) -> Estimate:
+    """Return an estimate of a waveform that still holds the known effects."""
+    status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
+    reason = f"known effects not taken off: {why}"
+    if reason in estimate.reason:
+        return replace(estimate, status=status)  # it repeats what the estimate that it is made of says
+    return replace(estimate, status=status, reason=f"{estimate.reason}; {reason}" if estimate.reason else reason)

@@ -1,0 +1,45 @@
+"""What the pipeline must know of a wheel before the first frame; made from the configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gateway.estimators.tire_data import LoadCalibration as LoadCalibration  # what the configuration fills in
+from gateway.estimators.tire_data import ReferenceNumbers as ReferenceNumbers
+from gateway.estimators.tire_data import TireData as TireData
+from gateway.signal.effect_correction import CorrectedEffect as CorrectedEffect  # what an effects file fills in
+from gateway.signal.effect_correction import CorrectionTable as CorrectionTable
+from gateway.signal.effect_correction import EffectParameter as EffectParameter
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSetup:
+    """One wheel as configured.
+
+    Attributes:
+        position: name shown to the user, e.g. `FL`.
+        hub: hub number on its link.
+        wheel: wheel number at the hub.
+        radius_m: belt radius.
+        load_n: vertical load, None when unknown.
+        load_std_n: its standard error.
+        pressure_pa: stated inflation pressure, used until the sensor reports one; None when unknown.
+        pressure_std_pa: its standard error.
+        temperature_degc: stated temperature, used until the sensor reports one.
+        sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
+        tire: the new tire's reference numbers, thickness and load calibration.
+        correction: known effects to take off the axes; None for none.
+    """
+
+    position: str
+    hub: int
+    wheel: int
+    radius_m: float
+    load_n: float | None = None
+    load_std_n: float = 0.0
+    pressure_pa: float | None = None
+    pressure_std_pa: float = 0.0
+    temperature_degc: float | None = None
+    sensor_offset_m: float = 0.0
+    tire: TireData = field(default_factory=TireData)
+    correction: CorrectionTable | None = None

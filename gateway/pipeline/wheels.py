@@ -1,0 +1,240 @@
+"""The whole pipeline: frames of any number of links in, results of any number of wheels out.
+
+Synchronous and deterministic: no clock, no I/O, and the same results however the frames were cut into chunks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from operator import itemgetter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import Environment, Frame, Hello, MessageType, SampleBlock
+from firmware_protocol.sequence import unwrap
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.pipeline.timebase import HostClock
+from gateway.pipeline.wheel_pipeline import WheelPipeline
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.types import FloatArray
+
+if TYPE_CHECKING:
+    from firmware_protocol.batch import FrameBatch, SampleGroup
+
+
+class _Hub:
+    """A hub's clock: 32-bit ticks unwrapped, mapped to host time."""
+
+    def __init__(self) -> None:
+        self.boot_count: int | None = None
+        self.last_us: int | None = None
+        self.host = HostClock()
+
+    def restart(self) -> None:
+        self.last_us = None
+        self.host = HostClock()
+
+    def unwrap(self, tick_us: int) -> int:
+        self.last_us = tick_us if self.last_us is None else unwrap(self.last_us, tick_us)
+        return self.last_us
+
+
+class Pipeline:
+    """Routes frames to wheels by link, hub and wheel number."""
+
+    def __init__(
+        self,
+        setups: Sequence[WheelSetup],
+        unknown: WheelSetup,
+        estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+    ) -> None:
+        """Make a wheel for every setup; others appear when they speak.
+
+        Args:
+            setups: configured wheels.
+            unknown: pattern for wheels that are not configured; position, hub and wheel number are filled in.
+            estimators: names from the registry, in the order of their output.
+
+        Raises:
+            ConfigError: an estimator's name is not known.
+        """
+        self._estimators = tuple(estimators)
+        self._unknown = unknown
+        self._setups = {(setup.hub, setup.wheel): setup for setup in setups}
+        self._order = [WheelPipeline(setup, self._estimators) for setup in setups]
+        self._configured = {(w.setup.hub, w.setup.wheel): w for w in self._order}
+        self._claimed: dict[tuple[int, int], str] = {}
+        self._wheels: dict[tuple[str, int, int], WheelPipeline] = {}
+        self._hubs: dict[tuple[str, int], _Hub] = {}
+
+    def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
+        """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions they complete."""
+        results: list[RevolutionResult] = []
+        newest: tuple[_Hub, int] | None = None
+        for frame in frames:
+            hub = self._hub(link, frame)
+            tick_us = hub.unwrap(frame.tick_us)
+            hub.host.stamp(tick_us, host_ns)
+            newest = hub, tick_us
+            message = frame.message
+            if isinstance(message, SampleBlock):
+                wheel = self._wheel(link, frame.hub, frame.wheel)
+                results += wheel.samples(message.first_sample, (tick_us,), message.axes, message.counts, hub.host)
+            else:
+                self._slow(link, frame, tick_us)
+        if newest is not None:
+            newest[0].host.measure_latency(newest[1], host_ns)
+        return results
+
+    def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> list[RevolutionResult]:
+        """Take a block of decoded frames of a dump; same results as `frames`, wheel by wheel.
+
+        Args:
+            link: the link they came from.
+            batch: the block.
+            host_ns: (frames,) arrival time of each.
+        """
+        results: list[RevolutionResult] = []
+        groups = batch.sample_groups()
+        slow = np.flatnonzero(batch.type != MessageType.SAMPLES).tolist()
+        begin = 0
+        # Cut at every slow frame, so that a hello or a pressure takes effect exactly where it does live. In between,
+        # wheels do not see each other, and each wheel's blocks go in as one piece.
+        for stop in (*slow, len(batch.type)):
+            if stop > begin:
+                ticks_us = self._stamp(link, batch, slice(begin, stop), host_ns)
+                for group, part in _in_stream_order(groups, begin, stop):
+                    own_ticks_us = ticks_us[group.frame_index[part] - begin]
+                    results += self._group(link, group, part, own_ticks_us)
+            if stop < len(batch.type):
+                frame = Frame(
+                    int(batch.type[stop]),
+                    int(batch.hub[stop]),
+                    int(batch.wheel[stop]),
+                    int(batch.seq[stop]),
+                    int(batch.tick_us[stop]),
+                    batch.message(stop),
+                )
+                self.frames(link, (frame,), int(host_ns[stop]))
+            begin = stop + 1
+        return results
+
+    def _stamp(self, link: str, batch: FrameBatch, part: slice, host_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Unwrap the hub time of a run of sample frames and let the hubs' clocks learn from them."""
+        hubs = np.asarray(batch.hub[part])
+        ticks = np.asarray(batch.tick_us[part])
+        arrivals = host_ns[part]
+        unwrapped = np.empty(len(ticks), np.int64)
+        for number in np.unique(hubs).tolist():
+            own = np.flatnonzero(hubs == number)
+            hub = self._known_hub(link, number)
+            first = hub.unwrap(int(ticks[own[0]]))
+            steps = np.diff(ticks[own].astype(np.uint32)).astype(np.int32).astype(np.int64)
+            unwrapped[own] = first + np.concatenate(([0], np.cumsum(steps)))
+            for tick_us, arrival_ns in zip(unwrapped[own].tolist(), arrivals[own].tolist(), strict=True):
+                hub.host.stamp(tick_us, arrival_ns)
+            hub.last_us = int(unwrapped[own[-1]])
+        return unwrapped
+
+    def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> list[RevolutionResult]:
+        wheel = self._wheel(link, group.hub, group.wheel)
+        host = self._hubs[(link, group.hub)].host
+        first = np.asarray(group.first_sample[part]).astype(np.uint32)
+        counts = group.counts[part]
+        block = counts.shape[1]
+        breaks = np.flatnonzero(np.diff(first) != block) + 1
+        results: list[RevolutionResult] = []
+        edges = [0, *breaks.tolist(), len(first)]
+        for lo, hi in pairwise(edges):
+            run = counts[lo:hi].reshape(-1, counts.shape[2])
+            results += wheel.samples(int(first[lo]), ticks_us[lo:hi].tolist(), group.axes, run, host)
+        return results
+
+    def _hub(self, link: str, frame: Frame) -> _Hub:
+        hub = self._known_hub(link, frame.hub)
+        if isinstance(frame.message, Hello):
+            if hub.boot_count is not None and hub.boot_count != frame.message.boot_count:
+                hub.restart()
+                for (of_link, of_hub, _), wheel in self._wheels.items():
+                    if (of_link, of_hub) == (link, frame.hub):
+                        wheel.restart()
+            hub.boot_count = frame.message.boot_count
+        return hub
+
+    def _known_hub(self, link: str, number: int) -> _Hub:
+        hub = self._hubs.get((link, number))
+        if hub is None:
+            hub = self._hubs[(link, number)] = _Hub()
+        return hub
+
+    def _slow(self, link: str, frame: Frame, tick_us: int) -> None:
+        if isinstance(frame.message, Hello):
+            self._wheel(link, frame.hub, frame.wheel).hello(frame.message)
+        elif isinstance(frame.message, Environment):
+            self._wheel(link, frame.hub, frame.wheel).environment(tick_us, frame.message)
+
+    def _wheel(self, link: str, hub: int, number: int) -> WheelPipeline:
+        key = (link, hub, number)
+        wheel = self._wheels.get(key)
+        if wheel is None:
+            owner = self._claimed.setdefault((hub, number), link)
+            configured = self._configured.get((hub, number)) if owner == link else None
+            if configured is None:
+                name = f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
+                configured = WheelPipeline(
+                    replace(self._unknown, position=name, hub=hub, wheel=number), self._estimators
+                )
+                self._order.append(configured)
+            wheel = self._wheels[key] = configured
+        return wheel
+
+    def finish(self) -> list[RevolutionResult]:
+        """No more frames will come: complete the revolutions that can be completed."""
+        results: list[RevolutionResult] = []
+        for (link, hub, _), wheel in self._wheels.items():
+            results += wheel.finish(self._hubs[(link, hub)].host)
+        return results
+
+    def wheels(self) -> tuple[WheelSnapshot, ...]:
+        """Return the latest state of every wheel, configured ones first."""
+        return tuple(wheel.snapshot() for wheel in self._order)
+
+    def position(self, link: str, hub: int, wheel: int) -> str:
+        """Return the name under which a wheel's results go."""
+        known = self._wheels.get((link, hub, wheel))
+        if known is not None:
+            return known.setup.position
+        setup = self._setups.get((hub, wheel))
+        return setup.position if setup is not None else f"hub{hub}.wheel{wheel}"
+
+    def average_mps2(self, position: str) -> FloatArray | None:
+        """Return the running average of a wheel's radial axis, None before its first revolution."""
+        return next((wheel.average_mps2 for wheel in self._order if wheel.setup.position == position), None)
+
+    def latency_s(self, link: str) -> float | None:
+        """Return how much later than the fastest frames the newest of `link` came, None before time is known."""
+        known = [hub.host.latency_s for (of, _), hub in self._hubs.items() if of == link]
+        return max((value for value in known if value is not None), default=None)
+
+
+def _in_stream_order(groups: Sequence[SampleGroup], begin: int, stop: int) -> Iterator[tuple[SampleGroup, slice]]:
+    """Yield the groups' frames from `begin` to `stop` so that each wheel's come in the order of the stream."""
+    parts: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
+    for group in groups:
+        lo, hi = np.searchsorted(group.frame_index, (begin, stop)).tolist()
+        if lo < hi:
+            parts.setdefault((group.hub, group.wheel), []).append((group, lo, hi))
+    for of_wheel in parts.values():
+        if len(of_wheel) == 1:
+            group, lo, hi = of_wheel[0]
+            yield group, slice(lo, hi)
+            continue
+        # A wheel that changed its block size or its axes: take its blocks one by one.
+        frames = [(int(group.frame_index[at]), group, at) for group, lo, hi in of_wheel for at in range(lo, hi)]
+        for _, group, at in sorted(frames, key=itemgetter(0)):
+            yield group, slice(at, at + 1)

@@ -1,0 +1,194 @@
+"""Taking MCAP records apart, checked field by field, for the reader and for repair."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from typing import Any, Final, NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import (
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from gateway.recording.mcap_layout import MAX_RECORD_BYTES, ChannelInfo
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+RECORD_HEAD: Final = struct.Struct("<BQ")
+MESSAGE_HEAD: Final = struct.Struct("<HIQQ")
+MESSAGE_HEAD_BYTES: Final = RECORD_HEAD.size + MESSAGE_HEAD.size
+CHUNK_HEAD: Final = struct.Struct("<QQQII")
+CHUNK_DATA_LENGTH: Final = struct.Struct("<Q")
+
+_SMALL_RECORDS: Final[dict[int, Any]] = {
+    Opcode.HEADER: Header,
+    Opcode.FOOTER: Footer,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.MESSAGE_INDEX: MessageIndex,
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.STATISTICS: Statistics,
+    Opcode.METADATA: Metadata,
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.SUMMARY_OFFSET: SummaryOffset,
+    Opcode.DATA_END: DataEnd,
+}
+
+
+class ChunkParts(NamedTuple):
+    """A chunk record taken apart.
+
+    Attributes:
+        end_time_ns: log time of its latest message.
+        uncompressed_size: of its records.
+        crc: of the uncompressed records, 0 when not given.
+        compression: `zstd`, `lz4` or empty.
+        data: the records as stored.
+        data_offset: offset of `data` in the record's body.
+    """
+
+    end_time_ns: int
+    uncompressed_size: int
+    crc: int
+    compression: str
+    data: memoryview
+    data_offset: int
+
+
+class MessageParts(NamedTuple):
+    """A message record taken apart."""
+
+    channel: int
+    sequence: int
+    log_time_ns: int
+    publish_time_ns: int
+    data: memoryview
+
+
+def parse_chunk(body: memoryview, *, length: int | None = None) -> ChunkParts:
+    """Take a chunk's body apart; `length` is the body's length as stated when less of it is there.
+
+    Raises:
+        ValueError: the fields contradict each other.
+    """
+    stated = len(body) if length is None else length
+    if len(body) < CHUNK_HEAD.size:
+        raise ValueError("chunk too short")
+    start_ns, end_ns, size, crc, name_length = CHUNK_HEAD.unpack_from(body)
+    data_offset = CHUNK_HEAD.size + name_length + CHUNK_DATA_LENGTH.size
+    if start_ns > end_ns or name_length > 4 or len(body) < data_offset:
+        raise ValueError("chunk header is damaged")
+    compression = bytes(body[CHUNK_HEAD.size : CHUNK_HEAD.size + name_length])
+    (data_length,) = CHUNK_DATA_LENGTH.unpack_from(body, CHUNK_HEAD.size + name_length)
+    if compression not in (b"", b"zstd", b"lz4") or data_offset + data_length != stated or size > MAX_RECORD_BYTES:
+        raise ValueError("chunk header is damaged")
+    if not compression and size != data_length:
+        raise ValueError("chunk sizes contradict each other")
+    return ChunkParts(end_ns, size, crc, compression.decode(), body[data_offset:], data_offset)
+
+
+def chunk_records(chunk: ChunkParts) -> memoryview:
+    """Return a chunk's records, decompressed and checked against its CRC.
+
+    Raises:
+        ValueError: the chunk is damaged.
+    """
+    if chunk.compression == "zstd":
+        data = _unzstd(bytes(chunk.data), chunk.uncompressed_size)
+    elif chunk.compression == "lz4":
+        data = _unlz4(bytes(chunk.data), chunk.uncompressed_size)
+    else:
+        data = chunk.data
+    if len(data) != chunk.uncompressed_size or (chunk.crc and zlib.crc32(data) != chunk.crc):
+        raise ValueError("a chunk's checksum is wrong")
+    return data
+
+
+def _unzstd(data: bytes, size: int) -> memoryview:
+    import zstandard
+
+    try:
+        # The size that the compressed data state themselves would be allocated whatever the limit.
+        stated = zstandard.get_frame_parameters(data).content_size
+        if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            raise ValueError("a compressed chunk states two sizes")
+        return memoryview(zstandard.decompress(data, max(size, 1)))
+    except zstandard.ZstdError as error:
+        raise ValueError("a compressed chunk is damaged") from error
+
+
+def _unlz4(data: bytes, size: int) -> memoryview:
+    import lz4.frame  # type: ignore[import-untyped]
+
+    try:
+        return memoryview(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
+    except RuntimeError as error:
+        raise ValueError("a compressed chunk is damaged") from error
+
+
+def walk(data: memoryview) -> Iterator[tuple[int, memoryview]]:
+    """Yield (opcode, body) of the records that lie whole in `data`, in order."""
+    position = 0
+    end = len(data)
+    while position + RECORD_HEAD.size <= end:
+        opcode, length = RECORD_HEAD.unpack_from(data, position)
+        position += RECORD_HEAD.size
+        if length > end - position:
+            return
+        yield opcode, data[position : position + length]
+        position += length
+
+
+def parse_message(body: memoryview) -> MessageParts:
+    """Take a message's body apart.
+
+    Raises:
+        ValueError: too short.
+    """
+    if len(body) < MESSAGE_HEAD.size:
+        raise ValueError("message too short")
+    channel, sequence, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(body)
+    return MessageParts(channel, sequence, log_time_ns, publish_time_ns, body[MESSAGE_HEAD.size :])
+
+
+def parse_small(opcode: int, body: memoryview) -> Any:
+    """Read any record but message, chunk and attachment with `mcap`, and insist that it fills its length.
+
+    Raises:
+        ValueError: not such a record.
+    """
+    kind = _SMALL_RECORDS.get(opcode)
+    if kind is None:
+        raise ValueError(f"record type {opcode:#x} is not known")
+    stream = ReadDataStream(BytesIO(body))
+    try:
+        record = kind.read(stream)
+    except (McapError, struct.error, ValueError, MemoryError, OverflowError) as error:
+        raise ValueError("record is damaged") from error
+    if stream.count != len(body):
+        raise ValueError("record does not fill its length")
+    return record
+
+
+def channel_info(channel: Channel) -> ChannelInfo:
+    """Return what the project needs of a channel record."""
+    link = channel.metadata.get("link", "")
+    if not link and channel.topic.startswith("/link/") and channel.topic.endswith("/raw"):
+        link = channel.topic[len("/link/") : -len("/raw")]
+    return ChannelInfo(channel.topic, channel.message_encoding, link)

@@ -1,0 +1,161 @@
+"""Recordings and raw dumps as sources: the same chunks with the same times as when they were recorded."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final, Protocol
+
+from gateway.clock import Clock
+from gateway.errors import RecordingError, SourceError
+from gateway.io.pacing import wait_until
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
+from gateway.recording.mcap_records import MAGIC
+from gateway.recording.reader import RecordingReader
+
+_DUMP_BLOCK_BYTES: Final = 4096
+
+
+class _Playable(Protocol):
+    """What is played: items in order, what was unreadable, and the configuration that came along."""
+
+    damage: str | None
+
+    @property
+    def vehicle_toml(self) -> str | None: ...
+
+    def items(self) -> Iterator[LinkItem]: ...
+
+
+class RawDump:
+    """A file of link bytes and nothing else, as `cat /dev/ttyUSB0 > dump.bin` leaves it.
+
+    Arrival times are not known: they count from 0 at the given byte rate, or stay 0 without one.
+    """
+
+    damage: str | None = None
+    vehicle_toml: str | None = None
+
+    def __init__(self, path: Path, rate_bytes_per_s: float | None) -> None:
+        """Describe the dump; nothing is read yet."""
+        self.link = f"dump:{path.name}"
+        self._path = path
+        self._rate = rate_bytes_per_s
+
+    def items(self) -> Iterator[LinkItem]:
+        """Yield the dump in blocks; with a rate each holds at most 10 ms."""
+        block = _DUMP_BLOCK_BYTES if self._rate is None else max(1, min(_DUMP_BLOCK_BYTES, int(self._rate / 100)))
+        offset = 0
+        with self._path.open("rb") as file:
+            while data := file.read(block):
+                offset += len(data)
+                yield Chunk(self.link, 0 if self._rate is None else round(offset * 1e9 / self._rate), data)
+
+
+class ReplaySource:
+    """Plays items against an absolute schedule, so that waiting does not add up to drift."""
+
+    def __init__(self, playable: _Playable, link: str, speed: float, clock: Clock) -> None:
+        """Play `playable`, at `speed` times its pace; infinite speed does not wait.
+
+        Args:
+            playable: recording or dump.
+            link: name of its (first) link; chunks carry the recorded names.
+            speed: pace against the recorded times.
+            clock: paces the replay; the chunks keep their recorded times.
+        """
+        self._playable = playable
+        self._link = link
+        self._speed = speed
+        self._clock = clock
+        self._closed = threading.Event()
+
+    @property
+    def link(self) -> str:
+        """Name of the first link; a recording of several links yields each under its own name."""
+        return self._link
+
+    @property
+    def vehicle_toml(self) -> str | None:
+        """Configuration kept in the recording."""
+        return self._playable.vehicle_toml
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        """Yield what was recorded; the last item is an `ENDED` event that also names any damage."""
+        begin_ns = self._clock.now_ns()
+        first_ns: int | None = None
+        last: LinkItem | None = None
+        for item in self._playable.items():
+            if first_ns is None:
+                first_ns = item.host_ns
+            due_ns = begin_ns + (0 if math.isinf(self._speed) else round((item.host_ns - first_ns) / self._speed))
+            if not wait_until(self._clock, due_ns, stop, self._closed):
+                return
+            yield item
+            last = item
+        damage = self._playable.damage
+        ended_already = isinstance(last, LinkEvent) and last.kind is LinkEventKind.ENDED
+        if not stop.is_set() and not self._closed.is_set() and (damage or not ended_already):
+            text = f"the recording is damaged: {damage}" if damage else "end of the recording"
+            yield LinkEvent(self._link, last.host_ns if last is not None else 0, LinkEventKind.ENDED, text)
+
+    def close(self) -> None:
+        """End `items`."""
+        self._closed.set()
+
+
+def open_replay(address: SourceAddress, clock: Clock) -> Source:
+    """Open `replay:FILE?speed=1|10|max` (MCAP), or a raw `.bin` dump with `rate` in bytes/s.
+
+    Raises:
+        SourceError: no such file, not a recording, or a wrong option.
+    """
+    path = Path(address.target)
+    _check_options(address)
+    try:
+        with path.open("rb") as file:
+            magic = file.read(len(MAGIC))
+    except OSError as error:
+        raise SourceError(f"cannot open '{path}': {error.strerror}", "Check the path of the recording.") from error
+    if magic != MAGIC and path.suffix.lower() == ".bin":
+        rate = _positive(address.options, "rate", None)
+        dump = RawDump(path, rate)
+        return ReplaySource(dump, dump.link, _speed(address.options, "1" if rate else "max"), clock)
+    if "rate" in address.options:
+        raise SourceError("option 'rate' is for raw .bin dumps", f"'{path.name}' carries its own times; use speed=.")
+    try:
+        reader = RecordingReader(path)
+    except RecordingError as error:
+        raise SourceError(str(error), error.remedy) from error
+    with contextlib.closing(reader.items()) as items:
+        first = next(items, None)
+    link = first.link if first is not None and first.link else f"replay:{path.name}"
+    return ReplaySource(reader, link, _speed(address.options, "1"), clock)
+
+
+def _check_options(address: SourceAddress) -> None:
+    for name in address.options:
+        if name not in ("speed", "rate"):
+            raise SourceError(f"replay has no option '{name}'", "Options are speed=1|10|max and, for .bin, rate=.")
+
+
+def _speed(options: Mapping[str, str], default: str) -> float:
+    if options.get("speed", default) == "max":
+        return math.inf
+    return _positive({"speed": default, **options}, "speed", None) or math.inf
+
+
+def _positive(options: Mapping[str, str], name: str, default: float | None) -> float | None:
+    if name not in options:
+        return default
+    try:
+        value = float(options[name])
+    except ValueError:
+        value = math.nan
+    if not (value > 0 and math.isfinite(value)):
+        word = " or max" if name == "speed" else ""
+        raise SourceError(f"option {name}={options[name]} is not allowed", f"Give a number above 0{word}.")
+    return value

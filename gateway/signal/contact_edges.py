@@ -1,0 +1,215 @@
+"""Leading and trailing contact edges from the angle-domain radial waveform.
+
+A belt that rolls steadily reads s = V^2 kappa: zero on a flat road, the baseline R Omega^2 in the free part, overshoots
+on either side of the contact. The edge is defined as the place where contact pressure ends. The waveform's steepest
+slope, which is what noise leaves sharpest, lies inside that; the distance was measured on the geometrically exact ring
+and is added here (docs/ring-paper-estimator.md), its spread over tires and loads being part of the standard error.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.signal.angle_resampling import angle_grid
+from gateway.signal.order_spectrum import coefficient_std
+from gateway.types import FloatArray
+
+# How far inside the edge the steepest slope of the smoothed waveform lies, against the smoothing in orders: mean and
+# spread over loads, pressures, wear, belts and treads of the exact ring (tools/bench_ring_paper.py prints the table).
+_OFFSET_ORDERS: Final = (15.0, 20.0, 25.0, 30.0, 40.0)
+_OFFSETS_RAD: Final = (0.0161, 0.0192, 0.0207, 0.0214, 0.0219)
+_OFFSET_STDS_RAD: Final = (0.0131, 0.0097, 0.0080, 0.0070, 0.0060)
+
+# What the definition of the edge is uncertain by at the usual smoothing: the same for every revolution of a tire.
+EDGE_MODEL_STD_RAD: Final = _OFFSET_STDS_RAD[-1]
+
+# Orders kept in the smoothed derivative: a Gaussian of this standard width, less when the sampling carries less.
+SMOOTHING_ORDER: Final = 40.0
+_SMOOTHING_SHARE: Final = 0.3
+
+# The contact is looked for within this angle of 0 and the free belt outside the second angle.
+_SEARCH_RAD: Final = 0.9
+_FREE_RAD: Final = 1.1
+# A contact cannot be shorter than this on either side, nor is anything steeper than the edge itself within it.
+_CENTRE_RAD: Final = 0.2
+# Step between baseline and contact over the noise of the smoothed waveform below which no edge is claimed.
+_MIN_CONTRAST: Final = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class ContactEdges:
+    """Edges of one contact, or why there are none.
+
+    Attributes:
+        leading_rad: leading edge, negative; NaN when not found.
+        trailing_rad: trailing edge, positive; NaN when not found.
+        leading_std_rad: one standard error, noise and spread of the edge's definition.
+        trailing_std_rad: likewise.
+        leading_noise_std_rad: the part that differs from revolution to revolution.
+        trailing_noise_std_rad: likewise.
+        plateau_mps2: level in the middle of the contact.
+        baseline_mps2: level of the free belt.
+        contrast: (baseline - plateau) over the noise of the smoothed waveform.
+        reason: why the edges are NaN; empty when they are found.
+    """
+
+    leading_rad: float
+    trailing_rad: float
+    leading_std_rad: float
+    trailing_std_rad: float
+    leading_noise_std_rad: float
+    trailing_noise_std_rad: float
+    plateau_mps2: float
+    baseline_mps2: float
+    contrast: float
+    reason: str = ""
+
+    @property
+    def found(self) -> bool:
+        """Whether both edges were found."""
+        return not self.reason
+
+
+def find_contact_edges(
+    radial_mps2: FloatArray, samples_per_revolution: float, noise_coefficient_mps2: float | None = None
+) -> ContactEdges:
+    """Find both edges of the contact around theta = 0.
+
+    Works on the shape alone: any constant may be added to the waveform, so AC- and DC-coupled sensors are alike.
+
+    Args:
+        radial_mps2: (n,) radial waveform on the angle grid, positive inward, gravity removed.
+        samples_per_revolution: samples in time it was made from; few samples mean stronger smoothing.
+        noise_coefficient_mps2: noise of one real order coefficient; estimated from the high orders when None.
+
+    Returns:
+        The edges; NaN with a reason when the waveform has no contact that stands out of the noise. Never raises on
+        values.
+    """
+    if not np.isfinite(radial_mps2).all():
+        return _nothing("the radial waveform is not finite")
+    n = radial_mps2.shape[0]
+    if noise_coefficient_mps2 is None:
+        noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
+    width = smoothing_order(samples_per_revolution)
+    smooth, slope, gain_orders, gain = _smooth(radial_mps2, width)
+    offset, model_std = edge_offset(width)
+    step_rad = 2.0 * math.pi / n
+    middle = n // 2
+    baseline = float(np.median(smooth[np.abs(angle_grid(n)) > _FREE_RAD]))
+    reach = round(_CENTRE_RAD / step_rad)
+    inside = middle - reach + int(np.argmin(smooth[middle - reach : middle + reach + 1]))
+    floor = float(smooth[inside])
+    crossings = _half_level_crossings(smooth, inside, 0.5 * (floor + baseline), round(_SEARCH_RAD / step_rad))
+    if crossings is None:
+        return _nothing("no contact around angle 0", floor, baseline)
+    first, last = crossings
+    quarter = (last - first) // 4
+    plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
+    # Second pass with the level of the plateau instead of the deepest point, which noise and overshoots pull down.
+    crossings = _half_level_crossings(
+        smooth, (first + last) // 2, 0.5 * (plateau + baseline), round(_SEARCH_RAD / step_rad)
+    )
+    if crossings is None:
+        return _nothing("no contact around angle 0", plateau, baseline)
+    noise = noise_coefficient_mps2 * math.sqrt(float(np.sum(gain**2)))
+    contrast = (baseline - plateau) / noise if noise > 0.0 else math.inf
+    if not contrast > _MIN_CONTRAST:
+        return _nothing("the contact does not stand out of the noise", plateau, baseline, contrast)
+    noise_curvature = noise_coefficient_mps2 * math.sqrt(float(np.sum((gain_orders**2 * gain) ** 2)))
+    edges = []
+    for index, direction in zip(crossings, (-1, 1), strict=True):
+        position, bend = _steepest(slope * direction, index)
+        noise_std = noise_curvature / (bend / step_rad**2) if bend > 0.0 else math.inf
+        angle = -math.pi + position * step_rad + direction * offset
+        edges.append((angle, math.hypot(noise_std, model_std), noise_std))
+    (leading, leading_std, leading_noise), (trailing, trailing_std, trailing_noise) = edges
+    if not (leading < 0.0 < trailing and math.isfinite(leading_std) and math.isfinite(trailing_std)):
+        return _nothing("the contact edges have no clear slope", plateau, baseline, contrast)
+    return ContactEdges(
+        leading, trailing, leading_std, trailing_std, leading_noise, trailing_noise, plateau, baseline, contrast
+    )
+
+
+def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> slice | None:
+    """Return the grid points of the middle quarter of the contact, of a (n,) waveform; None when there is no contact.
+
+    Curvature vanishes in a flat contact: on the exact ring the level there is -0.06 to +0.01 of R Omega^2 from a
+    half angle of 0.14 rad up. A shorter contact is not flat (+0.2 at 0.11 rad), and a drum of radius Rd leaves -R / Rd.
+    """
+    edges = find_contact_edges(radial_mps2, samples_per_revolution)
+    if not edges.found:
+        return None
+    n = radial_mps2.shape[0]
+    points_per_rad = n / (2.0 * math.pi)
+    margin = 0.375 * (edges.trailing_rad - edges.leading_rad)
+    first = round((math.pi + edges.leading_rad + margin) * points_per_rad)
+    last = round((math.pi + edges.trailing_rad - margin) * points_per_rad)
+    return slice(first, max(first, last) + 1)
+
+
+def smoothing_order(samples_per_revolution: float) -> float:
+    """Return the standard width, in orders, of the Gaussian that the waveform is smoothed with."""
+    return min(SMOOTHING_ORDER, _SMOOTHING_SHARE * samples_per_revolution)
+
+
+def edge_offset(width: float) -> tuple[float, float]:
+    """Return how far inside the edge the steepest slope lies at a smoothing width in orders, and its spread, rad."""
+    return (
+        float(np.interp(width, _OFFSET_ORDERS, _OFFSETS_RAD)),
+        float(np.interp(width, _OFFSET_ORDERS, _OFFSET_STDS_RAD)),
+    )
+
+
+def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the smoothed waveform and its derivative by angle, (n,), and the orders kept with their gains."""
+    n = waveform.shape[0]
+    orders = np.arange(1.0, min(n // 2, math.ceil(3.5 * width)))
+    gain = np.exp(-0.5 * (orders / width) ** 2)
+    spectra = np.zeros((2, n // 2 + 1), dtype=np.complex128)
+    kept = np.fft.rfft(waveform)
+    spectra[:, 0] = kept[0], 0.0
+    spectra[0, 1 : len(orders) + 1] = kept[1 : len(orders) + 1] * gain
+    spectra[1, 1 : len(orders) + 1] = spectra[0, 1 : len(orders) + 1] * (1j * orders)
+    curves: FloatArray = np.fft.irfft(spectra, n=n, axis=1)
+    return curves[0], curves[1], orders, gain
+
+
+def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: int) -> tuple[int, int] | None:
+    """Return the last indices at or below the level on either side of `inside`, or None where it is never crossed."""
+    if not smooth[inside] < level:
+        return None
+    above = smooth > level
+    before = above[max(0, inside - reach) : inside][::-1]
+    after = above[inside + 1 : inside + 1 + reach]
+    if not (before.any() and after.any()):
+        return None
+    return inside - int(np.argmax(before)), inside + int(np.argmax(after))
+
+
+def _steepest(slope: FloatArray, index: int) -> tuple[float, float]:
+    """Climb from `index` to the slope's peak; return its sub-sample place and minus its second difference."""
+    n = slope.shape[0]
+    while 0 < index < n - 1:
+        if slope[index + 1] > slope[index]:
+            index += 1
+        elif slope[index - 1] > slope[index]:
+            index -= 1
+        else:
+            break
+    left, here, right = slope[index - 1], slope[index], slope[(index + 1) % n]
+    bend = float(2.0 * here - left - right)
+    if not bend > 0.0:
+        return float(index), 0.0
+    return index + 0.5 * float(right - left) / bend, bend
+
+
+def _nothing(
+    reason: str, plateau: float = math.nan, baseline: float = math.nan, contrast: float = math.nan
+) -> ContactEdges:
+    nan = math.nan
+    return ContactEdges(nan, nan, nan, nan, nan, nan, plateau, baseline, contrast, reason)

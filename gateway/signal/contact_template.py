@@ -1,0 +1,255 @@
+"""Timing of a contact by matching it against the running average: both edges, to a few microseconds.
+
+A single edge crossing uses the few samples near one level. The whole edge, matched against its own average, uses all of
+them, and the two edges are matched apart, because on a real road they jitter apart. Around a contact the samples are
+
+    s(t) = gain T(theta) + offset + ramp theta + g cos(psi),  theta = Omega (t - centre) + Omega' (t - centre)^2 / 2
+
+with the leading half of T shifted by one angle and the trailing half by another. All are fitted by least squares; gain,
+offset and ramp take up load, speed and what an AC-coupled sensor does to low frequencies.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.ndimage import map_coordinates, spline_filter1d
+
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.signal.angle_resampling import Phase, angle_grid
+from gateway.signal.contact_edges import ContactEdges, find_contact_edges, smoothing_order
+from gateway.signal.segmentation import refine_contact
+from gateway.types import FloatArray
+
+# The template reaches so far beyond the edges: the overshoots with all of their slope.
+_BEYOND_RAD: Final = 0.35
+# So much beyond either edge must be there at least.
+_LEAST_BEYOND_RAD: Final = 0.12
+# Samples next to the end of the data that the interpolation's end condition reaches.
+_END_SAMPLES: Final = 4
+_STEPS: Final = 2
+_LEAST_POINTS: Final = 16
+# A contact is another one, or damaged, when it does not look like the average within these.
+_GAIN: Final = (0.6, 1.6)
+_MAX_SHIFT: Final = 0.3
+_MAX_RESIDUAL: Final = 0.2
+# The half-level crossings lie this share of the contact apart.
+_HALF_LEVEL_SHARE: Final = 0.85
+# Orders that the derivative is taken of.
+_DERIVED_ORDERS: Final = 160
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Least squares over a part of the template's points.
+
+    Attributes:
+        rows: (5, m) from the change of the samples to shifts, gain, offset and ramp.
+        power: (2, 2, 2, orders) cross spectra of the two shifts' rows in the leading and in the trailing half.
+    """
+
+    rows: FloatArray
+    power: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class ContactTemplate:
+    """The contact region of a running average.
+
+    Attributes:
+        first: index of its first point on the angle grid.
+        angles_rad: (m,) of its points.
+        values: (m,) average over the square of its angular speed.
+        model: (m, 5) change of `values` with a shift of the leading, of the trailing half, with gain, offset and ramp.
+        weights: (m, 5) the smoothed form of `model`: what the samples are multiplied with.
+        fit: over all points.
+        gravity_mps2: (m,) g cos(psi).
+        edges: the average's own.
+        middle_rad: midway between its half-level crossings, which is how the segmenter defines a contact's centre.
+        span: largest less smallest of `values`.
+    """
+
+    first: int
+    angles_rad: FloatArray
+    values: FloatArray
+    model: FloatArray
+    weights: FloatArray
+    fit: _Fit
+    gravity_mps2: FloatArray
+    edges: ContactEdges
+    middle_rad: float
+    span: float
+
+
+@dataclass(frozen=True, slots=True)
+class ContactMatch:
+    """A contact timed against a template.
+
+    Attributes:
+        leading: sample position at which the leading edge says that angle 0 of the template passes.
+        trailing: likewise the trailing edge.
+        covariances: (2, 2, 2) of the two in samples^2, from the scatter from revolution to revolution in the leading
+            half of the contact region, and in the trailing half.
+        rate: rad/sample at the contact.
+        residual_mps2: (2,) root mean square of what the fit leaves in the two halves.
+    """
+
+    leading: float
+    trailing: float
+    covariances: FloatArray
+    rate: float
+    residual_mps2: FloatArray
+
+
+def contact_template(
+    radial_mps2: FloatArray, omega_radps: float, samples_per_revolution: float
+) -> ContactTemplate | None:
+    """Cut the template out of an average.
+
+    Args:
+        radial_mps2: (n,) averaged radial waveform on the angle grid, gravity removed.
+        omega_radps: its angular speed.
+        samples_per_revolution: samples in time that a revolution has.
+
+    Returns:
+        the template, or None when the average has no contact, or one that touches its own end.
+    """
+    edges = find_contact_edges(radial_mps2, samples_per_revolution)
+    n = radial_mps2.shape[0]
+    step = 2.0 * math.pi / n
+    first = n // 2 + math.floor((edges.leading_rad - _BEYOND_RAD) / step) if edges.found else -1
+    last = n // 2 + math.ceil((edges.trailing_rad + _BEYOND_RAD) / step) if edges.found else n
+    mean = float(radial_mps2.mean())
+    if first < 0 or last >= n or not mean > 0.0:
+        return None
+    contact = refine_contact(radial_mps2, 0.5 * n, _HALF_LEVEL_SHARE * (edges.trailing_rad - edges.leading_rad) / step)
+    if contact is None:
+        return None
+    part = slice(first, last + 1)
+    angles = angle_grid(n)[part]
+    relative = radial_mps2 / omega_radps**2
+    smooth, smooth_slope, slope = _curves(relative, smoothing_order(samples_per_revolution))
+    leading, trailing = angles < 0.0, angles >= 0.0
+    values = relative[part]
+    ones = np.ones(len(angles))
+    model = np.stack([-slope[part] * leading, -slope[part] * trailing, values, ones, angles], axis=1)
+    weights = np.stack(
+        [
+            -smooth_slope[part] * leading,
+            -smooth_slope[part] * trailing,
+            smooth[part] - smooth[part].mean(),
+            ones,
+            angles,
+        ],
+        axis=1,
+    )
+    curvature = values * (omega_radps**2 / mean)
+    turn = np.cumsum(curvature) - 0.5 * curvature
+    turn -= turn[n // 2 - first]
+    return ContactTemplate(
+        first=first,
+        angles_rad=angles,
+        values=values,
+        model=model,
+        weights=weights,
+        fit=_fit(model, weights, angles, first, n),
+        gravity_mps2=STANDARD_GRAVITY_MPS2 * np.cos(turn * step),
+        edges=edges,
+        middle_rad=(contact.centre - 0.5 * n) * step,
+        span=float(np.ptp(smooth[part])),
+    )
+
+
+def match_contact(
+    template: ContactTemplate,
+    samples_mps2: FloatArray,
+    passage: Phase,
+    rate_hz: float,
+    order_variance_mps4: FloatArray,
+    n: int,
+) -> ContactMatch | None:
+    """Time one contact.
+
+    Args:
+        template: from the running average.
+        samples_mps2: (m,) radial axis around the contact, positive inward, uniform in time.
+        passage: angle against sample position, 0 at the guessed centre; in positions of `samples_mps2`.
+        rate_hz: samples a second.
+        order_variance_mps4: (61,) variance of one real order coefficient from revolution to revolution, NaN where
+            not known; what is above the last known order is taken as that.
+        n: size of the angle grid.
+
+    Returns:
+        the match, or None when the samples do not cover the contact or do not look like the template.
+    """
+    where = passage.positions(template.angles_rad)
+    begin, end = np.searchsorted(where, (_END_SAMPLES, len(samples_mps2) - 1 - _END_SAMPLES)).tolist()
+    part = slice(begin, end)
+    angles, where = template.angles_rad[part], where[part]
+    low, high = template.edges.leading_rad - _LEAST_BEYOND_RAD, template.edges.trailing_rad + _LEAST_BEYOND_RAD
+    if end - begin < _LEAST_POINTS or angles[0] > low or angles[-1] < high:
+        return None
+    model, values, fit = template.model[part], template.values[part], template.fit
+    if end - begin < len(template.values):
+        fit = _fit(model, template.weights[part], angles, template.first + begin, n)
+    coefficients = spline_filter1d(samples_mps2, order=5, mode="mirror")
+    scale = 1.0 / (passage.rate * rate_hz) ** 2
+    factor = scale / (1.0 + (2.0 * passage.acceleration / passage.rate**2) * angles)
+    level = template.gravity_mps2[part] * factor + values
+    common, shift = 0.0, np.zeros(2)
+    for _ in range(_STEPS):
+        moved = where + common / passage.rate
+        read = map_coordinates(coefficients, moved[np.newaxis], order=5, mode="mirror", prefilter=False)
+        change = read * factor - level
+        fitted = fit.rows @ change
+        gain = 1.0 + float(fitted[2])
+        if not _GAIN[0] < gain < _GAIN[1]:
+            return None
+        shift = common + fitted[:2] / gain
+        common = 0.5 * float(shift[0] + shift[1])
+    residual2 = np.square(change - model @ fitted)
+    width = template.edges.trailing_rad - template.edges.leading_rad
+    misfit = math.sqrt(float(residual2.mean()))
+    if not (max(abs(shift[0]), abs(shift[1])) < _MAX_SHIFT * width and misfit < _MAX_RESIDUAL * template.span):
+        return None
+    middle = int(np.searchsorted(angles, 0.0))
+    left = np.sqrt([residual2[:middle].mean(), residual2[middle:].mean()]) / scale
+    spread = _spread(order_variance_mps4, min(fit.power.shape[-1], math.ceil(math.pi / passage.rate) + 1))
+    covariances = fit.power[..., : len(spread)] @ spread * (scale / passage.rate) ** 2
+    leading, trailing = (passage.start + shift / passage.rate).tolist()
+    return ContactMatch(leading, trailing, covariances, passage.rate, left)
+
+
+def _fit(model: FloatArray, weights: FloatArray, angles: FloatArray, first: int, n: int) -> _Fit:
+    """Solve the normal equations of consecutive points from `first` of the angle grid on."""
+    rows: FloatArray = np.linalg.lstsq(weights.T @ model, weights.T, rcond=None)[0].astype(np.float64)
+    padded = np.zeros((2, 2, n))
+    padded[:, :, first : first + len(angles)] = np.stack([angles < 0.0, angles >= 0.0])[:, np.newaxis] * rows[:2]
+    spectrum = np.fft.rfft(padded, axis=-1)
+    power = (spectrum[:, :, np.newaxis] * spectrum[:, np.newaxis].conj()).real
+    return _Fit(rows, power)
+
+
+def _spread(variance: FloatArray, orders: int) -> FloatArray:
+    """Return the variance of order coefficients 0 to `orders` - 1; the offset takes up order 0."""
+    known = variance[np.isfinite(variance)]
+    spread = np.full(orders, float(known[-1]) if len(known) else math.nan)
+    count = min(orders, len(known))
+    spread[:count] = known[:count]
+    spread[0] = 0.0
+    return spread
+
+
+def _curves(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the smoothed waveform, its derivative by angle, and that of the waveform itself, (n,) each."""
+    n = waveform.shape[0]
+    orders = np.arange(n // 2 + 1.0)
+    gain = np.exp(-0.5 * (orders / width) ** 2)
+    spectrum = np.fft.rfft(waveform)
+    turned = spectrum * (1j * orders)
+    turned[_DERIVED_ORDERS:] = 0.0
+    curves: FloatArray = np.fft.irfft(np.stack([spectrum * gain, turned * gain, turned]), n=n, axis=1)
+    return curves[0], curves[1], curves[2]

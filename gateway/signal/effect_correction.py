@@ -1,0 +1,127 @@
+"""What known effects add to a revolution, as a table over the speed: taken off before anything is averaged.
+
+A diagnosis finds the effects and makes the table; here it is only looked up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.signal.angle_resampling import GRID_SIZE
+from gateway.types import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """A fitted parameter of an effect, for the user to read; `value` and `std` are in `unit`."""
+
+    name: str
+    value: float
+    std: float
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectedEffect:
+    """An effect whose contribution is in a table."""
+
+    name: str
+    parameters: tuple[EffectParameter, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CorrectionTable:
+    """What a set of effects adds to the axes of one wheel's sensor; a table equals itself only.
+
+    Attributes:
+        position: of the wheel.
+        omega_radps: (k,) angular speeds, ascending.
+        orders_mps2: (k, 3, m) coefficients c - i s of orders 0 to m - 1 of the contribution to the circumferential,
+            lateral and radial axis (positive inward) as measured, theta = 0 where the pipeline sees the contact's
+            centre; m from 2 to 512.
+        effects: whose contribution it is.
+        radius_m: belt radius that it was found with.
+        omega_range_radps: lowest and highest angular speed that it holds for.
+        load_range_n: likewise; None when nobody stated the load, then any will do.
+        pressure_range_pa: likewise.
+        sensor_offset_m: sensor below the neutral layer as declared when it was found; with another one the same
+            effects would be counted twice or not at all.
+        sensor_id: serial number of the sensor, None when not known, then any will do.
+        sources: recordings that it was found in.
+    """
+
+    position: str
+    omega_radps: FloatArray
+    orders_mps2: ComplexArray
+    effects: tuple[CorrectedEffect, ...]
+    radius_m: float
+    omega_range_radps: tuple[float, float]
+    load_range_n: tuple[float, float] | None = None
+    pressure_range_pa: tuple[float, float] | None = None
+    sensor_offset_m: float = 0.0
+    sensor_id: int | None = None
+    sources: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse tables that cannot be looked up.
+
+        Raises:
+            ValueError: shapes that do not fit, speeds that do not ascend, numbers that are not finite.
+        """
+        omega, orders = self.omega_radps, self.orders_mps2
+        if omega.ndim != 1 or not len(omega) or orders.ndim != 3 or orders.shape[:2] != (len(omega), 3):
+            raise ValueError(f"a table of {omega.shape} speeds cannot have orders of shape {orders.shape}")
+        if not 2 <= orders.shape[2] <= GRID_SIZE // 2:
+            raise ValueError(f"a table has orders up to 1 at least and {GRID_SIZE // 2 - 1} at most")
+        if not (np.isfinite(omega).all() and np.isfinite(orders).all() and omega[0] > 0.0):
+            raise ValueError("a table's numbers must be finite, and its speeds positive")
+        if (np.diff(omega) <= 0.0).any():
+            raise ValueError("a table's speeds must ascend")
+
+    def refusal(self, omega_radps: float, load_n: float | None, pressure_pa: float | None) -> str:
+        """Return why the table does not hold under these conditions, in words; empty when it does.
+
+        What is not known of the conditions is not held against them.
+        """
+        low, high = self.omega_range_radps
+        if not low <= omega_radps <= high:
+            speeds = [3.6 * omega * self.radius_m for omega in (omega_radps, low, high)]
+            return "{:.0f} km/h is outside of the {:.0f} to {:.0f} km/h that the effects were found at".format(*speeds)
+        if load_n is not None and self.load_range_n is not None:
+            low, high = self.load_range_n
+            if not low <= load_n <= high:
+                return f"{load_n:.0f} N is outside of the {low:.0f} to {high:.0f} N that the effects were found at"
+        if pressure_pa is not None and self.pressure_range_pa is not None:
+            low, high = self.pressure_range_pa
+            if not low <= pressure_pa <= high:
+                kpa = [1e-3 * pressure for pressure in (pressure_pa, low, high)]
+                return "{:.0f} kPa is outside of the {:.0f} to {:.0f} kPa that the effects were found at".format(*kpa)
+        return ""
+
+    def contribution_mps2(self, omega_radps: float, n: int = GRID_SIZE, *, ac_coupled: bool = False) -> FloatArray:
+        """Return the contribution at a speed on the angle grid theta = -pi + 2 pi k / n, (3, n).
+
+        Between the table's speeds it goes with the square of the speed, beyond them it stays.
+
+        Args:
+            omega_radps: angular speed.
+            n: size of the grid, even, above twice the table's highest order.
+            ac_coupled: True leaves order 0 out, which such a sensor does not pass.
+        """
+        square, at = np.square(self.omega_radps), omega_radps * omega_radps
+        above = int(np.clip(np.searchsorted(square, at), 1, max(1, len(square) - 1)))
+        below = above - 1
+        if above >= len(square):
+            orders = self.orders_mps2[0]
+        else:
+            share = min(1.0, max(0.0, float((at - square[below]) / (square[above] - square[below]))))
+            orders = (1.0 - share) * self.orders_mps2[below] + share * self.orders_mps2[above]
+        count = orders.shape[-1]
+        spectrum = np.zeros((3, n // 2 + 1), dtype=np.complex128)
+        signs = np.where(np.arange(count) % 2, -1.0, 1.0)
+        spectrum[:, :count] = orders * (signs * (n / 2.0))
+        spectrum[:, 0] *= 0.0 if ac_coupled else 2.0
+        waveform: FloatArray = np.fft.irfft(spectrum, n=n, axis=-1)
+        return waveform

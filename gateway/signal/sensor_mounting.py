@@ -1,0 +1,176 @@
+"""How a sensor sits in the tire, from its circumferential axis: offset below the neutral layer and pitch tilt.
+
+On an inextensible belt that rolls steadily a sensor e below the neutral layer reads s = V^2 kappa (1 - e kappa) inward
+and -e Omega^2 d(kappa R)/dtheta along. A pitch tilt mixes the radial axis into the circumferential one. Gravity along
+the belt and the reaction to angular acceleration are known. All of it is linear in e, the tilt and the zero-g offset
+once kappa is known, and kappa depends on e to second order only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.signal.angle_resampling import angle_grid
+from gateway.types import ComplexArray, FloatArray
+
+# Orders used: above them there is noise and nothing of a tire's slope.
+HIGHEST_ORDER: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class BeltKinematics:
+    """What a belt's shape says of a sensor on it.
+
+    Attributes:
+        along: (HIGHEST_ORDER + 1,) coefficients of -d(kappa R)/dtheta: what 1 m below the neutral layer feels along the
+            belt, over Omega^2.
+        inclination_rad: (n,) angle of the tangent from the horizontal.
+        mean_square: of kappa R.
+        signal_order_1: cosine order 1, about the contact's centre and over the mean, that the signal of the closed belt
+            has, whatever was measured.
+        gravity_order_1: cosine order 1 of cos(inclination).
+    """
+
+    along: ComplexArray
+    inclination_rad: FloatArray
+    mean_square: float
+    signal_order_1: float
+    gravity_order_1: float
+
+
+@dataclass(frozen=True, slots=True)
+class MountingRows:
+    """One revolution as linear equations of (e in m, tan of the pitch, zero-g offset in m/s^2).
+
+    Attributes:
+        normal: (3, 3) normal matrix; the third row and column are zero without the mean.
+        right: (3,) right-hand side.
+        square: sum of squares of the left-hand side.
+        count: equations.
+    """
+
+    normal: FloatArray
+    right: FloatArray
+    square: float
+    count: float
+
+    def and_then(self, other: MountingRows, keep: float) -> MountingRows:
+        """Return these, weighted with `keep`, and other equations of the same unknowns."""
+        return MountingRows(
+            keep * self.normal + other.normal,
+            keep * self.right + other.right,
+            keep * self.square + other.square,
+            keep * self.count + other.count,
+        )
+
+    def solve(self) -> tuple[FloatArray, FloatArray]:
+        """Return the unknowns and their standard errors, (3,) each; NaN where no equation holds them.
+
+        The errors go by what the equations leave, as if that were white noise.
+        """
+        solution, stds = np.full((2, 3), math.nan)
+        known = np.diag(self.normal) > 0.0
+        size = int(known.sum())
+        scale = 1.0 / np.sqrt(np.diag(self.normal)[known])
+        scaling = np.outer(scale, scale)
+        try:
+            inverse = np.linalg.inv(self.normal[np.ix_(known, known)] * scaling) * scaling
+        except np.linalg.LinAlgError:
+            return solution, stds
+        right = self.right[known]
+        solution[known] = inverse @ right
+        left = max(self.square - float(solution[known] @ right), 0.0) / max(self.count - size, 1.0)
+        stds[known] = np.sqrt(np.diag(inverse) * left)
+        return solution, stds
+
+
+def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:
+    """Return kappa R, (n,), of mean 1, of a waveform with gravity removed and its steady value.
+
+    Args:
+        radial_mps2: (n,) on the angle grid; its mean must be positive.
+        offset: e / R.
+    """
+    signal = radial_mps2 / radial_mps2.mean()
+    curvature = signal
+    for _ in range(3 if offset else 0):
+        # mean(s) = V^2/R (1 - offset mean(k^2)): the root that tends to the signal as the offset tends to 0.
+        read = signal * (1.0 - offset * float(np.square(curvature).mean()))
+        curvature = 2.0 * read / (1.0 + np.sqrt(np.maximum(1.0 - 4.0 * offset * read, 0.0)))
+    result: FloatArray = curvature / curvature.mean()
+    return result
+
+
+def belt_kinematics(radial_mps2: FloatArray, offset: float, centre_rad: float) -> BeltKinematics:
+    """Return what a belt's shape says, from a waveform with gravity removed and its steady value.
+
+    Args:
+        radial_mps2: (n,) on the angle grid; its mean must be positive.
+        offset: e / R.
+        centre_rad: angle of the contact's centre, where the belt lies flat.
+    """
+    curvature = relative_curvature(radial_mps2, offset)
+    n = len(curvature)
+    step = 2.0 * math.pi / n
+    theta = angle_grid(n) - centre_rad
+    turn = np.cumsum(curvature) - 0.5 * curvature
+    inclination = (turn - float(np.interp(0.0, theta, turn))) * step
+    cosine, sine = np.cos(inclination), np.sin(inclination)
+    spectrum = np.fft.rfft(curvature)[: HIGHEST_ORDER + 1] * (2.0 / n)
+    # One Newton step: order 1 is off by what gravity leaves in it, a small thing.
+    closing = float(cosine.sum()) / float(sine @ np.sin(theta))
+    closed = curvature + closing * np.cos(theta)
+    signal = closed * (1.0 - offset * closed)
+    return BeltKinematics(
+        along=-1j * np.arange(HIGHEST_ORDER + 1.0) * spectrum,
+        inclination_rad=inclination,
+        mean_square=float(np.square(curvature).mean()),
+        signal_order_1=2.0 * float(signal @ np.cos(theta)) / float(signal.sum()),
+        gravity_order_1=2.0 / n * float(cosine @ np.cos(theta)),
+    )
+
+
+def mounting_rows(
+    circumferential_mps2: FloatArray,
+    radial_mps2: FloatArray,
+    belt: BeltKinematics,
+    omega_radps: float,
+    omega_dot_radps2: float,
+    radius_m: float,
+    order_max: int,
+    *,
+    with_mean: bool = True,
+) -> MountingRows:
+    """Return the equations of one revolution.
+
+    Args:
+        circumferential_mps2: (n,) as measured, on the angle grid.
+        radial_mps2: (n,) as measured.
+        belt: its shape, from an average.
+        omega_radps: mean angular speed.
+        omega_dot_radps2: angular acceleration.
+        radius_m: belt radius.
+        order_max: highest order that the sampling carries.
+        with_mean: False leaves order 0 out, for AC-coupled sensors.
+    """
+    n = len(radial_mps2)
+    angle = belt.inclination_rad
+    known = STANDARD_GRAVITY_MPS2 * np.sin(angle) + omega_dot_radps2 * radius_m * (1.0 - np.cos(angle))
+    count = min(HIGHEST_ORDER, order_max) + 1
+    measured = np.fft.rfft(np.stack([circumferential_mps2 - known, radial_mps2]), axis=1)[:, :count] * (2.0 / n)
+    rows = np.zeros((4, count), np.complex128)
+    rows[:2] = measured
+    rows[2] = omega_radps**2 * belt.along[:count]
+    rows[3, 0] = 2.0
+    # The mean is one equation, every other order two of the same weight.
+    rows[:, 0] *= math.sqrt(0.5) if with_mean else 0.0
+    products = (rows @ rows.conj().T).real
+    order = [2, 1, 3]
+    return MountingRows(
+        products[np.ix_(order, order)], products[order, 0], float(products[0, 0]), 2 * count - 1 - (not with_mean)
+    )

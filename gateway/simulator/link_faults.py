@@ -1,0 +1,326 @@
+"""What can go wrong on a link, as composable, seeded transforms of chunks; each counts what it did."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Final
+
+import numpy as np
+
+from gateway.errors import SourceError
+from gateway.io.source import Chunk
+from gateway.simulator.frame_pieces import Piece, frame_pieces
+from gateway.simulator.hub_reboot import reboot
+
+ChunkTransform = Callable[[Iterable[Chunk]], Iterator[Chunk]]
+
+
+@dataclass(slots=True)
+class FaultCounts:
+    """What a fault did.
+
+    Attributes:
+        frames_seen: whole frames that passed by (frame faults).
+        frames_hit: frames changed, dropped, doubled or moved.
+        chunks_hit: chunks cut or delayed.
+        bytes_changed: bits flipped count their bytes.
+        bytes_dropped: bytes taken away.
+        bytes_added: bytes put in.
+        reboots: restarts of a hub.
+    """
+
+    frames_seen: int = 0
+    frames_hit: int = 0
+    chunks_hit: int = 0
+    bytes_changed: int = 0
+    bytes_dropped: int = 0
+    bytes_added: int = 0
+    reboots: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        """Return every count by name."""
+        return asdict(self)
+
+
+@dataclass(slots=True)
+class Fault:
+    """A transform of chunks with its options and counts. Call it on chunks; use it once.
+
+    Attributes:
+        kind: name in FAULTS.
+        options: every option, defaults filled in.
+        counts: what it did so far.
+    """
+
+    kind: str
+    options: Mapping[str, float]
+    rng: np.random.Generator
+    counts: FaultCounts = field(default_factory=FaultCounts)
+
+    def __call__(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        """Return the chunks with the fault in them."""
+        return FAULTS[self.kind].transform(self, chunks)
+
+    def __str__(self) -> str:
+        """Return the text that parses to this fault."""
+        return f"{self.kind}:" + ",".join(f"{name}={value:g}" for name, value in self.options.items())
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A number that a fault takes.
+
+    Attributes:
+        default: when not given.
+        low: smallest allowed.
+        high: largest allowed.
+        text: what it is.
+    """
+
+    default: float
+    low: float
+    high: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class FaultKind:
+    """An entry of the registry.
+
+    Attributes:
+        text: what it does, one line.
+        options: its options.
+        transform: does it.
+    """
+
+    text: str
+    options: Mapping[str, Option]
+    transform: Callable[[Fault, Iterable[Chunk]], Iterator[Chunk]]
+
+
+def _flip(fault: Fault, frame: bytes) -> list[bytes]:
+    damaged = bytearray(frame)
+    bits = fault.rng.choice(8 * len(frame), size=min(int(fault.options["bits"]), 8 * len(frame)), replace=False)
+    for bit in bits.tolist():
+        damaged[bit >> 3] ^= 1 << (bit & 7)
+    fault.counts.bytes_changed += len({bit >> 3 for bit in bits.tolist()})
+    return [bytes(damaged)]
+
+
+def _drop(fault: Fault, frame: bytes) -> list[bytes]:
+    lost = int(fault.options["bytes"])
+    if lost == 0 or lost >= len(frame):
+        fault.counts.bytes_dropped += len(frame)
+        return []
+    fault.counts.bytes_dropped += lost
+    at = int(fault.rng.integers(len(frame) - lost + 1))
+    return [frame[:at] + frame[at + lost :]]
+
+
+def _duplicate(fault: Fault, frame: bytes) -> list[bytes]:
+    fault.counts.bytes_added += len(frame)
+    return [frame, frame]
+
+
+def _truncate(fault: Fault, frame: bytes) -> list[bytes]:
+    kept = int(fault.rng.integers(1, len(frame)))
+    fault.counts.bytes_dropped += len(frame) - kept
+    return [frame[:kept]]
+
+
+def _insert(fault: Fault, frame: bytes) -> list[bytes]:
+    junk = fault.rng.bytes(int(fault.options["bytes"]))
+    fault.counts.bytes_added += len(junk)
+    return [junk, frame]
+
+
+def _per_frame(change: Callable[[Fault, bytes], list[bytes]]) -> Callable[[Fault, Iterable[Chunk]], Iterator[Chunk]]:
+    """Return the transform that changes each whole frame with probability `rate`."""
+
+    def transform(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        for link, host_ns, pieces in frame_pieces(chunks):
+            parts: list[bytes] = []
+            for piece in pieces:
+                if piece.whole and _hits(fault):
+                    parts += change(fault, piece.data)
+                else:
+                    parts.append(piece.data)
+            if data := b"".join(parts):
+                yield Chunk(link, host_ns, data)
+
+    return transform
+
+
+def _hits(fault: Fault) -> bool:
+    """Return whether this frame is one of the chosen, and count it."""
+    fault.counts.frames_seen += 1
+    hit = bool(fault.rng.random() < fault.options["rate"])
+    fault.counts.frames_hit += hit
+    return hit
+
+
+def _reorder(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+    """Hold a frame back until `depth` further frames have passed."""
+    depth = int(fault.options["depth"])
+    held: list[tuple[int, Piece]] = []
+    link, host_ns, passed = "", 0, 0
+    for link, host_ns, pieces in frame_pieces(chunks):
+        parts: list[bytes] = []
+        for piece in pieces:
+            if piece.whole and _hits(fault):
+                held.append((passed + depth, piece))
+                continue
+            parts.append(piece.data)
+            passed += piece.whole
+            while held and held[0][0] <= passed:
+                parts.append(held.pop(0)[1].data)
+        if data := b"".join(parts):
+            yield Chunk(link, host_ns, data)
+    if held:
+        yield Chunk(link, host_ns, b"".join(piece.data for _, piece in held))
+
+
+def _split(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+    """Cut chunks into pieces of at most `size` bytes, or at one random place with size 0."""
+    size = int(fault.options["size"])
+    for chunk in chunks:
+        if len(chunk.data) < 2 or fault.rng.random() >= fault.options["rate"]:
+            yield chunk
+            continue
+        fault.counts.chunks_hit += 1
+        first = size or int(fault.rng.integers(1, len(chunk.data)))
+        step = size or len(chunk.data)
+        yield Chunk(chunk.link, chunk.host_ns, chunk.data[:first])
+        for at in range(first, len(chunk.data), step):
+            yield Chunk(chunk.link, chunk.host_ns, chunk.data[at : at + step])
+
+
+def _delay(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+    """Let chunks arrive up to `ms` late; those behind wait, as in a queue."""
+    free_ns = -(1 << 63)
+    for chunk in chunks:
+        host_ns = chunk.host_ns
+        if fault.rng.random() < fault.options["rate"]:
+            fault.counts.chunks_hit += 1
+            host_ns += int(fault.rng.random() * fault.options["ms"] * 1e6)
+        free_ns = max(free_ns, host_ns)
+        yield Chunk(chunk.link, free_ns, chunk.data)
+
+
+def _reboot(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+    at_s, every_s = fault.options["at"], fault.options["every"]
+
+    def counted() -> None:
+        fault.counts.reboots += 1
+
+    def swallowed(size: int) -> None:
+        fault.counts.bytes_dropped += size
+
+    return reboot(chunks, at_s, every_s, fault.options["gap"], counted, swallowed)
+
+
+_RATE: Final = {"rate": Option(0.01, 0.0, 1.0, "share of the frames")}
+_CHUNK_RATE: Final = {"rate": Option(1.0, 0.0, 1.0, "share of the chunks")}
+
+# The one registry: name -> what it does.
+FAULTS: Final[dict[str, FaultKind]] = {
+    "flip": FaultKind(
+        "Flip bits in frames.", {**_RATE, "bits": Option(1, 1, 1000, "bits flipped in a frame")}, _per_frame(_flip)
+    ),
+    "drop": FaultKind(
+        "Lose frames, or bytes of frames.",
+        {**_RATE, "bytes": Option(0, 0, 244, "consecutive bytes lost of a frame, 0 for all of it")},
+        _per_frame(_drop),
+    ),
+    "duplicate": FaultKind("Deliver frames twice.", _RATE, _per_frame(_duplicate)),
+    "reorder": FaultKind(
+        "Deliver frames late.", {**_RATE, "depth": Option(3, 1, 1000, "frames that overtake it")}, _reorder
+    ),
+    "truncate": FaultKind("Cut frames off.", _RATE, _per_frame(_truncate)),
+    "insert": FaultKind(
+        "Put random bytes between frames.",
+        {**_RATE, "bytes": Option(8, 1, 100_000, "bytes put in before a frame")},
+        _per_frame(_insert),
+    ),
+    "split": FaultKind(
+        "Cut chunks into pieces.",
+        {**_CHUNK_RATE, "size": Option(0, 0, 100_000, "bytes a piece, 0 for one cut at random")},
+        _split,
+    ),
+    "delay": FaultKind(
+        "Deliver chunks late.", {**_CHUNK_RATE, "ms": Option(50, 0, 60_000, "at most so much later")}, _delay
+    ),
+    "reboot": FaultKind(
+        "Let the hubs start again: a gap, then counters and times from 0.",
+        {
+            "at": Option(5, 0, 1e7, "s after the first chunk"),
+            "every": Option(0, 0, 1e7, "again every so many s, 0 for once"),
+            "gap": Option(1, 0, 1000, "s of silence"),
+        },
+        _reboot,
+    ),
+}
+
+
+def parse_fault(text: str, seed: Sequence[int] | int = 1) -> Fault:
+    """Return the fault of a text such as `flip:rate=0.01` or `drop:rate=0.01,bytes=3`.
+
+    Args:
+        text: kind and options.
+        seed: of its random numbers; the same text and seed do the same.
+
+    Raises:
+        ValueError: an unknown kind or option, or a value out of range; tells what is allowed.
+    """
+    name, _, rest = text.strip().partition(":")
+    kind = FAULTS.get(name)
+    if kind is None:
+        raise ValueError(f"one of {', '.join(FAULTS)}, as flip:rate=0.01")
+    options = {key: option.default for key, option in kind.options.items()}
+    for item in filter(None, (part.strip() for part in rest.split(","))):
+        key, _, value_text = item.partition("=")
+        option = kind.options.get(key)
+        if option is None:
+            raise ValueError(f"{name} has the options {', '.join(kind.options)}, not '{key}'")
+        try:
+            value = float(value_text)
+        except ValueError:
+            value = float("nan")
+        if not option.low <= value <= option.high:
+            raise ValueError(f"{name}: {key} = {option.low:g} to {option.high:g} ({option.text}), not '{value_text}'")
+        options[key] = value
+    entropy = [seed] if isinstance(seed, int) else list(seed)
+    return Fault(name, options, np.random.default_rng([*entropy, zlib.crc32(text.encode())]))
+
+
+def parse_faults(texts: Iterable[str], seed: int = 1) -> list[Fault]:
+    """Return the faults of several texts, each with random numbers of its own.
+
+    Raises:
+        SourceError: a text is wrong.
+    """
+    faults = []
+    for number, text in enumerate(texts):
+        try:
+            faults.append(parse_fault(text, (seed, number)))
+        except ValueError as error:
+            raise SourceError(f"fault '{text}' is not known: allowed is {error}", describe_faults()) from error
+    return faults
+
+
+def apply_faults(faults: Iterable[ChunkTransform], chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+    """Return the chunks with every fault in turn."""
+    current = iter(chunks)
+    for fault in faults:
+        current = fault(current)
+    return current
+
+
+def describe_faults() -> str:
+    """Return one line a kind of fault, for the user."""
+    return "\n  ".join(
+        f"{name}:{','.join(f'{key}={option.default:g}' for key, option in kind.options.items())}  {kind.text}"
+        for name, kind in FAULTS.items()
+    )

@@ -1,0 +1,118 @@
+"""One wheel over time: from speed, load and pressure to raw counts."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.simulator.edge_jitter import EdgeJitter
+from gateway.simulator.sensor import SensorChain
+from gateway.simulator.shaking import Blows, HubMotion, NarrowNoise, RoadNoise
+from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, look_up
+from gateway.simulator.wheel_plan import WheelPlan
+from gateway.types import FloatArray
+
+
+class WheelSamples(NamedTuple):
+    """Consecutive samples.
+
+    Attributes:
+        first: running number of the first.
+        counts: (n, channels) raw values, channels in ascending bit order of `Axis`.
+    """
+
+    first: int
+    counts: NDArray[np.int16]
+
+
+class WheelSimulator:
+    """Simulates one wheel block by block; the same blocks with the same generator give the same samples."""
+
+    def __init__(self, plan: WheelPlan, rng: np.random.Generator) -> None:
+        """Solve the tire where that was not done before.
+
+        Args:
+            plan: the wheel.
+            rng: its random numbers, used by nobody else.
+        """
+        self.plan = plan
+        self.phase_rad = float(rng.uniform(-math.pi, math.pi)) if plan.phase_rad is None else plan.phase_rad
+        self.chain = SensorChain(plan.sensor, rng, plan.defect)
+        rate = plan.sensor.rate_hz
+        # Streams of their own, so that one effect does not change the noise of another.
+        hub_rng, cavity_rng, edge_rng = rng.spawn(3)
+        self._rotation = plan.rotation(self.phase_rad)
+        self._road = RoadNoise(plan.road, rate, rng)
+        self._hub = HubMotion(plan.vibration, rate, hub_rng)
+        vibration = plan.vibration
+        self._cavity = NarrowNoise(
+            vibration.cavity_rms_mps2, vibration.cavity_hz, vibration.cavity_bandwidth_hz, rate, cavity_rng
+        )
+        self._blows = Blows(plan.impact, self._rotation)
+        per_mm = 1e-3 / plan.radius_m
+        self._jitter = EdgeJitter(plan.road.leading_jitter_mm * per_mm, plan.road.trailing_jitter_mm * per_mm, edge_rng)
+        self._table = plan.table()
+        self._conditions: tuple[float, ...] | None = None
+        self._edges_rad = (0.0, 0.0)
+        self._waveform: WaveformTable = np.empty((0, COLUMNS), np.float32)
+        self._waveform = self._waveform_at(0.0)
+        self._rate_hz = plan.sample_rate_hz
+        self._next = 0
+
+    def advance(self, until_s: float) -> WheelSamples:
+        """Return the samples taken since the last call and before `until_s` (true time since the beginning)."""
+        first, last = self._next, max(self._next, math.ceil(until_s * self._rate_hz))
+        end = self._waveform_at(until_s)
+        samples = WheelSamples(first, np.empty((0, self.chain.channels), np.int16))
+        if last > first:
+            time_s = np.arange(first, last) / self._rate_hz
+            force = self._force(time_s, end)
+            samples = WheelSamples(first, self.chain(force, time_s, self.plan.temperature_degc.at(float(time_s[0]))))
+        self._next, self._waveform = last, end
+        return samples
+
+    def _force(self, time_s: FloatArray, end: WaveformTable) -> FloatArray:
+        """Return (n, 3) specific force at the sensor's place along circumferential, lateral, radial, in m/s^2.
+
+        A wheel of changing load, pressure or speed is taken as steady at each moment: its waveform fades from that of
+        the block's begin to that of its end. Of camber only gravity is felt.
+        """
+        turning = self._rotation.at(time_s)
+        angle = self._jitter.place(turning.angle_rad, self._edges_rad)
+        shape = look_up(self._waveform, angle)
+        if end is not self._waveform:
+            shape += np.linspace(0.0, 1.0, len(time_s), dtype=np.float32)[:, None] * (look_up(end, angle) - shape)
+        camber = self.plan.camber_rad.at_times(time_s)
+        gravity = STANDARD_GRAVITY_MPS2 * np.cos(camber) + self._hub(turning)
+        force = np.empty((len(time_s), 3))
+        square = turning.omega_radps * turning.omega_radps
+        spin = turning.omega_dot_radps2
+        force[:, 2] = square * shape[:, 0] + gravity * shape[:, 2] + spin * shape[:, 4]
+        force[:, 0] = square * shape[:, 1] + gravity * shape[:, 3] + spin * shape[:, 5]
+        force[:, 1] = square * shape[:, LATERAL] + STANDARD_GRAVITY_MPS2 * np.sin(camber)
+        if self.plan.reverse:
+            # theta grows with the rotation, but the sensor stays as it was glued.
+            np.negative(force[:, 0], out=force[:, 0])
+        self._road.add(force, turning.speed_mps)
+        force[:, 2] += self._cavity(turning.speed_mps) + self._blows(time_s)
+        return force
+
+    def _waveform_at(self, time_s: float) -> WaveformTable:
+        """Return the tire's waveform under the conditions of a moment; the one at hand when they are the same."""
+        plan = self.plan
+        omega = float(plan.motion.at(np.array([time_s])).speed_mps[0]) / plan.radius_m
+        at = (
+            plan.load_n.at(time_s),
+            plan.pressure_pa.at(time_s),
+            omega if self._table.depends_on_speed else 0.0,
+            plan.slip_angle_rad.at(time_s),
+        )
+        if at != self._conditions:
+            self._conditions = at
+            self._edges_rad = self._table.edges_rad(*at[:3])
+            return self._table.waveform(*at)
+        return self._waveform

@@ -1,0 +1,129 @@
+"""The simulator as a source: `sim:SCENARIO?speed=1&duration=30&seed=1&fault=flip:rate=0.01`."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from gateway.clock import Clock
+from gateway.errors import SourceError
+from gateway.io.pacing import wait_until
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
+from gateway.simulator.link_faults import parse_faults
+from gateway.simulator.scenario import load_scenario, vehicle_toml
+from gateway.simulator.simulation import Simulation, simulate
+
+OPTIONS = (
+    "speed=1|10|max, duration=SECONDS, seed=NUMBER, fault=KIND:OPTION=VALUE (several parted by ';' or '+'), keys=FILE"
+)
+
+
+class SimulatorSource:
+    """Plays a simulation against an absolute schedule on the injected clock.
+
+    At speed 1 a chunk carries the time at which it was handed over, as from a real link; at any other speed the
+    simulated time of its arrival, so that the hub's clock and the host's run alike.
+    """
+
+    def __init__(self, simulation: Simulation, link: str, toml: str, speed: float, clock: Clock) -> None:
+        """Play `simulation` at `speed` times real time; infinite speed does not wait."""
+        self.simulation = simulation
+        self._link = link
+        self._toml = toml
+        self._speed = speed
+        self._clock = clock
+        self._closed = threading.Event()
+
+    @property
+    def link(self) -> str:
+        """Name of the link."""
+        return self._link
+
+    @property
+    def vehicle_toml(self) -> str | None:
+        """Vehicle configuration that matches the scenario."""
+        return self._toml
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        """Yield the connection, the chunks, and the end when the scenario has one. A simulation runs once."""
+        start_ns = last_ns = self._clock.now_ns()
+        yield LinkEvent(self._link, start_ns, LinkEventKind.CONNECTED, f"simulating {self._link}")
+        for chunk in self.simulation.chunks(self._link, start_ns):
+            elapsed_ns = chunk.host_ns - start_ns
+            due_ns = start_ns if math.isinf(self._speed) else start_ns + round(elapsed_ns / self._speed)
+            if not wait_until(self._clock, due_ns, stop, self._closed):
+                return
+            last_ns = self._clock.now_ns() if self._speed == 1.0 else chunk.host_ns
+            yield Chunk(chunk.link, last_ns, chunk.data)
+        yield LinkEvent(self._link, last_ns, LinkEventKind.ENDED, "end of the scenario")
+
+    def close(self) -> None:
+        """End `items`."""
+        self._closed.set()
+
+
+def open_simulator(address: SourceAddress, clock: Clock) -> Source:
+    """Open `sim:SCENARIO` with the options of OPTIONS; the tires are solved now.
+
+    Raises:
+        SourceError: no such scenario, or a wrong option.
+        ConfigError: the scenario has faults.
+    """
+    options = dict(address.options)
+    speed = parse_speed(options.pop("speed", "1"))
+    seed_text, duration_text = options.pop("seed", None), options.pop("duration", None)
+    fault_texts = split_faults(options.pop("fault", ""))
+    key_file = options.pop("keys", None)
+    if options:
+        raise SourceError(f"sim has no option '{next(iter(options))}'", f"Options are {OPTIONS}.")
+    scenario = load_scenario(address.target)
+    seed = None if seed_text is None else _seed(seed_text)
+    simulation = simulate(
+        scenario,
+        seed=seed,
+        duration_s=None if duration_text is None else _positive("duration", duration_text),
+        faults=tuple(parse_faults(fault_texts, scenario.scenario.seed if seed is None else seed)),
+        key_file=None if key_file is None else Path(key_file),
+    )
+    toml = vehicle_toml(scenario, signed=key_file is not None)
+    return SimulatorSource(simulation, link_name(address.target), toml, speed, clock)
+
+
+def link_name(target: str) -> str:
+    """Return the name of the link of a scenario."""
+    return f"sim:{Path(target).stem}"
+
+
+def split_faults(text: str) -> list[str]:
+    """Return the faults of a text that parts them by `;` or `+` (or the space that a URI makes of `+`)."""
+    for mark in "+ ":
+        text = text.replace(mark, ";")
+    return [item for item in text.split(";") if item]
+
+
+def parse_speed(text: str) -> float:
+    """Return how fast to play: times real time, infinity for `max`.
+
+    Raises:
+        SourceError: neither a positive number nor `max`.
+    """
+    return math.inf if text == "max" else _positive("speed", text)
+
+
+def _positive(name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (value > 0.0 and math.isfinite(value)):
+        word = " or max" if name == "speed" else ""
+        raise SourceError(f"option {name}={text} is not allowed", f"Give a number above 0{word}.")
+    return value
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise SourceError(f"option seed={text} is not allowed", "Give a whole number from 0.")
+    return int(text)

@@ -1,0 +1,128 @@
+"""From a scenario to what is simulated: SI, one plan a wheel."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from dataclasses import dataclass
+
+from gateway.simulator.motion import MotionProfile
+from gateway.simulator.rotation import Ripple, WheelRotation
+from gateway.simulator.scenario_model import Scenario, Wheel
+from gateway.simulator.scenario_tables import Defect, Hub, Impact, Road, Sensor, Vibration
+from gateway.simulator.time_series import Series
+from gateway.simulator.tire_model import TireModel
+from gateway.simulator.tire_plan import tire_model
+from gateway.simulator.tire_table import Range, TireTable, tire_table
+
+
+@dataclass(frozen=True, slots=True)
+class WheelPlan:
+    """One wheel, ready to be simulated.
+
+    Attributes:
+        position: name of the wheel.
+        hub: its hub.
+        wheel: number at the hub.
+        sensor_id: serial number of the sensor.
+        radius_m: belt radius.
+        tire: the ring.
+        motion: speed over time.
+        load_n: over time.
+        pressure_pa: over time.
+        temperature_degc: over time.
+        slip_angle_rad: over time, positive pulls the tire to the left.
+        camber_rad: inclination of the wheel plane over time, positive reads positive on the lateral axis.
+        reverse: whether the wheel rolls backwards.
+        phase_rad: material angle at the start; None for a random one.
+        ripple: over the steady rotation.
+        road: road noise as the scenario tells it.
+        vibration: of hub and cavity, as the scenario tells it.
+        impact: once a revolution, as the scenario tells it.
+        sensor: as the scenario tells it.
+        defect: of the sensor, as the scenario tells it.
+    """
+
+    position: str
+    hub: Hub
+    wheel: int
+    sensor_id: int
+    radius_m: float
+    tire: TireModel
+    motion: MotionProfile
+    load_n: Series
+    pressure_pa: Series
+    temperature_degc: Series
+    slip_angle_rad: Series
+    camber_rad: Series
+    reverse: bool
+    phase_rad: float | None
+    ripple: Ripple
+    road: Road
+    vibration: Vibration
+    impact: Impact
+    sensor: Sensor
+    defect: Defect
+
+    def table(self) -> TireTable:
+        """Return the tire's waveforms over what this wheel meets; solved once per process."""
+        return tire_table(
+            self.tire,
+            Range(self.load_n.low, self.load_n.high),
+            Range(self.pressure_pa.low, self.pressure_pa.high),
+            Range(0.0, self.motion.highest_mps / self.radius_m),
+            Range(self.slip_angle_rad.low, self.slip_angle_rad.high),
+        )
+
+    def rotation(self, phase_rad: float) -> WheelRotation:
+        """Return the wheel's angle over time from a given angle at the start."""
+        return WheelRotation(self.motion, self.radius_m, phase_rad, self.ripple)
+
+    def told_pressure_pa(self, time_s: float) -> float:
+        """Return what the pressure sensor says."""
+        stuck_s = self.defect.pressure_stuck_from_s
+        return self.pressure_pa.at(time_s if stuck_s is None else min(time_s, stuck_s))
+
+    def speaks(self, time_s: float) -> bool:
+        """Return whether anything is heard of the wheel."""
+        return self.defect.silent_from_s is None or time_s < self.defect.silent_from_s
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Samples per true second: the nominal rate, off by the sensor's and the hub's clock."""
+        return self.sensor.rate_hz * (1.0 + self.sensor.rate_error_ppm * 1e-6) * (1.0 + self.hub.clock_ppm * 1e-6)
+
+
+def wheel_plans(scenario: Scenario) -> tuple[WheelPlan, ...]:
+    """Return the plans of a scenario's wheels, in its order."""
+    hubs = {hub.hub: hub for hub in scenario.hubs()}
+    return tuple(_plan(wheel, hubs[wheel.hub]) for wheel in scenario.wheels())
+
+
+def _plan(wheel: Wheel, hub: Hub) -> WheelPlan:
+    return WheelPlan(
+        position=wheel.position,
+        hub=hub,
+        wheel=wheel.wheel,
+        sensor_id=int(wheel.sensor_id, 16) if wheel.sensor_id else zlib.crc32(wheel.position.encode()),
+        radius_m=wheel.tire.radius_mm * 1e-3,
+        tire=tire_model(wheel),
+        motion=MotionProfile(wheel.motion.speed_kmh, wheel.motion.repeat),
+        load_n=wheel.load_n,
+        pressure_pa=wheel.pressure_kpa.scaled(1e3),
+        temperature_degc=wheel.temperature_degc,
+        slip_angle_rad=wheel.slip_angle_deg.scaled(math.radians(1.0)),
+        camber_rad=wheel.camber_deg.scaled(math.radians(1.0)),
+        reverse=wheel.motion.direction == "reverse",
+        phase_rad=None if wheel.phase_deg is None else math.radians(wheel.phase_deg),
+        ripple=Ripple(
+            wheel.vibration.ripple_percent * 1e-2,
+            wheel.vibration.ripple_order,
+            math.radians(wheel.vibration.ripple_deg),
+        ),
+        road=wheel.road,
+        vibration=wheel.vibration,
+        impact=wheel.impact,
+        sensor=wheel.sensor,
+        defect=wheel.defect,
+    )

@@ -1,0 +1,65 @@
+"""The one widget of the console: shows rows, repaints only those that changed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from rich.segment import Segment
+from rich.style import Style
+from textual.geometry import Region
+from textual.strip import Strip
+from textual.widget import Widget
+
+from gateway.views.console.styled_rows import Role, Row
+
+# Colours of the terminal's own palette: they follow the user's theme and cost the fewest bytes.
+STYLES: Final[dict[Role, Style]] = {
+    Role.TEXT: Style(),
+    Role.LABEL: Style(dim=True),
+    Role.VALUE: Style(bold=True),
+    Role.TITLE: Style(bold=True),
+    Role.GOOD: Style(color="green"),
+    Role.WARNING: Style(color="yellow"),
+    Role.ALARM: Style(color="red", bold=True, reverse=True),
+    Role.BAR: Style(),
+    Role.FRAME: Style(dim=True),
+    Role.SELECTED_FRAME: Style(color="cyan"),
+    Role.LAST: Style(bold=True),
+    Role.AVERAGE: Style(color="cyan"),
+}
+
+
+class Board(Widget, can_focus=True):
+    """Draws rows of styled text, one a terminal line."""
+
+    DEFAULT_CSS = "Board { height: 1fr; width: 1fr; background: ansi_default; }"
+
+    def __init__(self) -> None:
+        """Start blank."""
+        super().__init__()
+        self._rows: tuple[Row, ...] = ()
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The rows shown now."""
+        return self._rows
+
+    def show(self, rows: Sequence[Row]) -> None:
+        """Show these rows; lines that stay the same cost nothing."""
+        old, self._rows = self._rows, tuple(rows)
+        if len(old) != len(self._rows):
+            self.refresh()
+            return
+        width = self.size.width
+        changed = [
+            Region(0, y, width, 1) for y, (before, now) in enumerate(zip(old, self._rows, strict=True)) if before != now
+        ]
+        if changed:
+            self.refresh(*changed)
+
+    def render_line(self, y: int) -> Strip:
+        """Return line `y`; textual calls this only for lines that were refreshed."""
+        if y >= len(self._rows):
+            return Strip.blank(self.size.width)
+        return Strip([Segment(text, STYLES[role]) for text, role in self._rows[y] if text], self.size.width)

@@ -1,0 +1,115 @@
+"""The console's page: which block gets which rows of the terminal. A pure function of snapshot, view state and size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from gateway.pipeline.results import SessionSnapshot
+from gateway.views.console import status
+from gateway.views.console.overview import overview
+from gateway.views.console.styled_rows import Role, Row, fit
+from gateway.views.console.waveform import Zoom
+from gateway.views.console.wheel_panel import PANEL_MIN_HEIGHT, PANEL_MIN_WIDTH, Plots, details, panel
+
+_VALUE_ROWS: Final = 7  # of a panel, above its waveform
+
+
+@dataclass(slots=True)
+class ViewState:
+    """What the user has set.
+
+    Attributes:
+        selected: index of the wheel shown in detail.
+        zoom: angle range of the waveforms.
+        paused_at_s: session time at which the view was frozen, None when it is live.
+        help_shown: whether the help page covers the wheels.
+        plots: waveforms drawn lately.
+    """
+
+    selected: int = 0
+    zoom: Zoom = Zoom.WHOLE
+    paused_at_s: float | None = None
+    help_shown: bool = False
+    plots: Plots = field(default_factory=Plots)
+
+
+def panel_grid(wheels: int, cells: int, height: int) -> tuple[int, int] | None:
+    """Return (columns, rows) of panels that fit and come closest to a good shape, or None when none fits."""
+    best: tuple[float, int, int] | None = None
+    for columns in range(1, wheels + 1):
+        rows = -(-wheels // columns)
+        panel_width, panel_height = cells // columns, height // rows
+        if panel_width < PANEL_MIN_WIDTH or panel_height < PANEL_MIN_HEIGHT:
+            continue
+        # The waveform gets what the values leave; it should be about twice as wide as high, and cells are half as wide.
+        score = min(panel_width / 4.0, panel_height - _VALUE_ROWS)
+        if best is None or score > best[0]:
+            best = (score, columns, rows)
+    return None if best is None else best[1:]
+
+
+def compose(
+    snapshot: SessionSnapshot, view: ViewState, cells: int, height: int, live: SessionSnapshot | None = None
+) -> list[Row]:
+    """Return exactly `height` rows of exactly `cells` cells.
+
+    Args:
+        snapshot: what to show.
+        view: what the user has set.
+        cells: width of the terminal.
+        height: its number of rows.
+        live: while the view is paused, the present state: clock, recording and alarms never freeze.
+    """
+    live = live or snapshot
+    alarm_rows = 2 if height < 30 else 4
+    link_rows = 2 if height < 30 else 4
+    notice_rows = 1 if height < 30 else 3 if height < 50 else 6
+    top = [status.header(live, view.paused_at_s, cells), *status.alarms(live.alarms, cells, alarm_rows)]
+    bottom = [
+        *status.links(snapshot.links, cells, link_rows),
+        *status.overwritten_samples(snapshot.wheels, cells),
+        *status.notices(snapshot.notices, cells, notice_rows),
+        status.keys(len(snapshot.wheels), view.zoom, view.paused_at_s is not None, cells),
+    ]
+    room = max(height - len(top) - len(bottom), 0)
+    middle = status.help_rows(cells, room) if view.help_shown else _wheels(snapshot, view, cells, room)
+    blank = fit((), cells)
+    middle = [*middle[:room], *([blank] * (room - len(middle)))]
+    # In a tiny terminal the last rows go first, so that header and alarms stay.
+    return [*top, *middle, *bottom][:height]
+
+
+def _wheels(snapshot: SessionSnapshot, view: ViewState, cells: int, height: int) -> list[Row]:
+    wheels = snapshot.wheels
+    if not wheels:
+        return [fit((("No wheel yet: waiting for the first hello of a hub.", Role.LABEL),), cells)]
+    selected = min(view.selected, len(wheels) - 1)
+    alarmed = frozenset(alarm.position for alarm in snapshot.alarms)
+    grid = panel_grid(len(wheels), cells, height)
+    if grid is None:
+        table = overview(wheels, selected, alarmed, cells)
+        rest = details(wheels[selected], selected + 1, cells, height - len(table), view.zoom, view.plots)
+        return [*table, *(fit(row, cells) for row in rest)]
+    columns, grid_rows = grid
+    rows: list[Row] = []
+    for start in range(0, len(wheels), columns):
+        blocks = []
+        # The last row and column of panels take the cells that the division leaves over.
+        panel_height = height // grid_rows + (height % grid_rows if start + columns >= len(wheels) else 0)
+        for i, wheel in enumerate(wheels[start : start + columns], start):
+            panel_width = cells // columns + (cells % columns if i - start == columns - 1 else 0)
+            blocks.append(
+                panel(
+                    wheel,
+                    i + 1,
+                    panel_width,
+                    panel_height,
+                    selected=i == selected and len(wheels) > 1,
+                    alarm=wheel.position in alarmed,
+                    zoom=view.zoom,
+                    plots=view.plots,
+                )
+            )
+        rows += [fit(tuple(run for row in line for run in row), cells) for line in zip(*blocks, strict=True)]
+    return rows

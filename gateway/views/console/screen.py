@@ -1,0 +1,187 @@
+"""The live console: a screen drawn ten times a second from snapshots, never per frame or revolution."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final, Protocol
+
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+from textual.events import Resize
+from textual.widgets import Input
+
+from gateway.pipeline.results import SessionSnapshot
+from gateway.views.console.board import Board
+from gateway.views.console.page import ViewState, compose
+from gateway.views.console.waveform import Zoom
+
+DRAW_INTERVAL_S: Final = 0.1
+_SHORT_MARK: Final = "mark"
+
+
+class LiveSession(Protocol):
+    """What the console needs of a running session. Its methods are called from the console's thread."""
+
+    def snapshot(self) -> SessionSnapshot:
+        """Return the latest state; cheap, never raises."""
+        ...
+
+    def mark(self, text: str) -> None:
+        """Put a mark into the recording and among the notices."""
+        ...
+
+    def request_stop(self) -> None:
+        """Ask the session to end; returns at once."""
+        ...
+
+
+class WheelBoard(Board):
+    """The board with the keys that switch wheels; they are the board's so that the mark's input keeps its own."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("tab,right,down", "app.switch(1)"),
+        Binding("shift+tab,left,up", "app.switch(-1)"),
+        *(Binding(str(number), f"app.select({number})") for number in range(1, 10)),
+    ]
+
+
+class MarkInput(Input):
+    """The line that takes the text of a mark; Tab stays in it."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("tab,shift+tab", "ignore"),
+        Binding("escape", "app.leave"),
+    ]
+
+    def action_ignore(self) -> None:
+        """Keep the focus here."""
+
+
+class ConsoleApp(App[None]):
+    """Shows one session until it ends, its time is up, or the user quits."""
+
+    ENABLE_COMMAND_PALETTE = False
+    CSS = """
+    Screen { background: ansi_default; }
+    MarkInput { display: none; height: 1; border: none; padding: 0 1; background: ansi_default; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("ctrl+c,ctrl+q", "quit_session", priority=True),
+        Binding("q,Q", "quit_session"),
+        Binding("space", "pause"),
+        Binding("m", "mark"),
+        Binding("z", "zoom"),
+        Binding("question_mark", "help"),
+        Binding("escape", "leave"),
+    ]
+
+    def __init__(self, session: LiveSession, duration_s: float | None = None) -> None:
+        """Take the session to show, and the session time at which to stop it."""
+        super().__init__(ansi_color=True)
+        self._session = session
+        self._duration_s = duration_s
+        self._live = session.snapshot()
+        self._frozen: SessionSnapshot | None = None
+        self._mark_at_s = 0.0
+        self._leaving = False
+        self.view = ViewState()
+        self._board = WheelBoard()
+        self._input = MarkInput(placeholder="text of the mark; Enter sets it, Escape drops it")
+
+    def compose(self) -> ComposeResult:
+        """Put the board on the screen and the mark's input, hidden, below it."""
+        yield self._board
+        yield self._input
+
+    def on_mount(self) -> None:
+        """Start drawing."""
+        self._board.focus()
+        self.set_interval(DRAW_INTERVAL_S, self.tick)
+
+    def on_resize(self, event: Resize) -> None:  # noqa: ARG002 - textual's signature
+        """Draw for the new size once the board has it."""
+        self.call_after_refresh(self._draw)
+
+    def tick(self) -> None:
+        """Take a snapshot and draw it; leave when the session has ended or its time is up."""
+        if self._leaving:
+            return
+        self._live = self._session.snapshot()
+        time_is_up = self._duration_s is not None and self._live.elapsed_s >= self._duration_s
+        self._leaving = self._live.ended or time_is_up
+        if self._leaving:
+            # The last thing on the screen is the last state, even when the view was paused.
+            self._frozen, self.view.paused_at_s = None, None
+        self._draw()
+        if self._leaving:
+            self._session.request_stop()
+            self.call_after_refresh(self.exit)
+
+    def _draw(self) -> None:
+        size = self._board.size
+        self._board.show(compose(self._frozen or self._live, self.view, size.width, size.height, self._live))
+
+    def action_quit_session(self) -> None:
+        """Ask the session to stop and leave."""
+        self._session.request_stop()
+        self.exit()
+
+    def action_pause(self) -> None:
+        """Freeze the view, or follow the session again."""
+        self._frozen = None if self._frozen else self._live
+        self.view.paused_at_s = self._frozen.elapsed_s if self._frozen else None
+        self._draw()
+
+    def action_switch(self, step: int) -> None:
+        """Select the next or previous wheel."""
+        wheels = len((self._frozen or self._live).wheels)
+        if wheels:
+            self.view.selected = (self.view.selected + step) % wheels
+            self._draw()
+
+    def action_select(self, number: int) -> None:
+        """Select a wheel by its number."""
+        if number <= len((self._frozen or self._live).wheels):
+            self.view.selected = number - 1
+            self._draw()
+
+    def action_zoom(self) -> None:
+        """Show the whole revolution or the neighbourhood of the contact."""
+        self.view.zoom = Zoom.CONTACT if self.view.zoom is Zoom.WHOLE else Zoom.WHOLE
+        self._draw()
+
+    def action_help(self) -> None:
+        """Show the help page or leave it."""
+        self.view.help_shown = not self.view.help_shown
+        self._draw()
+
+    def action_leave(self) -> None:
+        """Leave the mark's input or the help page."""
+        self.view.help_shown = False
+        self._close_input()
+        self._draw()
+
+    def action_mark(self) -> None:
+        """Ask for the text of a mark; the time of this key is what counts."""
+        self._mark_at_s = self._session.snapshot().elapsed_s
+        self._input.value = ""
+        self._input.display = True
+        self._input.focus()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Set the mark and say when its key was pressed."""
+        text = event.value.strip() or _SHORT_MARK
+        self._close_input()
+        self._session.mark(f"{text} (key pressed at {self._mark_at_s:.1f} s)")
+
+    def _close_input(self) -> None:
+        self._input.display = False
+        self._board.focus()
+
+
+def run_console(session: LiveSession, duration_s: float | None = None) -> None:
+    """Show the session on the terminal until the user quits, `duration_s` of session time is over, or it has ended.
+
+    Stops the session when it leaves for another reason than the session's own end.
+    """
+    # Without the mouse the terminal's own selection works, for copying values.
+    ConsoleApp(session, duration_s).run(mouse=False)

@@ -1,0 +1,154 @@
+"""Everything on the console beside the wheels: header, alarms, links, notices, keys, help."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.views.console.styled_rows import Role, Row, Run, fill_while_fitting, fit, spread
+from gateway.views.console.waveform import Zoom
+from gateway.views.numbers import duration, file_size, fixed, percent
+from gateway.views.text import clean, crop_middle, pad
+
+_LOSS_WARNING_PERCENT: Final = 1.0
+_SPACIOUS: Final = 110
+_HELP: Final = (
+    ("space", "pause: the view freezes, data and recording go on"),
+    ("m", "mark an event in the recording; the time of the key counts"),
+    ("tab  1-8  arrows", "switch wheel"),
+    ("z", "waveform: whole revolution or ±90° around the contact"),
+    ("?", "this help"),
+    ("q  ctrl+c", "quit, with a summary"),
+    ("", ""),
+    ("value ± error", "one standard error; no mark: valid"),
+    ("~", "provisional: the reason stands below the numbers"),
+    ("x  —", "invalid or unknown: the reason stands below the numbers"),
+    ("waveform", "radial axis; solid: last revolution, dots: running average"),
+    ("▲", "leading and trailing contact edge; leading is negative"),
+    ("overwritten", "data that arrived but was not processed in time"),
+    ("lag", "delay of the newest samples against the fastest seen"),
+)
+
+
+def header(snapshot: SessionSnapshot, paused_at_s: float | None, cells: int) -> Row:
+    """Clock, how many wheels roll, recording, and whether the view is paused or the session over."""
+    rolling = sum(wheel.state is WheelState.ROLLING for wheel in snapshot.wheels)
+    left: list[Run] = [
+        (" treadlink ", Role.TITLE),
+        (f" {duration(snapshot.elapsed_s)} ", Role.BAR),
+        (f" {rolling}/{len(snapshot.wheels)} rolling ", Role.BAR),
+    ]
+    right: list[Run] = []
+    if paused_at_s is not None:
+        right.append((f" PAUSED at {duration(paused_at_s)} ", Role.ALARM))
+    if snapshot.ended:
+        right.append((" ENDED ", Role.ALARM))
+    room = cells - sum(len(text) for text, _ in (*left, *right))
+    if snapshot.recording:
+        size = f" {file_size(snapshot.recorded_bytes)} "
+        path = crop_middle(clean(snapshot.recording), max(room - len(size) - 6, 8))
+        left += [(" REC ", Role.GOOD), (path + size, Role.BAR)]
+    else:
+        left.append((" not recording ", Role.BAR))
+    return spread(tuple(left), tuple(right), cells, Role.BAR)
+
+
+def alarms(crossed: Sequence[Alarm], cells: int, rows: int) -> list[Row]:
+    """One prominent row an alarm; those without room are named in the last row."""
+    shown = crossed if len(crossed) <= rows else crossed[: rows - 1]
+    rest = crossed[len(shown) :]
+    texts = [f" ALARM  {alarm.position}: {alarm.text}" for alarm in shown]
+    if rest:
+        texts.append(f" ALARM  {len(rest)} more: " + ", ".join(f"{alarm.position} {alarm.name}" for alarm in rest))
+    return [fit(((clean(text), Role.ALARM),), cells, Role.ALARM) for text in texts]
+
+
+def links(all_links: Sequence[LinkSnapshot], cells: int, rows: int) -> list[Row]:
+    """One row a link; where room is short the troubled ones come first and the rest is counted."""
+    shown = list(all_links)
+    rest = 0
+    if len(shown) > rows:
+        shown.sort(key=lambda link: (link.connected, -link.frames_lost / max(link.frames, 1)))
+        rest = len(shown) - rows + 1
+        connected = sum(link.connected for link in shown[rows - 1 :])
+        shown = shown[: rows - 1]
+    name_width = min(max((len(link.link) for link in shown), default=0), cells // 4 if cells >= _SPACIOUS else 16)
+    result = [fit(_link(link, name_width, cells), cells) for link in shown]
+    if rest:
+        result.append(fit(((f"{rest} more links, {connected} of them connected", Role.LABEL),), cells))
+    return result
+
+
+def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:
+    wide = cells >= _SPACIOUS
+    blank = " " if wide else ""
+    name = pad(crop_middle(clean(link.link), name_width), name_width)
+    state: Run = ("connected" if wide else "up", Role.GOOD) if link.connected else (" DOWN ", Role.ALARM)
+    start: Row = ((f"{name} ", Role.LABEL), state)
+    expected = link.frames + link.frames_lost
+    overwritten = sum(link.queue_dropped.values())
+    high_loss = 100.0 * link.frames_lost > _LOSS_WARNING_PERCENT * expected
+    loss = percent(link.frames_lost, expected)
+    fields: list[Run] = [
+        (f"loss {loss if wide else loss.replace(' ', '')}", Role.WARNING if high_loss else Role.TEXT),
+        (f"crc {link.crc_errors}", Role.WARNING if link.crc_errors else Role.TEXT),
+        (f"{'overwritten' if wide else 'overwr'} {overwritten}", Role.WARNING if overwritten else Role.TEXT),
+    ]
+    if not link.connected and link.note:
+        fields.insert(0, (clean(link.note), Role.WARNING))
+    if link.latency_s is not None:
+        fields.append((f"lag {fixed(link.latency_s, 0, 1e3)}{blank}ms", Role.TEXT))
+    if link.battery_percent is not None:
+        fields.append((f"bat {link.battery_percent}{blank}%", Role.TEXT))
+    if link.supply_w is not None:
+        fields.append((f"{fixed(link.supply_w, 2)}{blank}W", Role.TEXT))
+    if link.rssi_dbm is not None:
+        fields.append((f"{link.rssi_dbm}{blank}dBm", Role.TEXT))
+    fields += [(f"{link.frames} frames", Role.LABEL), (file_size(link.bytes_received), Role.LABEL)]
+    odd = {"noise": file_size(link.noise_bytes) if link.noise_bytes else 0}
+    odd |= {"duplicate": link.duplicates, "reordered": link.reordered, "skipped": link.skipped}
+    odd |= {verdict: count for verdict, count in link.judged.items() if verdict != "verified"}
+    fields += [(f"{name} {value}", Role.LABEL) for name, value in odd.items() if value]
+    if link.connected and link.note and link.note != "connected":
+        fields.append((clean(link.note), Role.LABEL))
+    return fill_while_fitting(start, fields, cells, "  " if wide else " ")
+
+
+def overwritten_samples(wheels: Sequence[WheelSnapshot], cells: int) -> list[Row]:
+    """A warning when samples were overwritten before they were used; nothing otherwise."""
+    hit = [
+        f"{clean(w.position)} {w.counters.samples_overwritten}" for w in wheels if w.counters.samples_overwritten > 0
+    ]
+    if not hit:
+        return []
+    return [fit(((f"samples overwritten before use: {', '.join(hit)}", Role.WARNING),), cells)]
+
+
+def notices(texts: Sequence[str], cells: int, rows: int) -> list[Row]:
+    """The latest notices, newest last."""
+    return [fit(((f"· {clean(text)}", Role.TEXT),), cells) for text in texts[-rows:]] if rows > 0 else []
+
+
+def keys(wheels: int, zoom: Zoom, paused: bool, cells: int) -> Row:
+    """The line of keys."""
+    other = "whole turn" if zoom is Zoom.CONTACT else "±90°"
+    entries = (
+        ("space", "resume" if paused else "pause"),
+        ("m", "mark"),
+        (f"tab 1-{wheels}" if wheels > 1 else "tab", "wheel"),
+        ("z", other),
+        ("?", "help"),
+        ("q", "quit"),
+    )
+    row: list[Run] = []
+    for key, action in entries:
+        row += [(f" {key}", Role.TITLE), (f" {action} ", Role.BAR)]
+    return fit(tuple(row), cells, Role.BAR)
+
+
+def help_rows(cells: int, height: int) -> list[Row]:
+    """The help page."""
+    rows: list[Row] = [(("Help: ? or Escape goes back", Role.TITLE),), ()]
+    rows += [((f"{key:>17}  ", Role.VALUE), (text, Role.TEXT)) for key, text in _HELP]
+    return [fit(rows[i] if i < len(rows) else (), cells) for i in range(height)]

@@ -1,0 +1,254 @@
+"""One wheel on the console: its panel, its line in the overview, and the details of the selected one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from gateway.estimators.base import Status
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot, WheelState
+from gateway.types import FloatArray
+from gateway.views.console.styled_rows import (
+    EMPTY,
+    Role,
+    Row,
+    Run,
+    beside,
+    fill_while_fitting,
+    fit,
+    plot_row,
+    row_width,
+)
+from gateway.views.console.waveform import LEGEND, Zoom, draw_waveform
+from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, kpa, percent, show
+from gateway.views.readout import Reading, read_result
+from gateway.views.text import ELLIPSIS, clean, crop, crop_middle, pad, width
+
+PANEL_MIN_WIDTH: Final = 58
+PANEL_MIN_HEIGHT: Final = 12
+_DETAIL_WIDTH: Final = 33
+_SHORT_LABELS: Final = {"contact length": "contact"}
+_PLOT_MIN_ROWS: Final = 6  # with its legend and axis
+_WAITING: Final = {
+    WheelState.NO_DATA: "no data: nothing of this sensor has arrived yet",
+    WheelState.SEARCHING: "searching: needs two passes through the contact",
+    WheelState.STANDSTILL: "standing still, or slower than can be measured",
+    WheelState.ROLLING: "first revolution under way",
+}
+
+
+@dataclass(slots=True)
+class Plots:
+    """Waveforms drawn lately: a wheel is drawn again only when it has a new revolution."""
+
+    _drawn: dict[str, tuple[RevolutionResult, FloatArray | None, tuple[int, int, Zoom], list[Row]]] = field(
+        default_factory=dict
+    )
+
+    def rows(self, wheel: WheelSnapshot, width_cells: int, height: int, zoom: Zoom) -> list[Row]:
+        """Return the wheel's waveform, empty before its first revolution."""
+        if wheel.last is None:
+            return []
+        shape = (width_cells, height, zoom)
+        known = self._drawn.get(wheel.position)
+        if known and known[0] is wheel.last and known[1] is wheel.average_mps2 and known[2] == shape:
+            return known[3]
+        revolution = wheel.last.revolution
+        plot = draw_waveform(
+            revolution.radial_mps2,
+            wheel.average_mps2,
+            width_cells,
+            height,
+            zoom=zoom,
+            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+        )
+        rows = [plot_row(row) for row in plot]
+        self._drawn[wheel.position] = (wheel.last, wheel.average_mps2, shape, rows)
+        return rows
+
+
+def _speed(wheel: WheelSnapshot, reading: Reading | None) -> str:
+    if reading is None or wheel.state is not WheelState.ROLLING:
+        return f"{MISSING} km/h"
+    return reading.speed.text()
+
+
+def _surroundings(wheel: WheelSnapshot) -> list[Run]:
+    """Pressure, temperature and load."""
+    load = f"{fixed(wheel.load_n, 0)} N" if wheel.load_n is not None else "load not stated"
+    return [
+        (f"{kpa(wheel.pressure_pa)} kPa", Role.VALUE),
+        (f"{fixed(wheel.temperature_degc, 1)} °C", Role.VALUE),
+        (load, Role.VALUE),
+    ]
+
+
+def _note(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
+    """What keeps the wheel's numbers from being valid or fresh."""
+    if reading is None or wheel.last is None:
+        return _WAITING[wheel.state], Role.LABEL
+    if wheel.state is not WheelState.ROLLING:
+        return f"{wheel.state.value}: values of revolution {wheel.last.revolution.index}", Role.WARNING
+    if reading.note:
+        mark = STATUS_MARKS[reading.status]
+        doubtful = bool(mark) or reading.ratios_only or bool(wheel.last.revolution.faults)
+        return clean(f"{mark} {reading.note}" if mark else reading.note), Role.WARNING if doubtful else Role.LABEL
+    return None
+
+
+# In tables and the summary, not on the console: finer definitions of what it shows already.
+_ELSEWHERE: Final = {"wear number", "wear drift", "ply steer first half", "ply steer adhesion line", "sensor roll"}
+
+
+def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
+    """One row a number, then wear when known and what else was estimated: label, value with error, unit, mark."""
+    if reading is None:
+        return []
+    others = [show(wheel.wear_mm)] if wheel.wear_mm is not None else []
+    others += [
+        other
+        for other in reading.others
+        if other.label != "wear" and other.label not in _ELSEWHERE and other.status is not Status.INVALID
+    ]
+    label_width = max((width(number.label) for number in reading.numbers), default=0)
+    rows: list[Row] = []
+    for shown in (*reading.numbers, *others):
+        unit = f" {shown.unit}" if shown.unit else ""
+        mark = f" {shown.mark}" if shown.mark else ""
+        label = _SHORT_LABELS.get(shown.label, shown.label)
+        label = pad(label, max(label_width, width(label)))
+        rows.append(
+            ((label + " ", Role.LABEL), (shown.number.joined(), Role.VALUE), (unit, Role.TEXT), (mark, Role.WARNING))
+        )
+    return rows
+
+
+def _counters(wheel: WheelSnapshot) -> list[Run]:
+    """What happened to the samples; what needs attention is marked as a warning."""
+    c = wheel.counters
+    lost = percent(c.samples_lost, c.samples + c.samples_lost)
+    runs = [
+        (f"lost {lost}", Role.WARNING if c.samples_lost else Role.LABEL),
+        (f"overwritten {c.samples_overwritten}", Role.WARNING if c.samples_overwritten else Role.LABEL),
+        (f"saturated {c.samples_saturated}", Role.WARNING if c.samples_saturated else Role.LABEL),
+        (f"rejected {c.revolutions_rejected}", Role.LABEL),
+    ]
+    if not wheel.sensor_id:
+        return [*runs, ("no hello yet", Role.LABEL)]
+    return [*runs, (f"sensor {clean(wheel.sensor_id)}", Role.LABEL), (f"{wheel.rate_hz:g} Hz", Role.LABEL)]
+
+
+def _legend(wheel: WheelSnapshot) -> Row:
+    row = plot_row(LEGEND)
+    last = wheel.last.revolution.radial_mps2 if wheel.last is not None else None
+    if last is None or wheel.average_mps2 is None or last.shape != wheel.average_mps2.shape:
+        return row
+    difference = last - wheel.average_mps2
+    rms = math.sqrt(float(np.mean(difference * difference)))
+    return (*row, (f"  difference {fixed(rms, 1)} m/s² rms", Role.LABEL))
+
+
+def reading_of(wheel: WheelSnapshot) -> Reading | None:
+    """Return the reading of a wheel's latest result, None before its first revolution."""
+    return read_result(wheel.last) if wheel.last is not None else None
+
+
+def panel(
+    wheel: WheelSnapshot, number: int, cells: int, height: int, *, selected: bool, alarm: bool, zoom: Zoom, plots: Plots
+) -> list[Row]:
+    """Draw a wheel as a framed panel of `cells` x `height`."""
+    inner, inner_height = cells - 4, height - 2
+    reading = reading_of(wheel)
+    body: list[Row] = [fill_while_fitting(((_speed(wheel, reading), Role.TITLE),), _surroundings(wheel), inner)]
+    if reading is not None:
+        leading, trailing = f"leading {reading.leading.text()}", f"trailing {reading.trailing.text()}"
+        body.append(fill_while_fitting(((leading, Role.VALUE),), [(trailing, Role.VALUE)], inner))
+    room = inner_height - len(body) - _PLOT_MIN_ROWS if reading is not None else inner_height
+    numbers = _numbers(wheel, reading)
+    columns = max(2, inner // 28)
+    grid = [numbers[start : start + columns] for start in range(0, len(numbers), columns)]
+    said = _wrap(_note(wheel, reading), inner)
+    # The numbers go first; of the reason, as many lines as leave the waveform its least height.
+    body += [tuple(run for row in line for run in fit(row, inner // columns)) for line in grid[: max(room, 1)]]
+    body += _cut(said, max(1, min(3, room - len(grid))), inner)
+    plot = plots.rows(wheel, inner, inner_height - len(body) - 1, zoom)
+    if plot:
+        body += [_legend(wheel), *plot]
+    frame = Role.SELECTED_FRAME if selected else Role.FRAME
+    left, right = ("║ ", " ║") if selected else ("│ ", " │")
+    rows = [
+        ((left, frame), *fit(body[i] if i < len(body) else EMPTY, inner), (right, frame)) for i in range(inner_height)
+    ]
+    return [_panel_top(wheel, number, cells, selected, alarm), *rows, _panel_bottom(wheel, cells, selected)]
+
+
+def _panel_top(wheel: WheelSnapshot, number: int, cells: int, selected: bool, alarm: bool) -> Row:
+    frame = Role.SELECTED_FRAME if selected else Role.FRAME
+    line, start, end = ("═", "╔═", "╗") if selected else ("─", "┌─", "┐")
+    name = crop_middle(clean(wheel.position), cells - 40)
+    title: list[Run] = [(start, frame), (f" {number} {name} ", Role.TITLE), (f"{wheel.state.value} ", Role.TEXT)]
+    if alarm:
+        title.append((" ALARM ", Role.ALARM))
+    tail = f" rev {wheel.last.revolution.index} " if wheel.last is not None else ""
+    missing = cells - row_width(tuple(title)) - len(tail) - 2
+    return fit((*title, (line * missing, frame), (tail, Role.LABEL), (line + end, frame)), cells)
+
+
+def _panel_bottom(wheel: WheelSnapshot, cells: int, selected: bool) -> Row:
+    frame = Role.SELECTED_FRAME if selected else Role.FRAME
+    line, start, end = ("═", "╚═ ", "╝") if selected else ("─", "└─ ", "┘")
+    first, *others = _counters(wheel)
+    row = (*fill_while_fitting(((start, frame), first), others, cells - 3), (" ", frame))
+    return (*row, (line * (cells - row_width(row) - 1), frame), (end, frame))
+
+
+def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zoom, plots: Plots) -> list[Row]:
+    """Draw the selected wheel below the overview: a rule with its conditions, numbers left, waveform right."""
+    if height < 1:
+        return []
+    reading = reading_of(wheel)
+    name = crop_middle(clean(wheel.position), 24)
+    load, state = _surroundings(wheel)[-1], (wheel.state.value, Role.TEXT)
+    start: Row = (("══ ", Role.SELECTED_FRAME), (f"{number} {name}", Role.TITLE))
+    rule = fill_while_fitting(start, [load, state], cells - 3)
+    revolution = f" rev {wheel.last.revolution.index} " if wheel.last is not None else " "
+    end = (*plot_row(LEGEND), (" ══", Role.SELECTED_FRAME)) if wheel.last is not None else EMPTY
+    line = cells - row_width(rule) - len(revolution) - row_width(end) - 1
+    rule = (*rule, (revolution, Role.LABEL), ("═" * line + " ", Role.SELECTED_FRAME), *end)
+    left: list[Row] = _numbers(wheel, reading)
+    said = _cut(_wrap(_note(wheel, reading), _DETAIL_WIDTH - 1), 4, _DETAIL_WIDTH - 1)
+    if reading is not None:
+        motion = (("speed", reading.speed), ("lead ", reading.leading), ("trail", reading.trailing))
+        left[len(reading.numbers) : len(reading.numbers)] = [
+            ((f"{label} ", Role.LABEL), (shown.text(), Role.VALUE)) for label, shown in motion
+        ]
+        # The reason matters more than the last rows of the list, so it takes their place where room is short.
+        kept = max(height - 1 - len(said), len(reading.numbers))
+        left = left[:kept]
+    left = [*left, *said, *((run,) for run in _counters(wheel))]
+    plot = plots.rows(wheel, cells - _DETAIL_WIDTH, height - 1, zoom)
+    return [rule, *beside(left, _DETAIL_WIDTH, plot, height - 1)]
+
+
+def _wrap(run: Run | None, cells: int) -> list[Row]:
+    if run is None:
+        return []
+    text, role = run
+    lines = [""]
+    for word in text.split():
+        if lines[-1] and width(lines[-1]) + 1 + width(word) > cells:
+            lines.append(word)
+        else:
+            lines[-1] = f"{lines[-1]} {word}".lstrip()
+    return [((line, role),) for line in lines]
+
+
+def _cut(rows: list[Row], height: int, cells: int) -> list[Row]:
+    """Return the first `height` rows, the last with an ellipsis when there were more."""
+    if len(rows) <= height:
+        return rows
+    (text, role), *_ = rows[height - 1]
+    return [*rows[: height - 1], ((crop(f"{text} {ELLIPSIS}", cells), role),)]

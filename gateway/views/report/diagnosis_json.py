@@ -1,0 +1,157 @@
+"""A diagnosis as JSON: the figures of the report under keys that scripts may rely on."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from gateway import __version__
+from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Unexplained
+from gateway.views.output_file import write_whole
+from gateway.views.report.rows import residuals
+
+FORMAT: Final = "treadlink diagnosis"
+FORMAT_VERSION: Final = 1
+"""Grows when a key changes its meaning or goes; new keys may come without."""
+
+
+def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return a diagnosis as plain dicts, lists, strings and finite numbers; null is what is not known."""
+    held_out = diagnosis.held_out
+    return {
+        "format": FORMAT,
+        "version": FORMAT_VERSION,
+        "treadlink": __version__,
+        "wheel": _text(diagnosis.wheel),
+        "model": _text(diagnosis.model),
+        "recordings": _texts(diagnosis.recordings),
+        "stated": _texts(diagnosis.stated),
+        "assumed": _texts(diagnosis.assumed),
+        "notes": _texts(diagnosis.notes),
+        "revolutions": {"used": int(diagnosis.revolutions), "rejected": int(diagnosis.rejected)},
+        "held_out": {
+            "rms_before_mps2": _number(held_out.rms_before_mps2),
+            "rms_after_mps2": _number(held_out.rms_after_mps2),
+            "rms_empirical_mps2": _number(diagnosis.empirical_rms_mps2),
+            "revolutions": int(held_out.revolutions),
+            "folds": int(held_out.folds),
+            "folds_of": _text(diagnosis.folds_of),
+        },
+        "noise_floor_mps2": _number(diagnosis.noise_floor_mps2),
+        "effects": [_finding(finding) for finding in diagnosis.findings],
+        "unexplained": [_unexplained(left) for left in diagnosis.unexplained],
+        "estimates": {
+            "before": _estimates(diagnosis.estimates_before, diagnosis.determined),
+            "after": _estimates(diagnosis.estimates_after, diagnosis.determined),
+        },
+        "groups": [
+            {
+                "label": _text(curves.label),
+                "residual": {
+                    axis.axis: {
+                        "rms_before_mps2": _number(axis.before_mps2),
+                        "rms_after_mps2": _number(axis.after_mps2),
+                        "noise_mps2": _number(axis.noise_mps2),
+                    }
+                    for axis in residuals(curves)
+                },
+            }
+            for curves in diagnosis.curves
+        ],
+        "trends": [
+            {
+                "axis": _text(trend.axis),
+                "against": _text(trend.against),
+                "at": _numbers(trend.at),
+                "rms_before_mps2": _numbers(trend.before_mps2),
+                "rms_after_mps2": _numbers(trend.after_mps2),
+                "noise_mps2": _numbers(trend.noise_mps2),
+            }
+            for trend in diagnosis.trends
+        ],
+    }
+
+
+def write_json(diagnosis: Diagnosis, path: Path, *, force: bool = False) -> None:
+    """Write a diagnosis as JSON, whole or not at all.
+
+    Raises:
+        OutputError: the file exists and `force` is not set, or it cannot be written.
+    """
+    text = json.dumps(diagnosis_json(diagnosis), indent=2, ensure_ascii=False, allow_nan=False)
+    write_whole(path, text + "\n", force=force)
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "name": _text(finding.name),
+        "verdict": str(finding.verdict),
+        "lock": _text(finding.lock),
+        "parameters": {_text(name): _number(fitted.value) for name, fitted in finding.parameters.items()},
+        "std": {_text(name): _number(fitted.std) for name, fitted in finding.parameters.items()},
+        "units": {_text(name): _text(fitted.unit) for name, fitted in finding.parameters.items()},
+        "evidence": {
+            "chi2": _number(finding.chi2),
+            "held_out_gain": _number(finding.held_out_gain),
+            "held_out_std": _number(finding.held_out_std),
+            "rms_mps2": _number(finding.rms_mps2),
+            "held_out_rms_before_mps2": _number(finding.rms_before_mps2),
+            "held_out_rms_after_mps2": _number(finding.rms_after_mps2),
+        },
+        "estimates": {
+            "before": {_text(name): _fitted(before) for name, (before, _) in finding.estimates.items()},
+            "after": {_text(name): _fitted(after) for name, (_, after) in finding.estimates.items()},
+        },
+        "rivals": _texts(finding.rivals),
+        "decide_with": _text(finding.decide_with),
+        "reason": _text(finding.reason),
+        "summary": _text(finding.summary),
+        "equation": _text(finding.equation),
+    }
+
+
+def _unexplained(left: Unexplained) -> dict[str, Any]:
+    return {
+        "axis": _text(left.axis),
+        "lock": _text(left.lock),
+        "lock_known": bool(left.lock_known),
+        "changes": bool(left.changes),
+        "orders": None if left.orders is None else [int(order) for order in left.orders],
+        "hz": None if left.hz is None else _numbers(left.hz),
+        "angle_rad": None if left.angle_rad is None else _numbers(left.angle_rad),
+        "scaling": _text(left.scaling),
+        "rms_mps2": _number(left.rms_mps2),
+        "std_mps2": _number(left.std_mps2),
+        "text": _text(left.text),
+    }
+
+
+def _estimates(estimates: Mapping[str, Fitted], determined: Mapping[str, bool]) -> dict[str, Any]:
+    return {
+        _text(name): {**_fitted(fitted), "determined": bool(determined.get(name, True))}
+        for name, fitted in estimates.items()
+    }
+
+
+def _fitted(fitted: Fitted) -> dict[str, Any]:
+    return {"value": _number(fitted.value), "std": _number(fitted.std), "unit": _text(fitted.unit)}
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _numbers(values: Sequence[float] | Any) -> list[float | None]:
+    return [_number(float(value)) for value in values]
+
+
+def _text(text: str) -> str:
+    """Return text that UTF-8 can carry: a path may hold bytes that it cannot."""
+    return str(text).encode("utf-8", "backslashreplace").decode()
+
+
+def _texts(texts: Sequence[str]) -> list[str]:
+    return [_text(text) for text in texts]

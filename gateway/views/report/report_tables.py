@@ -1,0 +1,303 @@
+"""The tables of a diagnosis's page, as text that a template only has to put in place."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Final, Generic, NamedTuple, Protocol, TypeVar
+
+from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Verdict
+from gateway.views.numbers import MISSING, fixed
+from gateway.views.report.rows import (
+    VERDICTS,
+    ShownNumber,
+    added,
+    listed,
+    orders_text,
+    plain,
+    printed,
+    ratio,
+    remark_text,
+    show_fitted,
+    significant,
+    span_text,
+    split_state,
+)
+from gateway.views.text import clean
+
+_DEGREES: Final = 180.0 / math.pi
+_BAND_STDS: Final = 2.0
+_SCALINGS: Final = {
+    "omega^1": "ω",
+    "not known: one speed": "one speed only",
+    "not known: seen at one speed on this axis": "seen at one speed",
+    "not known: changes during the recording": MISSING,
+}
+
+
+class _HasState(Protocol):
+    @property
+    def state(self) -> str: ...
+
+
+Row = TypeVar("Row", bound=_HasState)
+
+
+class ErrorRow(NamedTuple):
+    """One error beside the noise floor; `share` is the length of its bar, 0 to 100."""
+
+    label: str
+    kind: str
+    text: str
+    over_floor: str
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class EffectRow:
+    """One effect; remarks are (label, text)."""
+
+    name: str
+    lock: str
+    verdict: str
+    verdict_class: str
+    parameters: tuple[ShownNumber, ...]
+    rms: str
+    held_out: str
+    gain: str
+    chi2: str
+    reason: str
+    remarks: tuple[tuple[str, str], ...]
+
+
+class UnexplainedRow(NamedTuple):
+    """Something unexplained."""
+
+    axis: str
+    lock: str
+    orders: str
+    hz: str
+    angle: str
+    scaling: str
+    rms: str
+    remark: str
+
+
+class Interval(NamedTuple):
+    """A number with its error as drawn, in a box of 100 x 16."""
+
+    kind: str
+    low: float
+    at: float
+    high: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateRow:
+    """One estimate before and after; `state` is a load and pressure, empty where most revolutions are."""
+
+    state: str
+    label: str
+    before: str
+    after: str
+    percent: str
+    errors: str
+    determined: bool
+    determined_text: str
+    drawn: tuple[Interval, ...] = field(default=())
+
+
+class StepCell(NamedTuple):
+    """An estimate after a step, and by how much the step changed it."""
+
+    text: str
+    percent: str
+
+
+class StepRow(NamedTuple):
+    """One estimate in the starting model and after every step."""
+
+    state: str
+    label: str
+    cells: tuple[StepCell, ...]
+
+
+class StateRows(NamedTuple, Generic[Row]):
+    """Rows of one load and pressure; `state` is empty where most revolutions are."""
+
+    state: str
+    rows: list[Row]
+
+
+def by_state(rows: Iterable[Row]) -> list[StateRows[Row]]:
+    """Return rows grouped by their load and pressure, in their order."""
+    found: dict[str, StateRows[Row]] = {}
+    for row in rows:
+        found.setdefault(row.state, StateRows(row.state, [])).rows.append(row)
+    return list(found.values())
+
+
+def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
+    """Return the errors in the order in which they are read."""
+    floor, held_out = diagnosis.noise_floor_mps2, diagnosis.held_out
+    errors = [
+        ("Before: starting model", "before", held_out.rms_before_mps2),
+        ("After: with the effects that were added", "after", held_out.rms_after_mps2),
+    ]
+    if diagnosis.empirical_rms_mps2 is not None:
+        errors.append(("After, with a fitted empirical correction", "empirical", diagnosis.empirical_rms_mps2))
+    errors.append(("Noise floor: what a right model would leave", "floor", floor))
+    largest = max((value for *_, value in errors if math.isfinite(value)), default=math.nan)
+    return [
+        ErrorRow(label, kind, significant(value), fixed(ratio(value, floor), 2), _share(value, largest))
+        for label, kind, value in errors
+    ]
+
+
+def effect_rows(diagnosis: Diagnosis) -> list[EffectRow]:
+    """Return the effects that were named or cannot be told apart, in the diagnosis's order."""
+    return [_effect(finding) for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED]
+
+
+def refused_rows(diagnosis: Diagnosis) -> list[EffectRow]:
+    """Return the effects that were refused, in the diagnosis's order."""
+    return [_effect(finding) for finding in diagnosis.findings if finding.verdict is Verdict.REFUSED]
+
+
+def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
+    """Return what is left, in the diagnosis's order."""
+    return [
+        UnexplainedRow(
+            clean(left.axis),
+            {"angle": "wheel angle", "time": "time"}.get(left.lock, clean(left.lock))
+            if left.lock_known
+            else "not known",
+            orders_text(left.orders),
+            span_text(left.hz),
+            span_text(left.angle_rad, _DEGREES),
+            _SCALINGS.get(left.scaling, printed(left.scaling)),
+            plain(left.rms_mps2, left.std_mps2),
+            remark_text(left),
+        )
+        for left in diagnosis.unexplained
+    ]
+
+
+def estimate_rows(diagnosis: Diagnosis) -> list[EstimateRow]:
+    """Return every estimate that there was before or is after."""
+    before, after = diagnosis.estimates_before, diagnosis.estimates_after
+    return [
+        _estimate(name, before.get(name), after.get(name), diagnosis.determined.get(name, True))
+        for name in dict.fromkeys((*before, *after))
+    ]
+
+
+def steps(diagnosis: Diagnosis) -> tuple[list[str], list[StepRow]]:
+    """Return the steps' names, and every estimate in the starting model and after each; none for fewer than two."""
+    findings = added(diagnosis)
+    if len(findings) < 2:
+        return [], []
+    rows = []
+    for name in dict.fromkeys(name for finding in findings for name in finding.estimates):
+        pairs = [finding.estimates.get(name, (None, None)) for finding in findings]
+        cells = (StepCell(show_fitted(name, pairs[0][0]).text, ""), *(_step_cell(name, *pair) for pair in pairs))
+        known = next(new for _, new in pairs if new is not None)
+        rows.append(StepRow(split_state(name)[1], _labelled(name, known), cells))
+    return ["starting model", *(f"+ {clean(finding.name)}" for finding in findings)], rows
+
+
+def _labelled(name: str, known: Fitted | None) -> str:
+    """Return an estimate's label with its unit."""
+    shown = show_fitted(split_state(name)[0], known)
+    return f"{shown.label}, {shown.unit}" if shown.unit else shown.label
+
+
+def _step_cell(name: str, before: Fitted | None, after: Fitted | None) -> StepCell:
+    new = show_fitted(name, after)
+    return StepCell(new.text, _percent(show_fitted(name, before), new) if before is not None else "")
+
+
+def _effect(finding: Finding) -> EffectRow:
+    remarks = [("", printed(finding.summary)), ("Equation:", printed(finding.equation))]
+    if finding.rivals:
+        others = listed(finding.rivals)
+        told = finding.verdict is Verdict.INDISTINGUISHABLE
+        remarks.append(("Cannot be told from:" if told else "Explains the same as:", others))
+    if finding.verdict is Verdict.INDISTINGUISHABLE:
+        remarks.append(("Because:", _reason(finding)))
+    remarks.append(("To decide:", printed(finding.decide_with)))
+    change = (
+        f"{significant(finding.rms_before_mps2)} → {significant(finding.rms_after_mps2)}"
+        if math.isfinite(finding.rms_before_mps2) and math.isfinite(finding.rms_after_mps2)
+        else MISSING
+    )
+    return EffectRow(
+        name=clean(finding.name),
+        lock=f"{clean(finding.lock)}-locked",
+        verdict=VERDICTS[finding.verdict],
+        verdict_class=finding.verdict.value,
+        parameters=tuple(show_fitted(name, fitted) for name, fitted in finding.parameters.items()),
+        rms=significant(finding.rms_mps2),
+        held_out=change,
+        gain=plain(finding.held_out_gain, finding.held_out_std),
+        chi2=significant(finding.chi2),
+        reason=_reason(finding),
+        remarks=tuple((label, text) for label, text in remarks if text),
+    )
+
+
+def _reason(finding: Finding) -> str:
+    """Return why an effect is refused or not told from others, its parameters called as they are beside it."""
+    reason = finding.reason
+    for name, fitted in finding.parameters.items():
+        # A reason has the number itself, not its inverse.
+        label = show_fitted(name, replace(fitted, inverse_display=None)).label
+        reason = re.sub(rf"\b{re.escape(name)}\b", label, reason)
+    return printed(reason)
+
+
+def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined: bool) -> EstimateRow:
+    old, new = show_fitted(name, before), show_fitted(name, after)
+    errors = ratio(new.value - old.value, old.std)
+    return EstimateRow(
+        state=split_state(name)[1],
+        label=_labelled(name, after or before),
+        before=old.text,
+        after=new.text,
+        percent=_percent(old, new).removesuffix(" %") or MISSING,
+        errors=f"{round(errors, 1) + 0.0:+.1f}" if math.isfinite(errors) else MISSING,
+        determined=determined,
+        determined_text="not fitted" if new.std == 0.0 else "yes" if determined else "no",
+        drawn=_intervals(old, new),
+    )
+
+
+def _percent(old: ShownNumber, new: ShownNumber) -> str:
+    share = 100.0 * ratio(new.value - old.value, abs(old.value))
+    digits = 1 if abs(share) >= 0.095 else 2
+    return f"{round(share, digits) + 0.0:+.{digits}f} %" if math.isfinite(share) else ""
+
+
+def _intervals(old: ShownNumber, new: ShownNumber) -> tuple[Interval, ...]:
+    known = [
+        (kind, one.value, _BAND_STDS * one.std if math.isfinite(one.std) else 0.0, y)
+        for kind, one, y in (("before", old, 4.5), ("after", new, 11.5))
+        if math.isfinite(one.value)
+    ]
+    low = min((value - half for _, value, half, _ in known), default=0.0)
+    high = max((value + half for _, value, half, _ in known), default=0.0)
+    if not 0.0 < high - low < math.inf:
+        return ()
+
+    def at(value: float) -> float:
+        return round(3.0 + 94.0 * (value - low) / (high - low), 2)
+
+    return tuple(Interval(kind, at(value - half), at(value), at(value + half), y) for kind, value, half, y in known)
+
+
+def _share(value: float, largest: float) -> float:
+    share = 100.0 * ratio(value, largest)
+    return round(share, 2) if math.isfinite(share) else 0.0

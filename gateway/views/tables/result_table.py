@@ -1,0 +1,248 @@
+"""Results as files: one row a revolution and wheel, streamed, units in the column names."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from enum import StrEnum
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Final, Protocol, Self
+
+import numpy as np
+
+from gateway.errors import OutputError
+from gateway.pipeline.results import RevolutionResult
+from gateway.views.tables.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
+
+HEAD: Final[dict[str, type]] = {
+    "recording": str,
+    "position": str,
+    "revolution": int,
+    "device_start_s": float,
+    "device_end_s": float,
+    "host_utc": str,
+    "host_ns": int,
+}
+TAIL: Final[dict[str, type]] = {
+    "acceleration_mps2": float,
+    "radius_m": float,
+    "load_n": float,
+    "load_std_n": float,
+    "pressure_pa": float,
+    "pressure_std_pa": float,
+    "temperature_degc": float,
+    "missing_fraction": float,
+    "saturated": bool,
+    "ac_coupled": bool,
+    "faults": str,
+}
+PARTS: Final[dict[str, type]] = {"": float, "_std": float, "_status": str, "_reason": str}
+"""What each estimate has a column for, behind its name."""
+
+OTHER: Final = "other_estimates"
+"""Last column of CSV and Parquet: estimates whose name came up only after the columns were fixed, as JSON."""
+
+COLUMNS_FIXED_AFTER_ROWS: Final = 256
+
+
+class TableFormat(StrEnum):
+    """Formats of a result file."""
+
+    CSV = "csv"
+    JSON = "json"
+    PARQUET = "parquet"
+
+
+class TableWriter(Protocol):
+    """Takes results one by one and keeps none of them; also a context manager that closes."""
+
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        """Add one row; `recording` tells rows of several recordings in one table apart.
+
+        Raises:
+            OutputError: the file cannot be written any more.
+        """
+        ...
+
+    def close(self) -> None:
+        """Finish the file; may be called twice."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+def open_table(
+    path: Path, table_format: TableFormat, *, force: bool = False, estimates: Sequence[str] = ()
+) -> TableWriter:
+    """Open a result file.
+
+    Args:
+        path: the file; it is not overwritten unless `force`.
+        table_format: CSV with a header line, JSON lines (one object a line), or Parquet.
+        force: overwrite an existing file.
+        estimates: names that get their columns first and even when no row has them. Names that the first
+            COLUMNS_FIXED_AFTER_ROWS rows bring get columns too; later ones go into OTHER. JSON lines need none of this.
+
+    Raises:
+        OutputError: the file exists, cannot be made, or Parquet's package is missing.
+    """
+    if table_format is TableFormat.PARQUET:
+        require_pyarrow()
+    try:
+        file = path.open("wb" if force else "xb")
+    except FileExistsError as error:
+        raise OutputError(f"{path} exists already", "Choose another name, or overwrite it with --force.") from error
+    except OSError as error:
+        raise OutputError(
+            f"{path} cannot be written: {error.strerror}", "Check the folder and its permissions."
+        ) from error
+    if table_format is TableFormat.JSON:
+        return _JsonLines(path, file)
+    sink = CsvSink(file) if table_format is TableFormat.CSV else ParquetSink(file)
+    return _Columns(path, sink, estimates)
+
+
+def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
+    """Return (the fixed cells, cells of each estimate by name and part); None where nothing is known."""
+    revolution, conditions = result.revolution, result.conditions
+    fixed: dict[str, Cell] = {
+        "recording": recording,
+        "position": result.position,
+        "revolution": revolution.index,
+        "device_start_s": revolution.start_s,
+        "device_end_s": revolution.start_s + revolution.period_s,
+        "host_utc": iso_utc(result.host_ns),
+        "host_ns": result.host_ns,
+        "acceleration_mps2": _known(revolution.omega_dot_radps2 * conditions.radius_m),
+        "radius_m": conditions.radius_m,
+        "load_n": conditions.load_n,
+        "load_std_n": None if conditions.load_n is None else conditions.load_std_n,
+        "pressure_pa": conditions.pressure_pa,
+        "pressure_std_pa": None if conditions.pressure_pa is None else conditions.pressure_std_pa,
+        "temperature_degc": conditions.temperature_degc,
+        "missing_fraction": revolution.missing_fraction,
+        "saturated": bool(revolution.saturated),
+        "ac_coupled": bool(revolution.ac_coupled),
+        "faults": "; ".join(revolution.faults),
+    }
+    # A later estimator may estimate what is also a condition, as the load; the condition keeps the plain name.
+    named = {
+        f"estimated_{estimate.name}" if estimate.name in fixed else estimate.name: dict(
+            zip(
+                PARTS,
+                (_known(estimate.value), _known(estimate.std), str(estimate.status), estimate.reason),
+                strict=True,
+            )
+        )
+        for estimate in result.estimates
+    }
+    return fixed, named
+
+
+def iso_utc(host_ns: int) -> str:
+    """Return ns since the epoch as `2026-01-31T12:00:00.123456Z`."""
+    return f"{np.datetime_as_string(np.datetime64(host_ns, 'ns'), unit='us')}Z"
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+@contextlib.contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written any more: {error.strerror}", "Is the disk full?") from error
+
+
+class _Closing:
+    def close(self) -> None:
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _JsonLines(_Closing):
+    """One JSON object a line, keys as the columns of the other formats; unknown is null."""
+
+    def __init__(self, path: Path, file: IO[bytes]) -> None:
+        self._path = path
+        self._file = file
+
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        fixed, named = row_of(result, recording)
+        row = dict(_in_order(fixed, named, named))
+        with _writing(self._path):
+            self._file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
+
+    def close(self) -> None:
+        with _writing(self._path):
+            self._file.close()
+
+
+def _in_order(
+    fixed: dict[str, Cell], named: dict[str, dict[str, Cell]], names: Iterable[str]
+) -> Iterator[tuple[str, Cell]]:
+    yield from ((key, fixed[key]) for key in HEAD)
+    for name in names:
+        parts = named.get(name, {})
+        yield from ((name + part, parts.get(part)) for part in PARTS)
+    yield from ((key, fixed[key]) for key in TAIL)
+
+
+class _Columns(_Closing):
+    """Holds the first rows back to learn which estimates there are, then streams under fixed columns."""
+
+    def __init__(self, path: Path, sink: RowSink, estimates: Sequence[str]) -> None:
+        self._path = path
+        self._sink = sink
+        self._names = dict.fromkeys(estimates)
+        self._held: list[tuple[dict[str, Cell], dict[str, dict[str, Cell]]]] | None = []
+        self._closed = False
+
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        fixed, named = row_of(result, recording)
+        with _writing(self._path):
+            if self._held is None:
+                self._put(fixed, named)
+                return
+            self._names.update(dict.fromkeys(named))
+            self._held.append((fixed, named))
+            if len(self._held) >= COLUMNS_FIXED_AFTER_ROWS:
+                self._release()
+
+    def close(self) -> None:
+        if self._closed:
+            return
+        self._closed = True
+        with _writing(self._path):
+            self._release()
+            self._sink.end()
+
+    def _release(self) -> None:
+        held, self._held = self._held, None
+        if held is None:
+            return
+        estimates = {name + part: kind for name in self._names for part, kind in PARTS.items()}
+        self._sink.begin({**HEAD, **estimates, **TAIL, OTHER: str})
+        for fixed, named in held:
+            self._put(fixed, named)
+
+    def _put(self, fixed: dict[str, Cell], named: dict[str, dict[str, Cell]]) -> None:
+        late = {name + part: cell for name in named if name not in self._names for part, cell in named[name].items()}
+        other = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else None
+        self._sink.row([*(cell for _, cell in _in_order(fixed, named, self._names)), other])

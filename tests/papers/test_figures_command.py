@@ -1,0 +1,135 @@
+"""`treadlink figures`: draws what it lists, tells what came out, replaces nothing."""
+
+from __future__ import annotations
+
+import builtins
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli.figures import figures as command
+from gateway.errors import ConfigError, OutputError
+from gateway.papers.figure_registry import all_figures, chosen, title
+from gateway.papers.figure_sheet import draw_figures
+
+NEEDS_PLOT = pytest.mark.skipif(
+    importlib.util.find_spec("matplotlib") is None, reason="matplotlib (extra 'plot') is not installed"
+)
+
+
+def test_both_papers_figures_are_there() -> None:
+    names = set(all_figures())
+    assert {f"ring-fig-{n}" for n in range(11, 17)} <= names
+    assert {f"ply-steer-fig-{n}" for n in (10, 11, 13, 14, 15)} | {"ply-steer-tables"} <= names
+    assert all(len(title(draw)) > 10 for draw in all_figures().values())
+
+
+def test_list_names_each_with_its_title() -> None:
+    result = CliRunner().invoke(command, ["--list"])
+    assert result.exit_code == 0
+    for name, draw in all_figures().items():
+        assert re.search(rf"^{name} +{re.escape(title(draw))}$", result.output, re.MULTILINE)
+
+
+def test_an_unknown_figure_names_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match="fig-99") as caught:
+        chosen(("ring-fig-99",))
+    assert "ring-fig-11" in caught.value.remedy
+
+
+@NEEDS_PLOT
+@pytest.mark.parametrize("suffix", ["svg", "png"])
+def test_draws_files_and_an_index_and_replaces_none(tmp_path: Path, suffix: str) -> None:
+    out = tmp_path / "new" / "figures"
+    arguments = ["ring-fig-12", "--out", str(out), "--format", suffix]
+    first = CliRunner().invoke(command, arguments)
+    assert first.exit_code == 0, first.output
+    drawn = out / f"ring-fig-12.{suffix}"
+    assert drawn.stat().st_size > 5000
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert f'src="ring-fig-12.{suffix}"' in page
+    caption = first.output.split("ring-fig-12: ")[1].splitlines()[0]
+    assert caption.split("'")[0] in page.replace("&#x27;", "'")
+    drawn.write_bytes(b"mine")
+    again = CliRunner().invoke(command, arguments)
+    assert isinstance(again.exception, OutputError)
+    assert "--force" in again.exception.remedy
+    assert drawn.read_bytes() == b"mine"
+    assert CliRunner().invoke(command, [*arguments, "--force"]).exit_code == 0
+    assert drawn.stat().st_size > 5000
+
+
+@NEEDS_PLOT
+def test_the_same_figure_gives_the_same_file(tmp_path: Path) -> None:
+    for place in ("a", "b"):
+        draw_figures(chosen(("ring-fig-11",)), tmp_path / place, suffix="svg")
+    first, second = ((tmp_path / place / "ring-fig-11.svg").read_bytes() for place in ("a", "b"))
+    assert first == second
+
+
+def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    real = builtins.__import__
+
+    def missing(name: str, *rest: object, **named: object) -> object:
+        if name.split(".")[0] == "matplotlib":
+            raise ImportError(name)
+        return real(name, *rest, **named)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(OutputError) as caught:
+        draw_figures(chosen(("ring-fig-12",)), tmp_path / "out", suffix="png")
+    assert "treadlink[plot]" in caught.value.remedy
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture(scope="module")
+def captions() -> dict[str, str]:
+    pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
+    from matplotlib.figure import Figure
+
+    return {name: draw(Figure()) for name, draw in all_figures().items() if name.startswith("ring-")}
+
+
+@NEEDS_PLOT
+def test_axes_have_labels_with_units() -> None:
+    from matplotlib.figure import Figure
+
+    for name, draw in all_figures().items():
+        if name.startswith("ring-"):
+            figure = Figure()
+            draw(figure)
+            assert figure.axes[-1].get_xlabel(), name
+            assert all(axes.get_ylabel() for axes in figure.axes), name
+            assert figure.axes[0].get_legend() is not None, name
+
+
+def test_a_good_fit_with_wrong_numbers(captions: dict[str, str]) -> None:
+    left = re.search(r"with (\d+)% left over", captions["ring-fig-11"])
+    assert left
+    assert int(left[1]) < 8
+    found = re.search(r"are ([\d., ]+) of the true", captions["ring-fig-11"])
+    assert found
+    cw, ts = (float(found[1].split(", ")[i]) for i in (1, 3))
+    assert cw < 0.75
+    assert ts > 1.8
+
+
+def test_what_comes_out_and_what_does_not(captions: dict[str, str]) -> None:
+    assert "comes out" in captions["ring-fig-13"]
+    assert captions["ring-fig-14"].startswith("Does not come out")
+    for name in ("ring-fig-15", "ring-fig-16"):
+        assert "does not come out" in captions[name]
+
+
+def test_wear_shows_in_bending_at_every_step(captions: dict[str, str]) -> None:
+    found = re.search(r"means of Eq. 28: ([\d., ]+), times", captions["ring-fig-13"])
+    assert found
+    means = [float(mean) for mean in found[1].split(", ")]
+    assert means == sorted(means, reverse=True)
+    assert means[2] < 0.5 * means[0]
+    weak = re.search(r"stays within ([\d.]+)%", captions["ring-fig-13"])
+    assert weak
+    assert float(weak[1]) < 2.0

@@ -1,0 +1,43 @@
+"""The ply steer figures draw, and their captions tell what was computed."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from gateway.papers.ply_steer_figures import figures
+
+pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
+
+
+@pytest.mark.parametrize("name", list(figures()))
+def test_draws_and_speaks_one_sentence(name: str) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    caption = figures()[name](figure)
+    FigureCanvasAgg(figure).draw()
+    assert figure.axes
+    assert all(axes.lines or axes.tables for axes in figure.axes)
+    assert caption.endswith(".")
+    assert not re.search(r"[.?!] [A-Z](?!q)", caption.replace("Eq. ", "Eq ").replace("Fig. ", "Fig "))
+    assert re.search(r"\d", caption)
+    assert "nan" not in caption
+
+
+def caption(name: str) -> str:
+    from matplotlib.figure import Figure
+
+    return figures()["ply-steer-" + name](Figure())
+
+
+def test_the_papers_phenomena_are_in_the_captions() -> None:
+    assert re.search(r"one way it has one extremum .* the other way two extrema", caption("fig-2"))
+    odd = re.search(r"odd share (\d\.\d+)", caption("fig-10"))
+    assert odd
+    assert float(odd[1]) > 0.999
+    left_out = re.search(r"within (\d+\.\d) % rms", caption("tables"))
+    assert left_out
+    assert float(left_out[1]) <= 4.0
