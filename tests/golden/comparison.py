@@ -17,8 +17,8 @@ ABSOLUTE = 1e-9
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
-def differences(stored: Any, made: Any, place: str = "") -> Iterator[str]:
-    """Yield one line for each field that differs between two JSON-like values."""
+def differences(stored: Any, made: Any, place: str = "", *, texts: bool = True) -> Iterator[str]:
+    """Yield one line for each field that differs between two JSON-like values; without `texts`, wordings may differ."""
     if isinstance(stored, dict) and isinstance(made, dict):
         for key in stored.keys() | made.keys():
             where = f"{place}.{key}" if place else str(key)
@@ -27,12 +27,14 @@ def differences(stored: Any, made: Any, place: str = "") -> Iterator[str]:
             elif key not in stored:
                 yield f"{where}: new, {_short(made[key])}"
             else:
-                yield from differences(stored[key], made[key], where)
+                yield from differences(stored[key], made[key], where, texts=texts)
     elif isinstance(stored, list) and isinstance(made, list):
         if len(stored) != len(made):
             yield f"{place}: {len(made)} entries, were {len(stored)}"
         for index, (before, after) in enumerate(zip(stored, made, strict=False)):
-            yield from differences(before, after, f"{place}[{index}]")
+            yield from differences(before, after, f"{place}[{index}]", texts=texts)
+    elif not texts and isinstance(stored, str) and isinstance(made, str):
+        return
     elif not _equal(stored, made):
         yield f"{place}: {_short(made)}, was {_short(stored)}"
 

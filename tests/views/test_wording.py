@@ -1,0 +1,41 @@
+"""Every reason has its words, and every place that makes a reason gives the values that its words need."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from gateway.reasons import Code, Reason
+from gateway.views.wording import TEMPLATES, as_json, fields, joined, text
+
+GATEWAY = Path(__file__).parents[2] / "gateway"
+
+
+def test_every_code_has_a_template():
+    assert set(TEMPLATES) == set(Code)
+
+
+def test_reasons_are_made_with_the_values_of_their_template():
+    wrong = []
+    for path in sorted(GATEWAY.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Reason"):
+                continue
+            code = node.args[0]
+            named = {keyword.arg for keyword in node.keywords}
+            if isinstance(code, ast.Attribute) and None not in named and named != fields(Code[code.attr]):
+                wrong.append(f"{path.relative_to(GATEWAY)}:{node.lineno} {code.attr}: {named}")
+    assert wrong == []
+
+
+def test_a_reason_is_given_once():
+    lost = Reason(Code.SAMPLES_LOST)
+    assert joined([lost, lost]) == text(lost)
+    assert as_json(lost) == {"code": "samples_lost", "values": {}, "text": text(lost)}
+
+
+def test_an_unknown_value_is_an_error():
+    with pytest.raises(KeyError):
+        Reason(Code.SAMPLES_LOST)["depth_m"]
