@@ -16,7 +16,7 @@ from tests.closure.diagnosis_data import NASTY, curves, empty, nasty, ordinary, 
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
 pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")
 
-from gateway.views import closure_chapters
+from gateway.views.report import chapters as closure_chapters
 from gateway.views.report.chapters import chapters
 from gateway.views.report.figures import order_coefficients, orders_figure, trend_figure, waveform_figure
 from gateway.views.report.html import diagnosis_html

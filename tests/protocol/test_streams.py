@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from firmware_protocol import scan
+from firmware_protocol import block_scan as scan
 from firmware_protocol.batch import BatchDecoder
 from firmware_protocol.codec import encode_payload, encode_raw
 from firmware_protocol.decoder import FrameDecoder

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.signal import normalise
+from gateway.signal import speed_normalisation as normalise
 from gateway.signal.angle_resampling import Phase, angle_grid, fit_phase, resample_revolution
 from gateway.signal.speed_normalisation import normalise_radial
 from tests.exact_ring_data import RADIUS_M, cosine_orders, omega_at, on_grid, sampled, solution
