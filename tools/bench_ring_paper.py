@@ -20,7 +20,7 @@ from gateway.estimators.ring_fit import fit_ring_numbers
 from gateway.estimators.ring_paper import RingPaperEstimator
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.signal import contact
+from gateway.signal import contact_edges as contact
 from gateway.signal.angle_resampling import GRID_SIZE, fit_phase, resample_revolution
 from gateway.signal.order_spectrum import coefficient_std, highest_order, order_coefficients, sample_std
 from gateway.signal.speed_normalisation import normalise_radial
