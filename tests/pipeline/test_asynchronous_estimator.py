@@ -11,6 +11,7 @@ from gateway.estimators.base import Status
 from gateway.estimators.nonsynchronous import AsynchronousEstimator
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
+from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import settled
 from tests.simulated_wheel import last, simulated
 
@@ -38,7 +39,7 @@ def test_a_line_at_a_multiple_of_the_wheel_is_doubted(roll, to_frames) -> None:
     order_25 = 25 * 65.0 / 3.6 / 0.32 / (2.0 * math.pi)
     found = with_cavity(roll, to_frames, order_25 + 0.3, 3.0)
     assert found[NAMES[1]].status is Status.PROVISIONAL
-    assert "order 25" in found[NAMES[1]].reason
+    assert found[NAMES[1]].reasons == (Reason(Code.AT_WHEEL_ORDER, order=25),)
 
 
 def test_a_smooth_road_leaves_the_sensors_noise() -> None:
@@ -46,7 +47,7 @@ def test_a_smooth_road_leaves_the_sensors_noise() -> None:
     density = 5e-3 * 9.80665
     assert found[NAMES[0]].value == pytest.approx(density * math.sqrt(795.0), rel=0.08)
     assert found[NAMES[1]].status is Status.INVALID
-    assert found[NAMES[1]].reason == "no line stands out"
+    assert codes_of(found[NAMES[1]].reasons) == (Code.NO_LINE,)
 
 
 def test_the_road_is_measured() -> None:
@@ -56,7 +57,8 @@ def test_the_road_is_measured() -> None:
 
 def test_it_waits_and_says_so() -> None:
     results, _ = simulated("", 3.0, SETUP, ("kinematic", "asynchronous"))
-    assert all("4 s of uninterrupted" in e.reason or "not settled" in e.reason for e in results[-1].estimates[-3:])
+    for estimate in results[-1].estimates[-3:]:
+        assert estimate.reasons[0].code in (Code.NEEDS_UNINTERRUPTED_ROLLING, Code.NOT_SETTLED)
 
 
 def test_a_gap_starts_it_anew() -> None:
