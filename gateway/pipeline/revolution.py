@@ -1,4 +1,4 @@
-"""From two contacts and the ring buffer to a revolution in the angle domain."""
+"""Transformation of the samples between two contacts into a revolution in the angle domain."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gateway.signal.order_spectrum import coefficient_std, highest_order, order_
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.types import FloatArray
 
-# A revolution with more of its samples lost than this is kept out of averages: a straight line stands in for them.
+# Share of lost samples above which a revolution is kept out of averages: lost samples are interpolated linearly.
 _MAX_MISSING: Final = 0.0
 
 
@@ -58,8 +58,8 @@ def revolution_in_angle(
         radius_m: belt radius, restores the steady value of an AC-coupled signal.
         index: running number of the revolution.
         start_s: hub time of the first contact centre.
-        contribution_mps2: (3, GRID_SIZE) what known effects add to the axes; taken off. None for nothing.
-        uncorrected: why nothing is taken off although effects are known.
+        contribution_mps2: (3, GRID_SIZE) contribution of known effects to the axes, to be subtracted, or None.
+        uncorrected: why known effects are not subtracted, or None.
 
     Returns:
         the revolution; what is wrong with it is in its `faults`.
@@ -121,7 +121,7 @@ def revolution_in_angle(
 
 
 def _edges(timed: TimedPair) -> tuple[float, float, float, float]:
-    """Return leading and trailing edge with their errors: the end's contact is entered, the start's is left."""
+    """Return leading edge (of the contact at the end), trailing edge (of that at the start), and their errors."""
     start, end = timed.start, timed.end
     return end.leading_rad, start.trailing_rad, end.leading_std_rad, start.trailing_std_rad
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import ConfigError
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
 from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
@@ -35,11 +35,11 @@ def empty_average(average: AngleAverage) -> AngleAverage:
     )
 
 
-CASES: dict[str, tuple[Revolution, AngleAverage, Conditions]] = {
+CASES: dict[str, tuple[Revolution, AngleAverage, TireConditions]] = {
     "good": (GOOD, settled(GOOD), CONDITIONS),
     "first": (GOOD, settled(GOOD, 1), CONDITIONS),
-    "no load": (GOOD, settled(GOOD), Conditions(radius_m=RADIUS_M)),
-    "nan radius": (GOOD, settled(GOOD), Conditions(radius_m=NAN)),
+    "no load": (GOOD, settled(GOOD), TireConditions(radius_m=RADIUS_M)),
+    "nan radius": (GOOD, settled(GOOD), TireConditions(radius_m=NAN)),
     "faults": (replace(GOOD, faults=(Reason(Code.SAMPLES_LOST),), saturated=True), settled(GOOD), CONDITIONS),
     "empty average": (GOOD, empty_average(settled(GOOD)), CONDITIONS),
     "nan revolution": (

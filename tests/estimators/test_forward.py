@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Conditions, Estimate, Status
+from gateway.estimators.base import Estimate, Status, TireConditions
 from gateway.estimators.forward import SHAPE, ForwardEstimator
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
-from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P
-from gateway.estimators.forward_waves import packet_basis
+from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P, packet_basis
 from gateway.physics.bound import waveform_orders
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waves import EdgeWaves
@@ -190,7 +189,7 @@ def test_an_estimator_of_its_own() -> None:
     assert estimator._fit is held
     second_bs = named(estimator.update(revolution, average, CONDITIONS))["Bs"].value
     assert third["Bs"].value == pytest.approx(1.02 * second_bs, rel=2e-3)
-    no_load = named(estimator.update(revolution, average, Conditions(RADIUS_M)))
+    no_load = named(estimator.update(revolution, average, TireConditions(RADIUS_M)))
     assert no_load["Bs"].status is Status.INVALID
     assert no_load["Rs/Cw"].value == pytest.approx(truth.Rs / truth.Cw, rel=0.01)
 
@@ -222,7 +221,7 @@ def test_on_a_measured_tire_it_says_what_is_not_determined() -> None:
         wave = normalise_radial(raw, phase, ac_coupled=True, steady_mps2=0.3 * omega**2).radial_mps2
         revolution = replace(make_revolution(wave), omega_radps=omega, ac_coupled=True)
         result = take(average, revolution)
-    found = named(ForwardEstimator().update(revolution, result, Conditions(0.3, 3500.0, 2.2e5)))
+    found = named(ForwardEstimator().update(revolution, result, TireConditions(0.3, 3500.0, 2.2e5)))
     for name in ("Bs", "Ts", "Bs/Cw", "Ts/Cw"):
         assert found[name].status is not Status.VALID
         assert {Code.NOT_DETERMINED, Code.FIT_AT_ZERO} & {*codes_of(found[name].reasons)}, name

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Coupling
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import lateral_record, slopes
 from gateway.estimators.ply_steer import NAMES, ROLL_NAME, PlySteerEstimator, separate_plysteer_conicity
 from gateway.estimators.registry import make_estimator
@@ -21,7 +21,7 @@ from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import settled
 from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
-CONDITIONS = Conditions(RADIUS_M)
+CONDITIONS = TireConditions(RADIUS_M)
 # Noise that dithers the 16-bit steps of 0.6 m/s^2 and is else negligible.
 QUIET = Sensor(noise_mg=1.0)
 
@@ -207,7 +207,7 @@ def test_numbers_that_are_not_finite_are_refused() -> None:
                 assert found.reasons
         no_contact = replace(settled(good), leading_edge_rad=math.nan)
         assert all(e.status is Status.INVALID for e in estimator.update(good, no_contact, CONDITIONS))
-        no_radius = estimator.update(good, settled(good), Conditions(math.nan))
+        no_radius = estimator.update(good, settled(good), TireConditions(math.nan))
         assert all(e.status is Status.INVALID for e in no_radius)
 
 

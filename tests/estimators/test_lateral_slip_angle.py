@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.slip_angle import (
     NAMES,
     REFERENCE_SETTLED,
@@ -39,7 +39,8 @@ def drive(slips_deg: tuple[tuple[int, float], ...], belt: LateralBelt = BELT) ->
 def follow(revolutions: tuple[Revolution, ...], estimator: SlipAngleEstimator) -> list[dict[str, Estimate]]:
     average = settled(revolutions[0])
     return [
-        {e.name: e for e in estimator.update(revolution, average, Conditions(RADIUS_M))} for revolution in revolutions
+        {e.name: e for e in estimator.update(revolution, average, TireConditions(RADIUS_M))}
+        for revolution in revolutions
     ]
 
 

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.estimators.base import Estimate, Status
-from gateway.estimators.ring_modal import RingModalEstimator
-from gateway.estimators.ring_modal_fit import fit_modal
+from gateway.estimators.ring_modal import RingModalEstimator, fit_modal
 from gateway.estimators.ring_paper import RingPaperEstimator
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Status
-from gateway.estimators.weak_form import WeakFormEstimator
-from gateway.estimators.weak_form_fit import WaveformFits, fit_waveforms
+from gateway.estimators.base import Estimate, Status, TireConditions
+from gateway.estimators.weak_form import WaveformFits, WeakFormEstimator, fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring_waves import EdgeWaves
@@ -27,15 +26,17 @@ LOAD_NUMBER = 5000.0 / (PRESSURE_PA * RADIUS_M**2)
 
 
 def estimates_of(
-    wave: np.ndarray, conditions: Conditions = CONDITIONS, *, count: int = 10, **revolution: object
+    wave: np.ndarray, conditions: TireConditions = CONDITIONS, *, count: int = 10, **revolution: object
 ) -> dict[str, Estimate]:
     data = make_revolution(wave, **revolution)
     return {e.name: e for e in WeakFormEstimator().update(data, settled(data, count), conditions)}
 
 
-def errors_of(ring: RingSolution, conditions: Conditions | None = None, wave: np.ndarray | None = None) -> np.ndarray:
+def errors_of(
+    ring: RingSolution, conditions: TireConditions | None = None, wave: np.ndarray | None = None
+) -> np.ndarray:
     """Relative errors of the four numbers."""
-    conditions = conditions or Conditions(RADIUS_M, ring.load_n, ring.pressure_pa)
+    conditions = conditions or TireConditions(RADIUS_M, ring.load_n, ring.pressure_pa)
     found = estimates_of(exact_wave(ring) if wave is None else wave, conditions)
     return np.array([found[name].value for name in ("Bs", "Cw", "Rs", "Ts")]) / np.array(ring.numbers) - 1.0
 
@@ -129,7 +130,7 @@ def test_the_scale_is_that_of_load_pressure_and_radius() -> None:
 
 def test_without_load_or_pressure_the_ratios_stand() -> None:
     wave = exact_wave(solution())
-    full, ratios = estimates_of(wave), estimates_of(wave, Conditions(RADIUS_M))
+    full, ratios = estimates_of(wave), estimates_of(wave, TireConditions(RADIUS_M))
     for name in ("Bs", "Cw", "Rs", "Ts"):
         assert ratios[name].status is Status.INVALID
         assert codes_of(ratios[name].reasons) == (Code.NEEDS_LOAD, Code.NEEDS_PRESSURE)
@@ -263,5 +264,5 @@ def test_another_ring_far_from_table_3() -> None:
         0.02, 0.4, 8.0, 1.0, radius_m=0.5, pressure_pa=8e5, extension_stiffness_n=5e8, tread_stiffness_npm2=2e8
     )
     exact = solve_rolling_ring(ring, 40000.0, 8e5, 40.0, nodes=1440)
-    errors = errors_of(exact, Conditions(0.5, 40000.0, 8e5))
+    errors = errors_of(exact, TireConditions(0.5, 40000.0, 8e5))
     assert (np.abs(errors) < [0.01, 0.01, 0.01, 0.05]).all()

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Status
+from gateway.estimators.base import Estimate, Status, TireConditions
 from gateway.estimators.load import LoadEstimator
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, TireData
 from gateway.estimators.wear import WearEstimator
@@ -77,12 +77,12 @@ def test_wear_shows_in_the_snapshot() -> None:
 
 
 GIVEN = {"Bs": Estimate("Bs", 2e-3, 4e-5, Status.VALID), "Bs/Cw": Estimate("Bs/Cw", 0.0105, 4e-4, Status.VALID)}
-CONDITIONS = Conditions(0.32, 5000.0, 210e3, tire=NEW, given={"weak-form": GIVEN})
+CONDITIONS = TireConditions(0.32, 5000.0, 210e3, tire=NEW, given={"weak-form": GIVEN})
 REVOLUTION = make_revolution(exact_wave(solution()))
 AVERAGE = settled(REVOLUTION)
 
 
-def wear_of(conditions: Conditions) -> Estimate:
+def wear_of(conditions: TireConditions) -> Estimate:
     return WearEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
 
 
@@ -173,16 +173,16 @@ def test_pressure_number() -> None:
 @pytest.mark.parametrize(
     ("conditions", "code"),
     [
-        (Conditions(0.32), Code.NEEDS_PRESSURE),
-        (Conditions(0.32, pressure_pa=210e3), Code.NEEDS_LOAD_CALIBRATION),
-        (Conditions(0.32, pressure_pa=210e3), Code.NEEDS_REFERENCE_NUMBER),
+        (TireConditions(0.32), Code.NEEDS_PRESSURE),
+        (TireConditions(0.32, pressure_pa=210e3), Code.NEEDS_LOAD_CALIBRATION),
+        (TireConditions(0.32, pressure_pa=210e3), Code.NEEDS_REFERENCE_NUMBER),
         (
-            Conditions(0.32, pressure_pa=2e5, tire=TireData(reference=ReferenceNumbers(Cw=0.2, estimator="magic"))),
+            TireConditions(0.32, pressure_pa=2e5, tire=TireData(reference=ReferenceNumbers(Cw=0.2, estimator="magic"))),
             Code.UNKNOWN_ESTIMATOR,
         ),
     ],
 )
-def test_load_says_what_it_lacks(conditions: Conditions, code: Code) -> None:
+def test_load_says_what_it_lacks(conditions: TireConditions, code: Code) -> None:
     found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
     assert found.status is Status.INVALID
     assert code in codes_of(found.reasons)

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
@@ -38,7 +38,7 @@ def result(
         ac_coupled=False,
         faults=faults,
     )
-    return RevolutionResult(position, 0, revolution, Conditions(0.5 / math.pi), estimates)
+    return RevolutionResult(position, 0, revolution, TireConditions(0.5 / math.pi), estimates)
 
 
 def bs(value: float, status: Status = Status.VALID, *reasons: Reason) -> Estimate:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import OutputError
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.tables.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
@@ -49,7 +49,7 @@ def result(
         ac_coupled=False,
         faults=FAULTS if index == 0 else (),
     )
-    return RevolutionResult(position, START_NS + index, revolution, Conditions(0.32, **conditions), estimates)
+    return RevolutionResult(position, START_NS + index, revolution, TireConditions(0.32, **conditions), estimates)
 
 
 def read_back(path: Path, table_format: TableFormat) -> list[dict[str, Any]]:
