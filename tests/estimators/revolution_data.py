@@ -1,4 +1,4 @@
-"""Revolutions and averages made from chosen waveforms, for estimator tests."""
+"""Revolutions and averages made from waveforms, for estimator tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every registered estimator must do, whatever it estimates."""
+"""Contract of every registered estimator."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def check(estimates: tuple[Estimate, ...]) -> None:
 
 @pytest.mark.parametrize("case", list(CASES))
 @pytest.mark.parametrize("name", list(ESTIMATORS))
-def test_never_raises_and_keeps_its_columns(name: str, case: str) -> None:
+def test_never_raises_and_keeps_its_names(name: str, case: str) -> None:
     estimator = make_estimator(name)
     assert estimator.name == name
     columns = [e.name for e in estimator.update(*CASES["good"])]
@@ -87,14 +87,14 @@ def test_never_raises_and_keeps_its_columns(name: str, case: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(ESTIMATORS))
-def test_reset_makes_it_as_new(name: str) -> None:
+def test_reset_restores_the_initial_state(name: str) -> None:
     estimator = make_estimator(name)
     first = [repr(estimator.update(*case)) for case in CASES.values()]
     estimator.reset()
     assert [repr(estimator.update(*case)) for case in CASES.values()] == first
 
 
-def test_defaults_exist_and_columns_do_not_collide() -> None:
+def test_default_estimators_have_distinct_names() -> None:
     assert DEFAULT_ESTIMATORS[0] == "kinematic"
     names = [e.name for default in DEFAULT_ESTIMATORS for e in make_estimator(default).update(*CASES["good"])]
     assert len(set(names)) == len(names)
