@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from gateway.estimators.ply_steer_models import TABLE_FORCE_N, Points, compare, roll_car_tire, table_points
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
-from gateway.simulator.lateral_truth import slopes_of
+from gateway.simulator.truth import slopes_of
 from gateway.types import FloatArray
 from tools.bench_ply_steer import tir_values
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.simulator.edge_jitter import EdgeJitter
+from gateway.simulator.disturbances import Blows, EdgeJitter, HubMotion, NarrowNoise, RoadNoise
 from gateway.simulator.sensor import SensorChain
-from gateway.simulator.shaking import Blows, HubMotion, NarrowNoise, RoadNoise
 from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, look_up
 from gateway.simulator.wheel_plan import WheelPlan
 from gateway.types import FloatArray

@@ -14,10 +14,9 @@ from firmware_protocol.messages import Environment, HubStatus, SampleBlock
 from gateway.config.vehicle_file import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
-from gateway.simulator.edge_jitter import EdgeJitter
+from gateway.simulator.disturbances import EdgeJitter
 from gateway.simulator.filters import band_noise_gain, loose_mass, resonator
-from gateway.simulator.motion import MotionProfile
-from gateway.simulator.rotation import Ripple, WheelRotation
+from gateway.simulator.motion import MotionProfile, Ripple, WheelRotation
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.sensor import mounting_matrix
 from gateway.simulator.simulated_wheel import WheelSimulator

@@ -13,12 +13,11 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.ply_steer import separate_plysteer_conicity
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
-from gateway.simulator.lateral_truth import slopes_of
 from gateway.simulator.scenario import load_scenario, parse_scenario
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import simulate
 from gateway.simulator.tire_table import LATERAL, Range, TireTable, look_up
-from gateway.simulator.truth import WheelTruth
+from gateway.simulator.truth import WheelTruth, slopes_of
 from gateway.simulator.wheel_plan import wheel_plans
 
 QUIET = "[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\n"

@@ -15,8 +15,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock, TimeSync
 from gateway.errors import SourceError
 from gateway.io.source import Chunk
-from gateway.simulator.frame_pieces import cut, frame_pieces
-from gateway.simulator.link_faults import FAULTS, Fault, apply_faults, parse_fault, parse_faults
+from gateway.simulator.link_faults import FAULTS, Fault, apply_faults, cut, frame_pieces, parse_fault, parse_faults
 
 LINK = "sim:test"
 START_NS = 1_700_000_000_000_000_000

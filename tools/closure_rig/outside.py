@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closure_rig.causes import Drawing, Tables
-from gateway.simulator.rotation import Turning, WheelRotation
+from gateway.simulator.motion import Turning, WheelRotation
 from gateway.simulator.sensor import SensorChain
 from gateway.types import FloatArray
 
