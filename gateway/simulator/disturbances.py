@@ -1,4 +1,4 @@
-"""What shakes the sensor beside the belt's own shape: road, hub, cavity, and blows that come once a revolution."""
+"""Disturbances of the signal: contact-edge jitter, road, hub and cavity vibration, and impacts once per revolution."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from gateway.simulator.motion import Turning, WheelRotation
 from gateway.simulator.scenario_tables import Impact, Road, Vibration
 from gateway.types import FloatArray
 
-# An edge takes its surroundings along, fading over this angle to either side.
+# The shift of an edge fades out over this angle to either side.
 _REACH_RAD = 0.5
 
 
 class EdgeJitter:
-    """Shifts the belt's shape about each edge by a normal angle drawn for each revolution."""
+    """Contact-edge jitter: the shape about each edge is shifted by a normal angle drawn for each revolution."""
 
     def __init__(self, leading_rad: float, trailing_rad: float, rng: np.random.Generator) -> None:
-        """Take the standard deviation of either edge."""
+        """Take the standard deviation of each edge."""
         self._deviations = np.array([leading_rad, trailing_rad])
         self._rng = rng
         self._from = 0
         self._shifts = np.empty((0, 2))
 
     def place(self, angle_rad: FloatArray, edges_rad: tuple[float, float]) -> FloatArray:
-        """Return the angles at which to look the undisturbed shape up; calls go forward in angle.
+        """Return the angles at which to evaluate the undisturbed shape. Calls must go forward in angle.
 
         Args:
             angle_rad: unwrapped material angles, rising.
@@ -45,7 +45,7 @@ class EdgeJitter:
         return moved
 
     def _draw(self, first: int, last: int) -> None:
-        """Have the shifts of revolutions `first` to `last` at hand; those before are not needed again."""
+        """Draw the shifts of revolutions `first` to `last` and drop earlier ones."""
         known = self._from + len(self._shifts)
         if not len(self._shifts):
             self._from = known = first
@@ -55,17 +55,17 @@ class EdgeJitter:
 
 
 REFERENCE_MPS = 65.0 / 3.6
-"""Speed at which a scenario states how strong things are."""
+"""Speed at which a scenario states amplitudes."""
 
-# A blow is forgotten after so many of its time constants.
+# An impact is dropped after this many time constants.
 _FADED = 12.0
 
 
 class RoadNoise:
-    """White noise behind a two-pole low-pass, alike on the three axes, proportional to speed."""
+    """Road noise: white noise through a two-pole low-pass, equal on the three axes, proportional to speed."""
 
     def __init__(self, road: Road, rate_hz: float, rng: np.random.Generator) -> None:
-        """Take its size and its random numbers."""
+        """Take its amplitude and random generator."""
         bandwidth = min(road.bandwidth_hz, 0.45 * rate_hz)
         self._filter = lowpass(bandwidth, rate_hz)
         self._gain = road.rms_mps2 / lowpass_noise_gain(bandwidth, rate_hz) / REFERENCE_MPS
@@ -78,12 +78,12 @@ class RoadNoise:
 
 
 class NarrowNoise:
-    """Noise of a resonance: a bell of given width about a frequency, proportional to speed."""
+    """Resonant noise: a peak of given width about a frequency, proportional to speed."""
 
     def __init__(
         self, rms_mps2: float, centre_hz: float, width_hz: float, rate_hz: float, rng: np.random.Generator
     ) -> None:
-        """Take its size, its -3 dB width and its random numbers."""
+        """Take its amplitude, its -3 dB width and random generator."""
         self._gain = 0.0
         if rms_mps2:
             self._filter = resonator(centre_hz, width_hz, rate_hz)
@@ -98,13 +98,13 @@ class NarrowNoise:
 
 
 class HubMotion:
-    """Vertical acceleration of the hub: imbalance at order 1, and the unsprung mass bouncing.
+    """Vertical acceleration of the hub: imbalance at order 1, and bounce of the unsprung mass.
 
-    The whole wheel moves with its hub; felt by a sensor on it, that is gravity growing and shrinking.
+    The whole wheel moves with its hub. To a sensor on it, the motion is a change of gravity.
     """
 
     def __init__(self, vibration: Vibration, rate_hz: float, rng: np.random.Generator) -> None:
-        """Take the table's sizes."""
+        """Take the amplitudes of the table."""
         self._imbalance = vibration.imbalance_mps2 / REFERENCE_MPS**2
         self._phase = math.radians(vibration.imbalance_deg)
         self._bounce = NarrowNoise(vibration.hub_rms_mps2, vibration.hub_hz, vibration.hub_bandwidth_hz, rate_hz, rng)
@@ -118,7 +118,7 @@ class HubMotion:
 
 
 class Blows:
-    """A stone in the tread, a bump: it strikes when the wheel is at one angle, and the belt rings."""
+    """Impact at a fixed wheel angle, such as a stone in the tread, and the ringing of the belt."""
 
     def __init__(self, impact: Impact, rotation: WheelRotation) -> None:
         """Take the table and the wheel's rotation."""
@@ -129,10 +129,10 @@ class Blows:
         self._rotation = rotation
 
     def __call__(self, time_s: FloatArray) -> FloatArray | float:
-        """Return amplitude exp(-t / decay) sin(2 pi f t) after each blow, radial, m/s^2; 0 when there is none."""
+        """Return amplitude exp(-t / decay) sin(2 pi f t) after each impact, radial, m/s^2; 0 when there is none."""
         if not self._amplitude:
             return 0.0
-        # Blows long before the block still ring in it.
+        # Impacts before the block still ring in it.
         span = np.array([max(0.0, time_s[0] - _FADED * self._decay_s), time_s[-1]])
         first, last = (self._rotation.at(span).angle_rad - self._at_rad) / (2.0 * math.pi)
         angles = 2.0 * math.pi * np.arange(math.ceil(first), math.floor(last) + 1) + self._at_rad

@@ -1,4 +1,4 @@
-"""What can go wrong on a link, as composable, seeded transforms of chunks; each counts what it did."""
+"""Link faults: composable, seeded transforms of chunks that count their effects."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gateway.io.source import Chunk
 
 
 class Piece(NamedTuple):
-    """Consecutive bytes: one intact frame, or bytes that are none.
+    """Consecutive bytes: one intact frame, or bytes outside frames.
 
     Attributes:
         data: the bytes.
@@ -44,7 +44,7 @@ def frame_pieces(chunks: Iterable[Chunk]) -> Iterator[tuple[str, int, list[Piece
 
 
 def cut(data: bytes) -> tuple[list[Piece], bytes]:
-    """Return the pieces of `data`, and what may be the beginning of a frame at its end."""
+    """Return the pieces of `data`, and the bytes at its end that may begin a frame."""
     pieces: list[Piece] = []
     start = at = 0
     while (at := data.find(wire.SYNC, at)) >= 0:
@@ -74,13 +74,14 @@ def cut(data: bytes) -> tuple[list[Piece], bytes]:
 
 _HEADER = struct.Struct(wire.HEADER_FORMAT)
 _MASK = 0xFFFF_FFFF
-# From power-up to the first frame; a block's stamp, its first sample, may lie a little before the frame ahead of it.
+# Time from power-up to the first frame. The tick of a block is that of its first sample, which may precede the
+# previous frame.
 _BOOT_US = 100_000
 
 
 @dataclass(slots=True)
 class _Life:
-    """What one hub's frames look like since its last start.
+    """State of one hub's stream since its last start.
 
     Attributes:
         boots: restarts so far.
@@ -105,9 +106,9 @@ def reboot(
     counted: Callable[[], None],
     swallowed: Callable[[int], None],
 ) -> Iterator[Chunk]:
-    """Yield the chunks with every hub starting again `at_s` after the first chunk, and every `every_s` after that.
+    """Yield the chunks with every hub restarting `at_s` after the first chunk, and every `every_s` after that.
 
-    During the gap nothing comes; then every hub tells its hellos with the next boot count, and counters, time stamps
+    During the gap nothing arrives; then every hub sends its hellos with the next boot count, and counters, time stamps
     and sample numbers begin at 0. Bytes that are no frame of this version are left as
     they are.
 
@@ -117,7 +118,7 @@ def reboot(
         every_s: time from restart to restart, 0 for one only.
         gap_s: silence of a restart.
         counted: called at each restart.
-        swallowed: called with the number of bytes that fell into a gap.
+        swallowed: called with the number of bytes lost in a gap.
     """
     lives: dict[tuple[str, int], _Life] = {}
     begin_ns: int | None = None
@@ -197,15 +198,15 @@ ChunkTransform = Callable[[Iterable[Chunk]], Iterator[Chunk]]
 
 @dataclass(slots=True)
 class FaultCounts:
-    """What a fault did.
+    """Effects of a fault.
 
     Attributes:
-        frames_seen: whole frames that passed by (frame faults).
+        frames_seen: whole frames seen (frame faults).
         frames_hit: frames changed, dropped, doubled or moved.
         chunks_hit: chunks cut or delayed.
-        bytes_changed: bits flipped count their bytes.
-        bytes_dropped: bytes taken away.
-        bytes_added: bytes put in.
+        bytes_changed: bytes with flipped bits.
+        bytes_dropped: bytes removed.
+        bytes_added: bytes inserted.
         reboots: restarts of a hub.
     """
 
@@ -229,7 +230,7 @@ class Fault:
     Attributes:
         kind: name in FAULTS.
         options: every option, defaults filled in.
-        counts: what it did so far.
+        counts: its effects so far.
     """
 
     kind: str
@@ -238,7 +239,7 @@ class Fault:
     counts: FaultCounts = field(default_factory=FaultCounts)
 
     def __call__(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-        """Return the chunks with the fault in them."""
+        """Return the chunks with the fault applied."""
         return FAULTS[self.kind].transform(self, chunks)
 
     def __str__(self) -> str:
@@ -248,13 +249,13 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A number that a fault takes.
+    """A numeric option of a fault.
 
     Attributes:
-        default: when not given.
+        default: value when not given.
         low: smallest allowed.
         high: largest allowed.
-        text: what it is.
+        text: its meaning.
     """
 
     default: float
@@ -268,9 +269,9 @@ class FaultKind:
     """An entry of the registry.
 
     Attributes:
-        text: what it does, one line.
+        text: its effect, one line.
         options: its options.
-        transform: does it.
+        transform: applies it.
     """
 
     text: str
@@ -332,7 +333,7 @@ def _per_frame(change: Callable[[Fault, bytes], list[bytes]]) -> Callable[[Fault
 
 
 def _hits(fault: Fault) -> bool:
-    """Return whether this frame is one of the chosen, and count it."""
+    """Draw whether this frame is hit, and count it."""
     fault.counts.frames_seen += 1
     hit = bool(fault.rng.random() < fault.options["rate"])
     fault.counts.frames_hit += hit
@@ -376,7 +377,7 @@ def _split(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
 
 
 def _delay(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-    """Let chunks arrive up to `ms` late; those behind wait, as in a queue."""
+    """Delay chunks by up to `ms`; later chunks wait, as in a queue."""
     free_ns = -(1 << 63)
     for chunk in chunks:
         host_ns = chunk.host_ns
@@ -402,7 +403,7 @@ def _reboot(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
 _RATE: Final = {"rate": Option(0.01, 0.0, 1.0, "share of the frames")}
 _CHUNK_RATE: Final = {"rate": Option(1.0, 0.0, 1.0, "share of the chunks")}
 
-# The one registry: name -> what it does.
+# Registry of faults by name.
 FAULTS: Final[dict[str, FaultKind]] = {
     "flip": FaultKind(
         "Flip bits in frames.", {**_RATE, "bits": Option(1, 1, 1000, "bits flipped in a frame")}, _per_frame(_flip)
@@ -447,10 +448,10 @@ def parse_fault(text: str, seed: Sequence[int] | int = 1) -> Fault:
 
     Args:
         text: kind and options.
-        seed: of its random numbers; the same text and seed do the same.
+        seed: of its random numbers; the same text and seed give the same faults.
 
     Raises:
-        ValueError: an unknown kind or option, or a value out of range; tells what is allowed.
+        ValueError: an unknown kind or option, or a value out of range; the message states what is allowed.
     """
     name, _, rest = text.strip().partition(":")
     kind = FAULTS.get(name)
@@ -474,7 +475,7 @@ def parse_fault(text: str, seed: Sequence[int] | int = 1) -> Fault:
 
 
 def parse_faults(texts: Iterable[str], seed: int = 1) -> list[Fault]:
-    """Return the faults of several texts, each with random numbers of its own.
+    """Return the faults of several texts, each with its own random numbers.
 
     Raises:
         SourceError: a text is wrong.
@@ -484,12 +485,12 @@ def parse_faults(texts: Iterable[str], seed: int = 1) -> list[Fault]:
         try:
             faults.append(parse_fault(text, (seed, number)))
         except ValueError as error:
-            raise SourceError(f"fault '{text}' is not known: allowed is {error}", describe_faults()) from error
+            raise SourceError(f"fault '{text}' is invalid; allowed: {error}", describe_faults()) from error
     return faults
 
 
 def apply_faults(faults: Iterable[ChunkTransform], chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-    """Return the chunks with every fault in turn."""
+    """Return the chunks with every fault applied in turn."""
     current = iter(chunks)
     for fault in faults:
         current = fault(current)
@@ -497,7 +498,7 @@ def apply_faults(faults: Iterable[ChunkTransform], chunks: Iterable[Chunk]) -> I
 
 
 def describe_faults() -> str:
-    """Return one line a kind of fault, for the user."""
+    """Return one line per kind of fault, for the user."""
     return "\n  ".join(
         f"{name}:{','.join(f'{key}={option.default:g}' for key, option in kind.options.items())}  {kind.text}"
         for name, kind in FAULTS.items()

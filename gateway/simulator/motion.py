@@ -1,4 +1,4 @@
-"""Speed over time, integrated exactly: how far a wheel has rolled at any moment, and when it had rolled so far."""
+"""Motion of a wheel: the vehicle's speed integrated exactly, the wheel's angle, and torsional ripple."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from gateway.simulator.time_series import Series
 from gateway.types import FloatArray
 
-# Each pass of the inversion leaves at most the ripple's share of the error: 0.2 after 24 passes is 1e-17.
+# Each pass of the inversion multiplies the error by at most the ripple's amplitude: 0.2 to the power 24 is 1e-17.
 _PASSES = 24
 
 
@@ -20,8 +20,8 @@ class Turning(NamedTuple):
 
     Attributes:
         angle_rad: unwrapped material angle of the sensor.
-        omega_radps: its rate.
-        omega_dot_radps2: the rate's rate.
+        omega_radps: angular speed.
+        omega_dot_radps2: angular acceleration.
         speed_mps: of the vehicle.
     """
 
@@ -33,11 +33,11 @@ class Turning(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Ripple:
-    """Torsional ripple, omega (1 + amplitude cos(order angle + phase)), the angle being that without ripple.
+    """Torsional ripple, omega (1 + amplitude cos(order angle + phase)), with the angle taken without ripple.
 
     Attributes:
         amplitude: share of the angular speed, below 1.
-        order: periods a revolution; a whole one repeats in every revolution.
+        order: periods per revolution; an integer order repeats in every revolution.
         phase_rad: at angle 0.
     """
 
@@ -79,7 +79,7 @@ class WheelRotation:
         return Turning(angle, omega, omega_dot, rolling.speed_mps)
 
     def times_at(self, angle_rad: FloatArray) -> FloatArray:
-        """Return the first times at which the sensor has these angles; infinity for what is never reached."""
+        """Return the first times at which the sensor has these angles; infinity for angles never reached."""
         smooth = angle_rad
         if self.ripple.amplitude:
             share, order = self.ripple.amplitude, self.ripple.order
@@ -88,12 +88,12 @@ class WheelRotation:
         return self.motion.time_at((smooth - self.phase_rad) * self.radius_m)
 
     def bottoms_rad(self, begin_s: float, end_s: float) -> FloatArray:
-        """Return the angles in [begin, end) at which the sensor is straight below the axle: multiples of 2 pi."""
+        """Return the angles in [begin, end) at which the sensor is directly below the axle: multiples of 2 pi."""
         first, last = self.at(np.array([begin_s, end_s])).angle_rad / (2.0 * math.pi)
         return 2.0 * math.pi * np.arange(math.ceil(first), math.ceil(last))
 
 
-# A profile that does not repeat is held at its last speed; it is laid out this far.
+# End of a profile that does not repeat and holds its last speed.
 _FOREVER_S = 1e9
 
 
@@ -103,7 +103,7 @@ class Rolling(NamedTuple):
     Attributes:
         distance_m: rolled since the beginning.
         speed_mps: speed.
-        acceleration_mps2: its slope.
+        acceleration_mps2: acceleration.
     """
 
     distance_m: FloatArray
@@ -112,10 +112,10 @@ class Rolling(NamedTuple):
 
 
 class MotionProfile:
-    """A speed profile of straight lines, held at its last value or repeated for ever."""
+    """A piecewise linear speed profile, held at its last value or repeated."""
 
     def __init__(self, speed_kmh: Series, repeat: bool = False) -> None:
-        """Lay out the profile; repeated, it must end at the speed it begins with."""
+        """Lay out the profile. A repeated profile must end at its initial speed."""
         times, speeds = speed_kmh.times_s, speed_kmh.values / 3.6
         if times[0] != 0.0:
             # Held before the first point; times before 0 are cut off.
@@ -149,12 +149,12 @@ class MotionProfile:
         return Rolling(distance + laps * self._distances[-1], speed, slope)
 
     def time_at(self, distance_m: FloatArray) -> FloatArray:
-        """Return the first time at which so much has been rolled; infinity for what is never reached."""
+        """Return the first time at which so much has been rolled; infinity for angles never reached."""
         laps = np.zeros_like(distance_m)
         within = distance_m
         total = self._distances[-1]
         if self._period_s and total > 0.0:
-            # The end of a lap belongs to it: a lap that ends standing still reaches it before the next begins.
+            # The end belongs to its lap: a lap that ends at standstill reaches its end before the next one begins.
             laps = np.maximum(np.ceil(distance_m / total) - 1.0, 0.0)
             within = distance_m - laps * total
         segment = np.clip(np.searchsorted(self._distances, within, side="left") - 1, 0, len(self._slopes) - 1)

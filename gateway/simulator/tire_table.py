@@ -1,4 +1,4 @@
-"""A tire's waveform over load, pressure, speed and slip angle: solved at a few points, interpolated in between."""
+"""A tire's waveform over load, pressure, speed and slip angle: solved at a few points, interpolated between them."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ LATERAL = COLUMNS - 1
 
 
 class Range(NamedTuple):
-    """From the smallest to the largest value that a quantity takes."""
+    """Smallest and largest value of a quantity."""
 
     low: float
     high: float
@@ -122,7 +122,7 @@ class TireTable:
         shape = tuple(len(axis) for axis in self._axes)
         points = math.prod(shape)
         self._planar = np.empty((points, (TABLE_ANGLES + 1) * LATERAL), np.float32)
-        # Slip bends the belt sideways only, so the planar columns need no table for it.
+        # Slip bends the belt laterally only, so the planar columns need no table for it.
         self._lateral = np.empty((points * len(self._slips), TABLE_ANGLES + 1), np.float32)
         self._edges = np.empty((points, 2))
         near: RingSolution | None = None
@@ -200,11 +200,11 @@ def tire_table(
 
 
 def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
-    """Return (n, COLUMNS) of a waveform at any material angles, by straight lines between its rows."""
+    """Return (n, COLUMNS) of a waveform at any material angles, by linear interpolation between its rows."""
     turns = angle_rad * (1.0 / (2.0 * math.pi)) + 0.5
     place = (turns - np.floor(turns)) * TABLE_ANGLES
     row = place.astype(np.int64)
-    # A turn that rounds up to a whole one lies on the last row, which has none behind it.
+    # An angle that rounds up to a full turn lies on the last row, which has no successor.
     np.minimum(row, TABLE_ANGLES - 1, out=row)
     before = table.take(row, axis=0)
     found: WaveformTable = before + (place - row).astype(np.float32)[:, None] * (table.take(row + 1, axis=0) - before)
@@ -213,13 +213,13 @@ def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
 
 def _mixed(weights: FloatArray, tables: WaveformTable) -> WaveformTable:
     """Return the weighted sum of rows."""
-    # Not a matrix product: BLAS would wake all its threads for it, at four times the CPU time.
+    # Not a matrix product: BLAS would start all its threads for it, at four times the CPU time.
     mixed: WaveformTable = np.einsum("i,ij->j", weights.astype(np.float32), tables)
     return mixed
 
 
 def _nodes(extent: Range) -> FloatArray:
-    """Return where to solve: one point for a constant, Chebyshev points (ends included) otherwise."""
+    """Return the points to solve at: one for a constant, Chebyshev points (ends included) otherwise."""
     if extent.high - extent.low <= 1e-9 * max(1.0, abs(extent.high)):
         return np.array([0.5 * (extent.low + extent.high)])
     # Contact edges shift with load and pressure: the wider the range, the more points.
@@ -228,7 +228,7 @@ def _nodes(extent: Range) -> FloatArray:
 
 
 def _slip_nodes(extent: Range) -> FloatArray:
-    """Return where to solve over the slip angle: nearly straight while the tread sticks, bent where it slides."""
+    """Return the slip angles to solve at. The shape is nearly linear while the tread sticks, curved where it slides."""
     width = extent.high - extent.low
     if width <= 1e-9:
         return np.array([0.5 * (extent.low + extent.high)])
@@ -243,7 +243,7 @@ def _chebyshev(extent: Range, count: int) -> FloatArray:
 def _lagrange(nodes: FloatArray, value: float) -> FloatArray:
     """Return the weights of the nodes' values in their polynomial at `value`, held at the ends of the range."""
     value = min(max(value, float(nodes[0])), float(nodes[-1]))
-    # Row i of the differences, its own entry replaced by 1, holds the factors of weight i.
+    # Row i of the differences, with its own entry replaced by 1, holds the factors of weight i.
     own = np.eye(len(nodes), dtype=bool)
     above = np.where(own, 1.0, value - nodes)
     below = np.where(own, 1.0, nodes[:, None] - nodes)

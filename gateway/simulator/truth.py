@@ -1,4 +1,4 @@
-"""What a simulated wheel really does at any time: the answers that estimates are held against."""
+"""True state of a simulated wheel at any time, the reference for estimates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gateway.simulator.tire_model import TireModel
 from gateway.simulator.wheel_plan import WheelPlan
 from gateway.types import ComplexArray, FloatArray
 
-# The solution's slope is drawn on so many angles; a peak is then known to 1e-6 of itself.
+# Angles at which the slope of the solution is sampled; the relative error of a peak is then 1e-6.
 _FINE = 16384
 
 
@@ -21,7 +21,7 @@ class LateralSlopes(NamedTuple):
     """Slopes dy/ds of the belt's centre line in the contact, s = R theta, positive to the left.
 
     Attributes:
-        peak_rad: steepest with the sign of the line through the whole contact.
+        peak_rad: largest slope with the sign of the line through the whole contact.
         first_half_rad: mean from the leading edge to the contact's middle.
         adhesion_line_rad: line through y where the slope around the peak keeps its sign.
     """
@@ -102,11 +102,11 @@ class WheelTruth:
         return self.speed_mps(time_s) / self.plan.radius_m
 
     def angle_rad(self, time_s: FloatArray) -> FloatArray:
-        """Return the unwrapped material angle of the sensor; multiples of 2 pi are straight below the axle."""
+        """Return the unwrapped material angle of the sensor; multiples of 2 pi are directly below the axle."""
         return self.plan.rotation(self.phase_rad).at(time_s).angle_rad
 
     def bottom_times_s(self, begin_s: float, end_s: float) -> FloatArray:
-        """Return the times in [begin, end) at which the sensor is straight below the axle (theta = 0)."""
+        """Return the times in [begin, end) at which the sensor is directly below the axle (theta = 0)."""
         rotation = self.plan.rotation(self.phase_rad)
         return rotation.times_at(rotation.bottoms_rad(begin_s, end_s))
 
@@ -119,11 +119,11 @@ class WheelTruth:
         return self.plan.tire.numbers(self.pressure_pa(time_s))
 
     def slopes(self, time_s: float) -> LateralSlopes:
-        """Return the slopes of the belt in the contact, with all that bends it: plies, cone and slip."""
+        """Return the slopes of the belt in the contact from ply steer, conicity and slip together."""
         return self._slopes(time_s, self.slip_angle_rad(time_s))
 
     def ply_steer(self, time_s: float) -> LateralSlopes:
-        """Return the slopes that are left without slip: what is called ply steer, conicity included."""
+        """Return the slopes without slip: ply steer, conicity included."""
         return self._slopes(time_s, 0.0)
 
     def slip_angle_rad(self, time_s: float) -> float:
@@ -147,5 +147,5 @@ class WheelTruth:
         return self.plan.pressure_pa.at(time_s)
 
     def hub_s(self, time_s: float) -> float:
-        """Return what the hub's clock shows, s since its start."""
+        """Return the time of the hub's clock, s since its start."""
         return self.plan.hub.uptime_s + time_s * (1.0 + self.plan.hub.clock_ppm * 1e-6)

@@ -1,4 +1,4 @@
-"""From a scenario to what is simulated: SI, one plan a wheel."""
+"""Plan of each simulated wheel: its scenario in SI units, with its tire."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _waves(table: EdgeWaveTable) -> EdgeWaves | None:
 
 
 def _pitch(table: TreadPitchTable, *, reverse: bool) -> TreadPitch | None:
-    """Return the pattern's blocks; they pass the other way round when the tire does."""
+    """Return the pattern's blocks, reversed when the tire rolls backwards."""
     if not table.amplitude_percent:
         return None
     return TreadPitch(
@@ -109,7 +109,7 @@ def _ring(tire: Tire) -> RingParameters:
         shear_stiffness_n=math.inf if tire.shear_stiffness_kn is None else tire.shear_stiffness_kn * 1e3,
         rotary_inertia_kgm=tire.rotary_inertia_kgm,
     )
-    # Belt and tread bend as one plate: EI goes with the cube of what is left of the thickness.
+    # Belt and tread bend as one plate: EI is proportional to the cube of the remaining thickness.
     left = 1.0 - tire.wear_mm / tire.ring_thickness_mm
     return replace(new, bending_stiffness_nm2=new.bending_stiffness_nm2 * left**3, mass_kgpm=new.mass_kgpm * left)
 
@@ -134,11 +134,11 @@ class WheelPlan:
         reverse: whether the wheel rolls backwards.
         phase_rad: material angle at the start; None for a random one.
         ripple: over the steady rotation.
-        road: road noise as the scenario tells it.
-        vibration: of hub and cavity, as the scenario tells it.
-        impact: once a revolution, as the scenario tells it.
-        sensor: as the scenario tells it.
-        defect: of the sensor, as the scenario tells it.
+        road: road noise as the scenario states it.
+        vibration: of hub and cavity, as the scenario states it.
+        impact: once a revolution, as the scenario states it.
+        sensor: as the scenario states it.
+        defect: of the sensor, as the scenario states it.
     """
 
     position: str
@@ -163,7 +163,7 @@ class WheelPlan:
     defect: Defect
 
     def table(self) -> TireTable:
-        """Return the tire's waveforms over what this wheel meets; solved once per process."""
+        """Return the tire's waveforms over the conditions of this wheel. Solved once per process."""
         return tire_table(
             self.tire,
             Range(self.load_n.low, self.load_n.high),
@@ -177,17 +177,17 @@ class WheelPlan:
         return WheelRotation(self.motion, self.radius_m, phase_rad, self.ripple)
 
     def told_pressure_pa(self, time_s: float) -> float:
-        """Return what the pressure sensor says."""
+        """Return the reading of the pressure sensor."""
         stuck_s = self.defect.pressure_stuck_from_s
         return self.pressure_pa.at(time_s if stuck_s is None else min(time_s, stuck_s))
 
     def speaks(self, time_s: float) -> bool:
-        """Return whether anything is heard of the wheel."""
+        """Return whether the wheel's sensor transmits."""
         return self.defect.silent_from_s is None or time_s < self.defect.silent_from_s
 
     @property
     def sample_rate_hz(self) -> float:
-        """Samples per true second: the nominal rate, off by the sensor's and the hub's clock."""
+        """Samples per true second: the nominal rate, with the errors of the sensor's and the hub's clock."""
         return self.sensor.rate_hz * (1.0 + self.sensor.rate_error_ppm * 1e-6) * (1.0 + self.hub.clock_ppm * 1e-6)
 
 
