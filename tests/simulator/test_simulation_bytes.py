@@ -234,17 +234,17 @@ def test_faults_of_a_uri_and_of_a_scenario_add_up() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ("speed=0", "speed=0 is not allowed"),
         ("speed=fast", "speed=fast is not allowed"),
         ("duration=-1", "duration=-1 is not allowed"),
         ("seed=x", "seed=x is not allowed"),
         ("sped=1", "no option 'sped'"),
-        ("fault=bang", "fault 'bang' is not known"),
+        ("fault=bang", "fault 'bang' is invalid"),
     ],
 )
-def test_invalid_options_are_reported(options: str, told: str) -> None:
+def test_invalid_options_are_reported(options: str, message: str) -> None:
     with pytest.raises(SourceError, match=message) as caught:
         open_source(f"sim:demo?{options}", ManualClock())
     assert caught.value.remedy
