@@ -193,9 +193,7 @@ def test_foreign_bytes_pass_a_reboot_unchanged() -> None:
     st.floats(0.0, 1.0),
     st.binary(max_size=60),
 )
-def test_any_mixture_of_faults_keeps_time_ordered(
-    kinds: list[str], seed: int, rate: float, junk: bytes
-) -> None:
+def test_any_mixture_of_faults_keeps_time_ordered(kinds: list[str], seed: int, rate: float, junk: bytes) -> None:
     texts = [kind + ("" if kind == "reboot" else f":rate={rate}") for kind in kinds]
     chunks = [*stream(40), *([Chunk(LINK, START_NS + 10**9, junk)] if junk else [])]
     result = list(apply_faults(parse_faults(texts, seed), chunks))

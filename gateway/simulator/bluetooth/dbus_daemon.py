@@ -66,9 +66,7 @@ class PrivateBus:
         self.address = self._process.stdout.readline().strip()
         if not self.address:
             self.close()
-            raise SourceError(
-                f"{PROGRAM} does not start", "To see the error, run: dbus-daemon --session --nofork"
-            )
+            raise SourceError(f"{PROGRAM} does not start", "To see the error, run: dbus-daemon --session --nofork")
 
     def close(self) -> None:
         """End the daemon and remove its files. May be called twice."""
