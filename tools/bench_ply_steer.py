@@ -187,7 +187,7 @@ def mounting_table() -> None:
     raw = run(ring, shape, replace(quiet, roll_rad=tilt), 3)[0]
     leak = slopes(lateral_record(raw, 0.0), _edges(ring), RADIUS_M).values_rad
     clean = slopes(lateral_record(raw, tilt), _edges(ring), RADIUS_M).values_rad
-    print(f"{'roll tilt 1 deg if it were left uncorrected':44s}{columns(np.degrees(leak - clean))}")
+    print(f"{'roll tilt 1 deg, uncorrected':44s}{columns(np.degrees(leak - clean))}")
 
 
 def slip_table() -> None:
@@ -221,10 +221,10 @@ def paper_tables() -> None:
             f"{r.name:42s} {len(r.constants):6d} {100 * r.fit_rms:10.1f} {100 * r.left_out_rms:12.1f}"
             f" {100 * r.left_out_max:12.1f}"
         )
-    print("target: left-out rms <= 4 % (Eq. 18: 18 %); with this many laws on six points the best is partly luck")
+    print("target: left-out rms <= 4 % (Eq. 18: 18 %); with this many laws on six points the best is partly chance")
     best = next(r for r in results if r.name == "K a / sqrt(p)")
     print(f"K a / sqrt(p): K = {math.degrees(best.constants[0]) / math.sqrt(1e5):.2f} deg sqrt(bar) / m")
-    print("\nThe lateral belt model itself, one constant coupling length, deg (measured beside it)")
+    print("\nThe lateral belt model itself, one constant coupling length, deg (with measured values)")
     print("   kg   bar  measured    peak  first half  adhesion line  side force N  measured N")
     forces = dict(zip((300, 400, 500), TABLE_FORCE_N, strict=True))
     for load, pressure, measured in sorted(zip(points.load_n, points.pressure_pa, np.degrees(angle), strict=True)):
@@ -291,7 +291,7 @@ def main() -> None:
     slip_table()
     paper_tables()
     if arguments.measured is not None:
-        print("\nTire property files at zero slip angle (truck tire, ply steer and conicity not told apart)")
+        print("\nTire property files at zero slip angle (truck tire, ply steer and conicity not separated)")
         print("\n".join(tir_lines(arguments.measured / "tir")))
     cost()
 
