@@ -122,7 +122,7 @@ def diagnose(
 
         require_report_packages()
     vehicle = load_vehicle(config_path) if config_path is not None else None
-    from gateway.closure.effects.base import StartModel
+    from gateway.closure.effects.base import BaselineModel
     from gateway.session.campaign_diagnosis import diagnose_recordings
     from gateway.views.report.terminal import closure_summary_lines
 
@@ -131,7 +131,7 @@ def diagnose(
             _distinct(recordings),
             vehicle=vehicle,
             wheel=wheel,
-            model=StartModel(model),
+            model=BaselineModel(model),
             empirical=empirical,
             folds=folds,
             jobs=jobs or min(2, os.cpu_count() or 1),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, Conditions, Here
+from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, GroupConditions, ModelledBlock
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Revolution
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
@@ -25,7 +25,7 @@ PRESSURE_PA = 2.1e5
 LOAD_N = 5000.0
 OMEGA = 65.0 / 3.6 / RADIUS_M
 THETA = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE)
-CONDITIONS = Conditions(
+CONDITIONS = GroupConditions(
     omega_radps=OMEGA,
     omega_dot_radps2=0.0,
     radius_m=RADIUS_M,
@@ -54,7 +54,9 @@ def _solved(offset_m: float) -> RingSolution:
     return solve_rolling_ring(TIRE, LOAD_N, PRESSURE_PA, OMEGA, nodes=720, sensor_offset_m=offset_m)
 
 
-def here_of(conditions: Conditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False) -> Here:
+def block_of(
+    conditions: GroupConditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False
+) -> ModelledBlock:
     """Return a block of the exact ring; with `as_paper`, as a model has it that lacks mean, gravity and spin."""
     ring = _solved(offset_m)
     shape = SensorWaveform(*(on_grid(values, FIELD_SIZE) for values in ring.sensor))
@@ -69,10 +71,10 @@ def here_of(conditions: Conditions = CONDITIONS, *, offset_m: float = 0.0, as_pa
         along = square * shape.circumferential_m + STANDARD_GRAVITY_MPS2 * shape.gravity_circumferential
         signal[CIRCUMFERENTIAL] = along
         signal[LATERAL] = 0.02 * square * RADIUS_M * np.sin(2.0 * THETA) * np.exp(-np.square(THETA / 0.5))
-    return Here(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
+    return ModelledBlock(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
 
 
-def at(speed_kmh: float) -> Conditions:
+def at(speed_kmh: float) -> GroupConditions:
     return replace(CONDITIONS, omega_radps=speed_kmh / 3.6 / RADIUS_M)
 
 

@@ -13,8 +13,8 @@ from gateway.closure.effects.base import (
     FIELD_SIZE,
     LATERAL,
     RADIAL,
-    Conditions,
-    Here,
+    GroupConditions,
+    ModelledBlock,
     SignalEffect,
 )
 from gateway.closure.effects.catalogue import catalogue
@@ -31,21 +31,7 @@ G = STANDARD_GRAVITY_MPS2
 RATE = 25600.0
 THETA = -math.pi + 2.0 * math.pi / FIELD_SIZE * np.arange(FIELD_SIZE)
 OMEGA = 65.0 / 3.6 / 0.32
-CONDITIONS = Conditions(OMEGA, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, RATE, 0.0)
-NAMES = (
-    "rolling radius",
-    "sample clock error",
-    "camber",
-    "roll tilt",
-    "pitch tilt",
-    "gain",
-    "gain-temperature drift",
-    "sensor nonlinearity",
-    "zero-g offset",
-    "clipping",
-    "anti-alias filter",
-    "AC coupling",
-)
+CONDITIONS = GroupConditions(OMEGA, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, RATE, 0.0)
 
 
 def plan_of(wheel: str = "", sensor: str = "", speed_kmh: float = 65.0, hub: str = "") -> WheelPlan:
@@ -77,7 +63,7 @@ def samples(plan: WheelPlan, until_s: float = 0.5) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def here_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str = "") -> Here:
+def block_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str = "") -> ModelledBlock:
     """Return a block of the simulator's tire as the closure's model would have it, without any effect."""
     plan = plan_of(wheel)
     omega = speed_kmh / 3.6 / plan.radius_m
@@ -87,7 +73,7 @@ def here_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str =
     signal[RADIAL], signal[CIRCUMFERENTIAL] = shape.specific_force(omega, omega_dot_radps2)
     signal[LATERAL] = omega**2 * columns[:, LATERAL_COLUMN]
     conditions = replace(CONDITIONS, omega_radps=omega, omega_dot_radps2=omega_dot_radps2)
-    return Here(conditions, THETA, signal, shape, *plan.table().edges_rad(5000.0, 2.1e5, OMEGA))
+    return ModelledBlock(conditions, THETA, signal, shape, *plan.table().edges_rad(5000.0, 2.1e5, OMEGA))
 
 
 def at_angles(field: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
@@ -111,16 +97,16 @@ def effect_of(name: str) -> SignalEffect:
     return effect
 
 
-def applied(here: Here, **parameters: tuple[float, ...]) -> Here:
+def applied(block: ModelledBlock, **parameters: tuple[float, ...]) -> ModelledBlock:
     """Return the block with effects in, as the engine applies them: by stage, then in the catalogue's order."""
     by_name = {name.replace("_", " "): np.array(values) for name, values in parameters.items()}
     effects = sorted((e for e in catalogue().values() if isinstance(e, SignalEffect)), key=lambda e: e.stage)
     for effect in effects:
         key = effect.name.replace("-", " ")
         if key in by_name:
-            here = replace(here, signal_mps2=here.signal_mps2 + effect.contribution(here, by_name.pop(key)))
+            block = replace(block, signal_mps2=block.signal_mps2 + effect.contribution(block, by_name.pop(key)))
     assert not by_name
-    return here
+    return block
 
 
 def rms(values: np.ndarray) -> float:

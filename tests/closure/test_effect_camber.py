@@ -10,7 +10,7 @@ import pytest
 
 from gateway.closure.cores import Core
 from gateway.closure.decide import deciding_recording
-from gateway.closure.effects.base import LATERAL, Conditions, StartModel
+from gateway.closure.effects.base import LATERAL, BaselineModel, GroupConditions
 from gateway.closure.likelihood import whiten
 from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import select
@@ -25,12 +25,12 @@ from tests.closure.planted_campaign import (
     fitted,
     sideways,
 )
-from tests.closure.sensor_data import G, applied, at_angles, here_of, plan_of, samples, tail
+from tests.closure.sensor_data import G, applied, at_angles, block_of, plan_of, samples, tail
 
 EFFECTS = among("camber", "zero-g offset", "roll tilt")
 
 
-def on_all_axes(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def on_all_axes(signal: FloatArray, theta: FloatArray, _: GroupConditions) -> FloatArray:
     return signal + np.array([[0.8], [0.5], [1.5]])
 
 
@@ -38,8 +38,8 @@ def on_all_axes(signal: FloatArray, theta: FloatArray, here: Conditions) -> Floa
 def test_the_simulators_leaning_wheel_reads_it(camber_deg: float) -> None:
     leaning, angle = tail(samples(plan_of(f"camber_deg = {camber_deg}")))
     plain, _ = tail(samples(plan_of()))
-    here = here_of()
-    added = applied(here, camber=(math.radians(camber_deg),)).signal_mps2 - here.signal_mps2
+    block = block_of()
+    added = applied(block, camber=(math.radians(camber_deg),)).signal_mps2 - block.signal_mps2
     expected = at_angles(added, angle)
     assert expected[:, LATERAL] == pytest.approx(G * math.sin(math.radians(camber_deg)))
     left = leaning - plain - expected
@@ -49,8 +49,8 @@ def test_the_simulators_leaning_wheel_reads_it(camber_deg: float) -> None:
 
 
 def test_an_ac_coupled_sensor_does_not_pass_it() -> None:
-    here = here_of()
-    ac = replace(here, conditions=replace(here.conditions, ac_coupled=True))
+    block = block_of()
+    ac = replace(block, conditions=replace(block.conditions, ac_coupled=True))
     assert not EFFECTS["camber"].contribution(ac, np.array([0.05])).any()  # type: ignore[union-attr]
     assert not EFFECTS["camber"].derivative(ac, np.array([0.05])).any()  # type: ignore[union-attr]
 
@@ -72,6 +72,6 @@ def test_what_camber_cannot_be_is_an_offset(plant: Plant) -> None:
 @pytest.mark.parametrize(("plant", "name"), [(sideways(0.5), "camber"), (on_all_axes, "zero-g offset")])
 def test_a_search_adds_one_of_them(plant: Plant, name: str) -> None:
     campaign = campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES)
-    core: Core = make_core(StartModel.EXACT)
+    core: Core = make_core(BaselineModel.EXACT)
     found = select(campaign, core, whiten(campaign, with_mean=core.mean), EFFECTS)
     assert [step.effect.name for step in found.steps] == [name]

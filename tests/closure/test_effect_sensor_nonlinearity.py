@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import RADIAL, Conditions
+from gateway.closure.effects.base import RADIAL, GroupConditions
 from gateway.closure.findings import fitted_parameter
 from gateway.closure.rivals import rivals_of
 from gateway.types import FloatArray
@@ -20,7 +20,7 @@ from tests.closure.planted_campaign import (
     gain,
     larger_belt,
 )
-from tests.closure.sensor_data import OMEGA, applied, at_angles, here_of, plan_of, rms, samples, tail
+from tests.closure.sensor_data import OMEGA, applied, at_angles, block_of, plan_of, rms, samples, tail
 
 NAME = "sensor nonlinearity"
 EFFECTS = among(NAME, "gain", "rolling radius", "run-out", "clipping", "zero-g offset")
@@ -30,7 +30,7 @@ THREE_LOADS = tuple(conditions(load_n=load_n) for load_n in (3500.0, 4500.0, 550
 
 
 def bent(square: float, cube: float) -> Plant:
-    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, _: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[RADIAL] += square * signal[RADIAL] ** 2 + cube * signal[RADIAL] ** 3
         return read
@@ -43,8 +43,8 @@ def bent(square: float, cube: float) -> Plant:
 def test_every_sample_bent_is_the_contribution(square: float, cube: float, speed_kmh: float) -> None:
     plain, angle = tail(samples(plan_of(speed_kmh=speed_kmh)), OMEGA * speed_kmh / 65.0)
     read = plain[:, RADIAL] * (1.0 + plain[:, RADIAL] * (square + cube * plain[:, RADIAL]))
-    here = here_of(speed_kmh)
-    added = applied(here, sensor_nonlinearity=(square, cube)).signal_mps2 - here.signal_mps2
+    block = block_of(speed_kmh)
+    added = applied(block, sensor_nonlinearity=(square, cube)).signal_mps2 - block.signal_mps2
     expected = at_angles(added, angle)
     assert rms(read - plain[:, RADIAL] - expected[:, RADIAL]) < 5e-3 * rms(expected[:, RADIAL])
     assert not expected[:, :RADIAL].any()
@@ -52,7 +52,7 @@ def test_every_sample_bent_is_the_contribution(square: float, cube: float, speed
 
 @pytest.mark.parametrize("groups", [TWO_SPEEDS, THREE_LOADS], ids=["speeds", "loads"])
 @pytest.mark.parametrize(("square", "cube"), [(SQUARE, 0.0), (0.0, -CUBE)], ids=["square", "cube"])
-def test_it_is_told_from_what_scales(groups: tuple[Conditions, ...], square: float, cube: float) -> None:
+def test_it_is_told_from_what_scales(groups: tuple[GroupConditions, ...], square: float, cube: float) -> None:
     """One speed is enough: of the overshoot another share is lost than of the free arc."""
     fit, data = fitted(campaign_of(groups, bent(square, cube)), EFFECTS[NAME])
     assert fit.misfit < 1.05 * data.used
@@ -64,7 +64,7 @@ def test_it_is_told_from_what_scales(groups: tuple[Conditions, ...], square: flo
 
 @pytest.mark.parametrize(("plant", "name"), [(gain, "gain"), (larger_belt, "rolling radius")])
 @pytest.mark.parametrize("groups", [TWO_SPEEDS, THREE_LOADS], ids=["speeds", "loads"])
-def test_what_scales_is_not_taken_for_it(plant: Plant, name: str, groups: tuple[Conditions, ...]) -> None:
+def test_what_scales_is_not_taken_for_it(plant: Plant, name: str, groups: tuple[GroupConditions, ...]) -> None:
     fit, data = fitted(campaign_of(groups, plant), EFFECTS[name])
     assert NAME not in set(rivals_of(fit, EFFECTS[name], EFFECTS, data))
 
