@@ -253,3 +253,16 @@ class TestEffectsFiles:
         result = CliRunner().invoke(treadlink, ["estimate", str(other), "--effects", str(saved)])
         assert isinstance(result.exception, TreadlinkError)
         assert "no configuration" in str(result.exception)
+
+
+def test_list_effects_needs_no_recording():
+    listed = run("--list-effects")
+    assert listed.exit_code == 0, listed.output
+    assert "SENSOR RESPONSE" in listed.output
+    one = run("--list-effects", "yaw")
+    assert "yaw tilt" in one.output
+    assert "SENSOR RESPONSE" not in one.output
+    assert {"name", "equation", "confounders"} <= json.loads(run("--list-effects", "json").output)[0].keys()
+    assert run("--list-effects", "markdown").output.startswith("# Effects\n")
+    message, _ = refused("--list-effects", "nonsense")
+    assert "nonsense" in message
