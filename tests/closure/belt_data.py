@@ -1,4 +1,4 @@
-"""One revolution as the exact ring has it, for the BELT effects; and the same of a simulated wheel, averaged."""
+"""Blocks of the exact ring for tests of effects, and averaged revolutions of a simulated wheel."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ CONDITIONS = GroupConditions(
     rate_hz=9600.0,
     time_s=0.0,
 )
-# The simulator's tire: its belt gives a little.
+# The simulator's tire has an extensible belt.
 EXTENSION_N = 5e6
 TIRE = RingParameters.from_numbers(
     *TABLE_3_NUMBERS,
@@ -57,7 +57,7 @@ def _solved(offset_m: float) -> RingSolution:
 def block_of(
     conditions: GroupConditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False
 ) -> ModelledBlock:
-    """Return a block of the exact ring; with `as_paper`, as a model has it that lacks mean, gravity and spin."""
+    """Return a block of the exact ring; with `as_paper`, without mean, gravity and spin."""
     ring = _solved(offset_m)
     shape = SensorWaveform(*(on_grid(values, FIELD_SIZE) for values in ring.sensor))
     square = conditions.omega_radps**2
@@ -79,7 +79,7 @@ def at(speed_kmh: float) -> GroupConditions:
 
 
 def limited(field: FloatArray) -> FloatArray:
-    """Return curves (..., n) on the model's grid, with the orders that are compared."""
+    """Return curves (..., n) on the model's grid, limited to the orders that are compared."""
     spectrum = np.fft.rfft(field, axis=-1)[..., : FIELD_SIZE // 2 + 1]
     spectrum[..., 111:] = 0.0
     result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=-1) * (FIELD_SIZE / field.shape[-1])
@@ -89,7 +89,7 @@ def limited(field: FloatArray) -> FloatArray:
 def revolutions(
     wheel: str = "", *, speed: str = "65.0", offset_mm: float = 0.0, duration_s: float = 6.0
 ) -> tuple[Revolution, ...]:
-    """Return a noiseless simulated wheel's revolutions as the pipeline has them, once it has settled."""
+    """Return the pipeline's revolutions of a noiseless simulated wheel after settling."""
     sensor = f"[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\noffset_mm = {offset_mm}"
     tables = f"[motion]\nspeed_kmh = {speed}\n{sensor}"
     results, _ = simulated(tables, duration_s, SETUP, ("kinematic",), f"phase_deg = 170.0\n{wheel}")

@@ -1,4 +1,4 @@
-"""What the independent simulator's sensor says, and the same block as the closure's model has it."""
+"""Samples of the simulated sensor, and blocks of the same tire for tests of effects."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ phase_deg = 0.0
 
 
 def samples(plan: WheelPlan, until_s: float = 0.5) -> np.ndarray:
-    """Return what the simulated sensor says, (n, 3) m/s^2."""
+    """Return the samples of the simulated sensor, (n, 3) m/s^2."""
     simulator = WheelSimulator(plan, np.random.default_rng(1))
     blocks = [simulator.advance(end).counts for end in np.arange(0.25, until_s + 1e-9, 0.25)]
     return np.concatenate(blocks) * np.array(simulator.chain.scale_mps2)
@@ -64,7 +64,7 @@ def samples(plan: WheelPlan, until_s: float = 0.5) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def block_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str = "") -> ModelledBlock:
-    """Return a block of the simulator's tire as the closure's model would have it, without any effect."""
+    """Return a block of the simulator's tire without any effect."""
     plan = plan_of(wheel)
     omega = speed_kmh / 3.6 / plan.radius_m
     columns = look_up(plan.table().waveform(5000.0, 2.1e5, OMEGA), THETA).astype(np.float64)
@@ -77,7 +77,7 @@ def block_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str 
 
 
 def at_angles(field: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
-    """Return a curve on the grid at any angles, (n, 3)."""
+    """Return a curve on the grid interpolated at angles, (n, 3)."""
     spectrum = np.fft.rfft(field) / FIELD_SIZE
     spectrum[:, 1:] *= 2.0
     order = np.arange(230)
@@ -98,7 +98,7 @@ def effect_of(name: str) -> SignalEffect:
 
 
 def applied(block: ModelledBlock, **parameters: tuple[float, ...]) -> ModelledBlock:
-    """Return the block with effects in, as the engine applies them: by stage, then in the catalogue's order."""
+    """Return the block with effects, applied by stage and then in the catalogue's order."""
     by_name = {name.replace("_", " "): np.array(values) for name, values in parameters.items()}
     effects = sorted((e for e in catalogue().values() if isinstance(e, SignalEffect)), key=lambda e: e.stage)
     for effect in effects:

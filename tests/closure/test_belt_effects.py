@@ -1,4 +1,4 @@
-"""Effects along the belt: derivatives against numeric ones, contributions against the independent simulator."""
+"""Effects of the stage BELT and run-out against the simulator, and the geometry of the belt that they use."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def rms(field: FloatArray) -> float:
 
 
 def unlike(simulated: FloatArray, ours: FloatArray, block: ModelledBlock, axes: tuple[int, ...] = (0, 2)) -> float:
-    """Return what is left of a simulated change over the change, but for a shift of all of the waveform."""
+    """Return the relative difference of a simulated change and ours, apart from a shift of the whole waveform."""
     rows = list(axes)
     left = (limited(simulated) - limited(ours))[rows].reshape(-1)
     slope = limited(slopes(block.signal_mps2)[0])[rows].reshape(-1)
@@ -58,7 +58,7 @@ def unlike(simulated: FloatArray, ours: FloatArray, block: ModelledBlock, axes: 
     return rms(left) / rms(limited(simulated)[rows])
 
 
-def test_the_corrected_models_have_gravity_and_drift_already() -> None:
+def test_corrected_models_contain_gravity_and_acceleration() -> None:
     own = {"gravity", "speed drift"}
     assert own <= set(candidates(BaselineModel.PAPER))
     for model in CORRECTED:
@@ -67,7 +67,7 @@ def test_the_corrected_models_have_gravity_and_drift_already() -> None:
     assert "run-out" not in candidates(BaselineModel.SERIES)
 
 
-def test_the_belts_own_angle_from_its_curvature_is_the_solvers() -> None:
+def test_inclination_from_curvature_matches_the_solver() -> None:
     solved, paper = block_of(), block_of(as_paper=True)
     psi = inclination(paper)
     assert np.abs(psi[np.abs(THETA) < 0.1]).max() < 0.02
@@ -76,12 +76,12 @@ def test_the_belts_own_angle_from_its_curvature_is_the_solvers() -> None:
 
 
 @pytest.mark.parametrize("offset_m", [3e-3, 8e-3, -4e-3])
-def test_an_offset_is_read_off_the_circumferential_axis(offset_m: float) -> None:
+def test_offset_is_estimated_from_the_circumferential_axis(offset_m: float) -> None:
     assert relative_offset(block_of(offset_m=offset_m)) == pytest.approx(offset_m / RADIUS_M, rel=0.02)
     assert relative_offset(block_of()) == 0.0
 
 
-def test_the_sawtooth_of_drift_jumps_in_the_contact() -> None:
+def test_acceleration_sawtooth_jumps_in_the_contact() -> None:
     since = from_mid_revolution(THETA)
     middle = len(THETA) // 2
     assert since[middle - 1] == pytest.approx(math.pi, abs=0.02)
@@ -89,7 +89,7 @@ def test_the_sawtooth_of_drift_jumps_in_the_contact() -> None:
     assert since[0] == pytest.approx(0.0)
 
 
-def test_gravity_is_what_the_simulator_adds_at_low_speed() -> None:
+def test_gravity_matches_the_simulator_at_low_speed() -> None:
     slow, fast = averaged(speed="40.0"), averaged(speed="100.0")
     difference = (slow.axes_mps2 - fast.axes_mps2) / (slow.gravity - fast.gravity)
     ours = effect_of("gravity").contribution(block_of(as_paper=True), np.ones(1))
@@ -97,7 +97,7 @@ def test_gravity_is_what_the_simulator_adds_at_low_speed() -> None:
 
 
 @pytest.mark.parametrize("as_paper", [True, False])
-def test_drift_is_what_accelerating_does(as_paper: bool) -> None:
+def test_angular_acceleration_matches_the_simulator(as_paper: bool) -> None:
     gaining = averaged(speed="[[0, 50], [10, 80]]", duration_s=10.0)
     losing = averaged(speed="[[0, 80], [10, 50]]", duration_s=10.0)
     assert gaining.omega_dot_radps2 > 2.0 > -2.0 > losing.omega_dot_radps2
@@ -111,10 +111,10 @@ def test_drift_is_what_accelerating_does(as_paper: bool) -> None:
 
 
 @pytest.mark.parametrize(("order", "phase_deg"), [(1, 70.0), (2, 0.0), (2, 70.0), (3, 200.0), (12, 70.0)])
-def test_ripple_is_what_the_simulators_is(order: int, phase_deg: float) -> None:
+def test_ripple_matches_the_simulator(order: int, phase_deg: float) -> None:
     share, phase = 0.005, math.radians(phase_deg)
     table = f"[wheel.vibration]\nripple_percent = 0.5\nripple_order = {order}.0\nripple_deg = {phase_deg}"
-    # The scenario's angle is that without ripple, ours begins at the contact.
+    # The scenario's angle is that without ripple; ours begins at the contact.
     begin = 0.0
     for _ in range(30):
         begin = -share / order * math.sin(order * begin + phase)
@@ -124,7 +124,7 @@ def test_ripple_is_what_the_simulators_is(order: int, phase_deg: float) -> None:
     assert unlike(averaged(table).axes_mps2 - averaged().axes_mps2, ours, block_of()) < 0.02
 
 
-def test_ripple_of_two_percent_is_not_linear_and_still_right() -> None:
+def test_ripple_of_two_percent_is_nonlinear_and_accurate() -> None:
     effect, block = effect_of("torsional ripple"), block_of()
     table = "[wheel.vibration]\nripple_percent = 2.0\nripple_order = 1.0"
     change = averaged(table).axes_mps2 - averaged().axes_mps2
@@ -135,7 +135,7 @@ def test_ripple_of_two_percent_is_not_linear_and_still_right() -> None:
 
 
 @pytest.mark.parametrize("speed", ["65.0", "40.0"])
-def test_imbalance_is_the_simulators_and_goes_with_the_square_of_speed(speed: str) -> None:
+def test_imbalance_matches_the_simulator_at_any_speed(speed: str) -> None:
     table = "[wheel.vibration]\nimbalance_mps2 = 12.0\nimbalance_deg = 40.0"
     size, phase = 12.0 / OMEGA**2, math.radians(40.0)
     conditions = at(float(speed))
@@ -147,7 +147,7 @@ def test_imbalance_is_the_simulators_and_goes_with_the_square_of_speed(speed: st
 
 
 @pytest.mark.parametrize("offset_mm", [0.0, 8.0])
-def test_edge_waves_are_the_simulators(offset_mm: float) -> None:
+def test_edge_waves_match_the_simulator(offset_mm: float) -> None:
     table = (
         "[wheel.edge_waves]\namplitude_percent = 2.0\norder_before = 33.0\norder_after = 46.0\n"
         "decay_rad = 0.8\nphase_deg = 30.0"
@@ -160,7 +160,7 @@ def test_edge_waves_are_the_simulators(offset_mm: float) -> None:
 
 
 @pytest.mark.parametrize("offset_mm", [0.0, 8.0])
-def test_tread_pitch_is_the_simulators(offset_mm: float) -> None:
+def test_tread_pitch_matches_the_simulator(offset_mm: float) -> None:
     table = "[wheel.tread_pitch]\namplitude_percent = 1.0\nblocks = 70.0\nreach_rad = 0.3\nphase_deg = 50.0"
     cosine, sine = 0.01 * math.cos(math.radians(50.0)), -0.01 * math.sin(math.radians(50.0))
     block = block_of(offset_m=1e-3 * offset_mm)
@@ -169,7 +169,7 @@ def test_tread_pitch_is_the_simulators(offset_mm: float) -> None:
     assert unlike(change, ours, block) < 0.04
 
 
-def test_a_pattern_and_a_heavy_spot_are_mirrored_in_reverse() -> None:
+def test_pattern_and_heavy_spot_are_mirrored_in_reverse() -> None:
     mirrored = np.roll(THETA[::-1], 1)
     assert mirrored[1:] == pytest.approx(-THETA[1:])
     for name, parameters in MIRRORED.items():
@@ -181,7 +181,7 @@ def test_a_pattern_and_a_heavy_spot_are_mirrored_in_reverse() -> None:
 
 
 @pytest.mark.parametrize(("height_mm", "high_spot_deg"), [(0.5, 0.0), (0.5, 90.0), (1.5, 200.0)])
-def test_run_out_is_the_simulators(height_mm: float, high_spot_deg: float) -> None:
+def test_run_out_matches_the_simulator(height_mm: float, high_spot_deg: float) -> None:
     height, angle = 1e-3 * height_mm, math.radians(high_spot_deg)
     effect = catalogue()["run-out"]
     assert isinstance(effect, RingEffect)

@@ -1,4 +1,4 @@
-"""Lateral effects against numeric derivatives, the belt's own balance and the simulator."""
+"""Ply steer, conicity, slip angle and yaw tilt against the lateral belt and the simulator."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, on_grid, solution
 
 PLY_STEER, CONICITY, CARCASS_COMPLIANCE, YAW_TILT = PlySteer(), Conicity(), CarcassCompliance(), YawTilt()
 EFFECTS = (PLY_STEER, CONICITY, CARCASS_COMPLIANCE)
-# Belt as the nominal one of the effects, and one whose stiffnesses all differ.
+# The nominal belt of the effects, and one whose stiffnesses all differ.
 NOMINAL = LateralBelt()
 OTHER = LateralBelt(
     shear_stiffness_n=1.2e6, bending_stiffness_nm2=2.5e3, sidewall_stiffness_npm2=1.8e5, tread_stiffness_npm2=1.2e7
@@ -61,7 +61,7 @@ def block(load_n: float = 5000.0, *, reverse: bool = False, omega: float = OMEGA
 
 
 def on_belt(load: Load, belt: LateralBelt, load_n: float = 5000.0) -> tuple[np.ndarray, float]:
-    """Lateral axis over omega^2 of the belt's balance under a typical size of one load, and that size."""
+    """Return the lateral axis over omega^2 of the lateral belt under a typical size of one load, and that size."""
     size = {Load.PLY_STEER: 1.2e-3, Load.CONE: 0.01, Load.SLIP: math.radians(0.2)}[load]
     solved = solve_lateral_belt(
         solution(load_n),
@@ -76,7 +76,7 @@ def on_belt(load: Load, belt: LateralBelt, load_n: float = 5000.0) -> tuple[np.n
 
 
 def left_over(target_m: np.ndarray, load: Load, at: ModelledBlock) -> tuple[float, float]:
-    """What the best size on the best plausible belt leaves of a waveform, relative, and that size."""
+    """Return the relative residual of the best size on the best plausible belt, and that size."""
     limits = np.array([(parameter.low, parameter.high) for parameter in EFFECTS[load].parameters[1:]])
 
     def fitted(stiffness: np.ndarray) -> tuple[float, np.ndarray]:
@@ -90,7 +90,7 @@ def left_over(target_m: np.ndarray, load: Load, at: ModelledBlock) -> tuple[floa
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
-def test_the_belts_shift_has_no_mean(effect: SignalEffect) -> None:
+def test_lateral_response_has_no_mean(effect: SignalEffect) -> None:
     assert not effect.contribution(block(), np.array([0.0, 0.5, -0.5, 0.5])).any()
     made = effect.contribution(block(), np.array(effect.start_values[0]))
     assert abs(made[LATERAL].mean()) < 1e-9 * np.abs(made[LATERAL]).max()
@@ -98,22 +98,22 @@ def test_the_belts_shift_has_no_mean(effect: SignalEffect) -> None:
 
 @pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
 @pytest.mark.parametrize("load", Load)
-def test_nominal_response_is_that_of_the_belts_balance(load: Load, load_n: float) -> None:
-    """The rest: tension that falls in the contact, and bristles that slide at the trailing edge."""
+def test_nominal_response_matches_the_lateral_belt(load: Load, load_n: float) -> None:
+    """The difference is tension that falls in the contact, and bristles that slide at the trailing edge."""
     target, size = on_belt(load, NOMINAL, load_n)
     made = size * unit_response(block(load_n), load, Stiffness()).lateral_m
     assert np.std(made - target) < 0.025 * target.std()
 
 
-def test_side_force_is_that_of_the_belts_balance() -> None:
+def test_side_force_matches_the_lateral_belt() -> None:
     solved = solve_lateral_belt(solution(), LateralBelt())
     force = 1.2e-3 * unit_response(block(), Load.PLY_STEER, Stiffness()).side_force_n
     assert force == pytest.approx(solved.side_force_n, rel=0.02)
 
 
 @pytest.mark.parametrize("load", Load)
-def test_a_belt_of_other_stiffness_is_fitted_by_its_own_load_and_by_no_other(load: Load) -> None:
-    """One direction of rotation tells the three apart: with three stiffnesses free none stands in for another."""
+def test_other_belt_is_fitted_by_its_own_load_only(load: Load) -> None:
+    """One direction of rotation separates the three: with three stiffnesses free none imitates another."""
     target, size = on_belt(load, OTHER)
     own, found = left_over(target, load, block())
     assert own < 0.015
@@ -123,8 +123,8 @@ def test_a_belt_of_other_stiffness_is_fitted_by_its_own_load_and_by_no_other(loa
             assert left_over(target, other, block())[0] > 0.6
 
 
-def test_columns_of_ply_steer_and_conicity_are_nearly_orthogonal() -> None:
-    """Standing, one is odd and the other even about the contact's middle; the rolling tread mixes little of them."""
+def test_ply_steer_and_conicity_are_nearly_orthogonal() -> None:
+    """At standstill one is odd and the other even about the contact's middle; the rolling tread mixes them little."""
     columns = [unit_response(block(), load, Stiffness()).lateral_m for load in Load]
     unit = np.array([column / np.linalg.norm(column) for column in columns])
     ply_cone, ply_slip, cone_slip = (unit @ unit.T)[[0, 0, 1], [1, 2, 2]]
@@ -134,8 +134,8 @@ def test_columns_of_ply_steer_and_conicity_are_nearly_orthogonal() -> None:
 
 
 @pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
-def test_a_tilted_sensor_looks_much_like_conicity_or_ply_steer_but_not_wholly(load_n: float) -> None:
-    """Roll without its mean has the shape of conicity, yaw that of ply steer; plausible belts leave 1 to 4 %."""
+def test_tilted_sensor_resembles_lateral_loads_but_differs(load_n: float) -> None:
+    """Roll without its mean resembles conicity, yaw ply steer; plausible belts leave 1 to 4 %."""
     at = block(load_n)
     radial = at.shape.radial_m - at.shape.radial_m.mean()
     for leak, load in ((radial, Load.CONE), (np.gradient(radial, THETA), Load.PLY_STEER)):
@@ -160,7 +160,7 @@ def test_yaw_turns_circumferential_into_lateral(reverse: bool) -> None:
     assert YAW_TILT.derivative(at, yaw)[0] == pytest.approx(numeric, abs=1e-6 * np.abs(numeric).max())
 
 
-def test_direction_and_speed() -> None:
+def test_response_follows_direction_and_speed() -> None:
     parameters = np.array([1e-3, 0.1, 0.0, 0.0])
     for effect, sign in zip(EFFECTS, (-1.0, 1.0, 1.0), strict=True):
         forward = effect.contribution(block(), parameters)
@@ -177,7 +177,9 @@ def test_direction_and_speed() -> None:
         ("slip_angle_deg = 0.2\n[wheel.tire]\ncord_angle_deg = 0.0\n", CARCASS_COMPLIANCE, math.radians(0.2)),
     ],
 )
-def test_the_simulators_lateral_axis(direction: str, wheel: str, effect: SignalEffect, size: float | str) -> None:
+def test_lateral_axis_matches_the_simulator(
+    direction: str, wheel: str, effect: SignalEffect, size: float | str
+) -> None:
     keys, _, tables = wheel.partition("[wheel.tire]")
     text = (
         f'[[wheel]]\nposition = "W"\nwheel = 0\nload_n = 5000.0\npressure_kpa = 210.0\n{keys}[wheel.tire]{tables}'

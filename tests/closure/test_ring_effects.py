@@ -1,4 +1,4 @@
-"""Effects on the ring: what they mean in SI units, against the solver itself; smoothness; who may take them."""
+"""Ring effects: parameters against the solver in SI units, smoothness, and the baseline models that take them."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def ring_effect(name: str) -> RingEffect:
 
 
 def exact(name: str, value: float, core: ExactCore, at: GroupConditions = HERE) -> FloatArray:
-    """Orders of both axes of the exact core with an effect in, (2, 111) complex."""
+    """Return the orders of both axes of the exact core with an effect, (2, 111) complex."""
     options = ring_effect(name).options(RingOptions(), np.array([value]), at)
     wave = core.shape(np.zeros(5), at, options, 0.24).waveform
     return waveform_orders(np.stack([wave.radial_m, wave.circumferential_m]), 110)
 
 
 def solved(at: GroupConditions = HERE, *, drum_radius_m: float = math.inf, torque_nm: float | None = None, **si: float):
-    """Orders of Table 3's ring with true SI fields, solved without the closure."""
+    """Return the orders of Table 3's ring with SI fields, solved without the closure."""
     fields = {"extension_stiffness_n": 2e10, **si}
     ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=at.pressure_pa, **fields)
     solution: RingSolution = solve_rolling_ring(
@@ -73,7 +73,7 @@ EI = TABLE_3_NUMBERS[0] * 0.32**4 * 2.1e5
         ("sidewall stiffening", 5.0, {"sidewall_stiffening_pm": 5.0}),
     ],
 )
-def test_its_parameter_is_what_it_says_in_si_units(name: str, value: float, si: dict[str, float]) -> None:
+def test_parameter_matches_the_solver_in_si_units(name: str, value: float, si: dict[str, float]) -> None:
     found, true = exact(name, value, ExactCore()), solved(**si)
     plain = solved()
     change = float(np.abs(true - plain).max())
@@ -91,8 +91,8 @@ def test_losses_and_inertia_grow_with_speed(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EXACT)
-def test_the_waveform_is_smooth_from_zero_on(name: str) -> None:
-    """A difference over the step is the derivative: half and twice the step give it too."""
+def test_waveform_is_smooth_from_zero(name: str) -> None:
+    """Differences over half the step and twice the step give the same derivative."""
     core, step = ExactCore(), ring_effect(name).parameters[0].step
     plain = exact(name, 0.0, core)
     slopes = [(exact(name, factor * step, core) - plain) / (factor * step) for factor in (0.5, 1.0, 2.0)]
@@ -107,7 +107,7 @@ def test_the_waveform_is_smooth_from_zero_on(name: str) -> None:
     ("name", "value"),
     [("structural damping", 3e-4), ("tread damping (shifted pressure)", 5e-4), ("contact asymmetry", 0.05)],
 )
-def test_losses_lean_the_contact_forward_and_drive_gives_it_a_sine_part(name: str, value: float) -> None:
+def test_losses_shift_the_contact_and_traction_is_antisymmetric(name: str, value: float) -> None:
     core = ExactCore()
     options = ring_effect(name).options(RingOptions(), np.array([value]), HERE)
     shape = core.shape(np.zeros(5), HERE, options, 0.24)
@@ -122,14 +122,14 @@ def test_losses_lean_the_contact_forward_and_drive_gives_it_a_sine_part(name: st
         assert centre < -1e-3
 
 
-def test_a_drum_reads_less_than_zero_in_the_contact() -> None:
+def test_drum_reads_less_than_zero_in_the_contact() -> None:
     options = ring_effect("drum curvature").options(RingOptions(), np.array([1.0 / 0.85]), HERE)
     shape = ExactCore().shape(np.zeros(5), HERE, options, 0.24)
     # V^2 kappa over omega^2 is -R^2 / Rd, and the tread lets the middle bend a little more.
     assert float(shape.waveform.radial_m[256]) == pytest.approx(-(0.32**2) / 0.85, rel=0.3)
 
 
-def test_pressure_shape_changes_with_load_as_told() -> None:
+def test_pressure_shape_changes_with_load() -> None:
     effect = ring_effect("pressure shape")
     parameters = np.array([-0.36, -0.59, -0.1, 0.6, -0.3, -0.2])
     nominal = effect.options(RingOptions(), parameters, HERE)
@@ -143,7 +143,7 @@ def test_pressure_shape_changes_with_load_as_told() -> None:
 
 
 @pytest.mark.parametrize("name", SERIES_ONLY)
-def test_series_effects_move_the_series_and_not_the_exact_ring(name: str) -> None:
+def test_series_corrections_leave_the_exact_ring_unchanged(name: str) -> None:
     effect = ring_effect(name)
     options = effect.options(RingOptions(), np.array(effect.starts((HERE,))[0]), HERE)
     series = SeriesCore(BaselineModel.PAPER)
@@ -155,7 +155,7 @@ def test_series_effects_move_the_series_and_not_the_exact_ring(name: str) -> Non
     assert same == pytest.approx(core.shape(np.zeros(5), HERE, RingOptions(), 0.24).waveform.radial_m, abs=1e-9)
 
 
-def test_candidates_are_what_a_model_lacks_and_can_take() -> None:
+def test_candidates_depend_on_the_baseline_model() -> None:
     found = {model: set(candidates(model)) for model in BaselineModel}
     assert found[BaselineModel.PAPER] >= set(SERIES_ONLY)
     assert found[BaselineModel.SERIES] & set(SERIES_ONLY) == {"pressure shape", "geometric tension loss"}
@@ -165,6 +165,6 @@ def test_candidates_are_what_a_model_lacks_and_can_take() -> None:
 
 
 @pytest.mark.parametrize(("name", "value"), [("belt extension", -1e-6), ("shear flexibility", -1e-6)])
-def test_what_cannot_be_is_refused(name: str, value: float) -> None:
+def test_impossible_values_raise(name: str, value: float) -> None:
     with pytest.raises(ValueError, match="must"):
         ring_effect(name).options(RingOptions(), np.array([value]), HERE)

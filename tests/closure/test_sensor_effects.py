@@ -1,4 +1,4 @@
-"""Effects of mounting, element, clock and electronics against the independent simulator."""
+"""Effects of mounting, sensor response, acquisition and rolling radius against the simulated sensor."""
 
 from __future__ import annotations
 
@@ -67,19 +67,19 @@ from tests.closure.sensor_data import (
         ),
     ],
 )
-def test_a_sensor_with_it_less_one_without_is_the_contribution(sensor: str, parameters: dict, close: float) -> None:
+def test_contribution_matches_the_simulated_sensor(sensor: str, parameters: dict, close: float) -> None:
     until_s = 3.0 if "coupling" in sensor else 0.5
     measured, angle = tail(samples(plan_of(sensor=sensor), until_s))
     plain, _ = tail(samples(plan_of(), until_s))
     block = block_of()
-    # A contact is found behind the filter: as late as the filter's low orders.
+    # A contact is found behind the filter, as late as the low orders.
     late = math.sqrt(2.0) * OMEGA / (2.0 * math.pi) * parameters.get("anti_alias_filter", (0.0,))[0]
     expected = at_angles(applied(block, **parameters).signal_mps2, angle - late) - at_angles(block.signal_mps2, angle)
     assert rms(expected) > 2.0
     assert rms(measured - plain - expected) < close * rms(expected) + 0.03
 
 
-def test_in_reverse_the_sensor_stays_as_it_was_glued() -> None:
+def test_mounting_in_reverse_matches_the_simulated_sensor() -> None:
     sensor = "pitch_deg = 2.0\nroll_deg = 1.0\nzero_g_offset_g = [3.0, 1.0, 0.5]"
     motion = "[wheel.motion]\ndirection = 'reverse'"
     measured, angle = tail(samples(plan_of(motion, sensor)))
@@ -93,7 +93,7 @@ def test_in_reverse_the_sensor_stays_as_it_was_glued() -> None:
     assert rms(difference - at_angles(after - block.signal_mps2, angle)) < 0.1
 
 
-def test_gain_drifts_from_the_reference_temperature() -> None:
+def test_gain_drifts_from_the_calibration_temperature() -> None:
     drift = "gain_drift_percent_per_k = [0.0, 0.0, 0.1]"
     warm, angle = tail(samples(plan_of("temperature_degc = 45.0", drift)))
     plain, _ = tail(samples(plan_of("temperature_degc = 45.0")))
@@ -106,7 +106,7 @@ def test_gain_drifts_from_the_reference_temperature() -> None:
 
 
 @pytest.mark.parametrize("speed_kmh", [50.0, 65.0, 80.0])
-def test_a_limit_is_the_same_at_every_speed(speed_kmh: float) -> None:
+def test_clipping_limit_is_the_same_at_every_speed(speed_kmh: float) -> None:
     limit_g = 110.0
     plan = plan_of(f"[wheel.defect]\nclip_g = {limit_g}", "", speed_kmh)
     omega = speed_kmh / 3.6 / 0.32
@@ -119,7 +119,7 @@ def test_a_limit_is_the_same_at_every_speed(speed_kmh: float) -> None:
     assert (rms(expected) > 5.0) == (speed_kmh > 50.0)
 
 
-def test_the_knee_is_the_mean_of_noisy_clipped_revolutions() -> None:
+def test_knee_matches_the_mean_of_noisy_clipped_revolutions() -> None:
     block, limit, noise = block_of(), 1250.0, 40.0
     noisy = block.signal_mps2[RADIAL] + noise * np.random.default_rng(1).standard_normal((20_000, FIELD_SIZE))
     mean = np.clip(noisy, -limit, limit).mean(axis=0)
@@ -130,8 +130,8 @@ def test_the_knee_is_the_mean_of_noisy_clipped_revolutions() -> None:
 
 
 @pytest.mark.parametrize("clock_ppm", [-900.0, 900.0])
-def test_a_fast_clock_makes_the_wheel_look_slow(clock_ppm: float) -> None:
-    """The rate error stands for a rate that nobody measured: the samples are taken to come at RATE."""
+def test_fast_clock_makes_the_wheel_look_slow(clock_ppm: float) -> None:
+    """The rate error is that of an unmeasured rate: the samples are assumed to come at RATE."""
     error_ppm = math.copysign(9000.0, clock_ppm)
     plan = plan_of(sensor=f"rate_error_ppm = {error_ppm}", hub=f"clock_ppm = {clock_ppm}")
     share = (1.0 + error_ppm * 1e-6) * (1.0 + clock_ppm * 1e-6) - 1.0
@@ -144,7 +144,7 @@ def test_a_fast_clock_makes_the_wheel_look_slow(clock_ppm: float) -> None:
 
 
 @pytest.mark.parametrize("offset_m", [0.0, 6e-3])
-def test_a_larger_belt_scales_the_ring_and_leaves_gravity_and_the_sensors_depth(offset_m: float) -> None:
+def test_larger_belt_scales_the_ring_only(offset_m: float) -> None:
     share = 0.03
     ring = RingParameters.from_numbers(3.08e-3, 0.195, 2.97, 2.53, radius_m=0.32, pressure_pa=2.1e5)
     larger = RingParameters.from_numbers(
@@ -177,7 +177,7 @@ def test_a_larger_belt_scales_the_ring_and_leaves_gravity_and_the_sensors_depth(
     assert rms(after - (1.0 + share) * block.signal_mps2) > 0.1
 
 
-def test_a_lower_sensor_is_solved_lower() -> None:
+def test_mounting_offset_matches_the_simulated_sensor() -> None:
     effect = catalogue()["mounting offset"]
     assert isinstance(effect, RingEffect)
     declared = RingOptions(sensor_offset_m=0.002)
@@ -192,7 +192,7 @@ def test_a_lower_sensor_is_solved_lower() -> None:
     assert rms(truth[:, 1]) > 0.005
 
 
-def test_an_ac_coupled_sensor_passes_no_constant() -> None:
+def test_ac_coupled_sensor_passes_no_constant() -> None:
     block = block_of()
     ac = replace(block, conditions=replace(block.conditions, ac_coupled=True))
     effect = effect_of("zero-g offset")
@@ -203,7 +203,7 @@ def test_an_ac_coupled_sensor_passes_no_constant() -> None:
     assert np.abs(passed.mean(axis=1)).max() < 1e-9
 
 
-def test_the_filter_leaves_its_delay_to_the_contacts_centre() -> None:
+def test_filter_delay_is_left_to_the_contact_centre() -> None:
     block = block_of()
     effect = effect_of("anti-alias filter")
     before = np.fft.rfft(block.signal_mps2[RADIAL])[1:6]
@@ -214,6 +214,6 @@ def test_the_filter_leaves_its_delay_to_the_contacts_centre() -> None:
 
     order_hz = np.arange(1, 6) * block.conditions.omega_radps / (2.0 * math.pi)
     x = order_hz / 600.0
-    # A delay would be sqrt(2) x; what is left of the phase begins with the cube.
+    # A delay would be sqrt(2) x; the remaining phase begins with the cube.
     assert turned(1.0 / 600.0) == pytest.approx(-math.sqrt(2.0) / 3.0 * x**3, rel=0.05)
     assert turned(1.0 / 300.0) == pytest.approx(8.0 * turned(1.0 / 600.0), rel=0.2)
