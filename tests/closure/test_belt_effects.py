@@ -16,7 +16,6 @@ from gateway.closure.effects.base import (
     BaselineModel,
     ModelledBlock,
     RingEffect,
-    SignalEffect,
 )
 from gateway.closure.effects.belt_geometry import (
     from_mid_revolution,
@@ -32,21 +31,12 @@ from gateway.closure.ring_options import RingOptions
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, EXTENSION_N, OMEGA, RADIUS_M, THETA, at, averaged, block_of, limited
+from tests.closure.sensor_data import effect_of, rms
 
 MIRRORED = {
     "tread pitch": (0.01, -0.02, 71.3, 0.3),
     "imbalance and hub motion": (1e-3, -5e-4),
 }
-
-
-def effect_of(name: str) -> SignalEffect:
-    effect = catalogue()[name]
-    assert isinstance(effect, SignalEffect)
-    return effect
-
-
-def rms(field: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(field))))
 
 
 def unlike(simulated: FloatArray, ours: FloatArray, block: ModelledBlock, axes: tuple[int, ...] = (0, 2)) -> float:
