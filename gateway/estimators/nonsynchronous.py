@@ -28,7 +28,7 @@ _SETTLED_REVOLUTIONS: Final = 8.0
 _LOCKED_STEPS: Final = 0.6
 
 
-class AsynchronousEstimator:
+class NonsynchronousEstimator:
     """Root mean square of what is not locked to the wheel, and frequency and size of its strongest line."""
 
     def __init__(self) -> None:

@@ -22,7 +22,7 @@ from gateway.estimators.lateral_shape import (
     slopes,
     why_unusable,
 )
-from gateway.signal.roll_calibration import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
+from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
 from gateway.types import FloatArray
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)

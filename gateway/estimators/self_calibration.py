@@ -9,7 +9,7 @@ it. In unknowns (gain G, offset z, change of gain by temperature G', belt stretc
 
 both linear, taken together over revolutions with prior errors as a data sheet has them. Revolutions at other speeds
 part z from G, and a from g. Pitch tilt and mounting offset come from the circumferential axis
-(`gateway.signal.sensor_mounting`), roll tilt from the means of the lateral axis (`gateway.signal.roll_calibration`).
+(`gateway.signal.sensor_mounting`), roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ import numpy as np
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.signal.contact_edges import contact_interior
-from gateway.signal.roll_calibration import RollCalibration
-from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, belt_kinematics, mounting_rows
+from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows
 
 NAMES: Final = (
     "gain",

@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
-from gateway.signal.moments import RunningMoments
-from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 
 NAMES: Final = ("wear_mm", "wear_number", "wear_drift_mm")
 

@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike
 from gateway.types import ComplexArray, FloatArray
 
 UNIFORM: Final[tuple[float, ...]] = ()
-PARABOLIC: Final[tuple[float, ...]] = (0.0, -1.0)
 
 
 def pressure_shape(

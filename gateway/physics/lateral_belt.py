@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.brush_tread import solve_brush_on_belt
 from gateway.physics.rolling_ring import RingSolution
-from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.types import BoolArray, FloatArray
 
 

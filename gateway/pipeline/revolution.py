@@ -10,7 +10,7 @@ import numpy as np
 from firmware_protocol.messages import Axis
 from gateway.estimators.base import Revolution
 from gateway.pipeline.contact_timing import TimedPair
-from gateway.pipeline.sample_buffer import SampleRing
+from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import ContactPair
 from gateway.signal.angle_resampling import GRID_SIZE, MARGIN_SAMPLES, fit_phase, resample_revolution
 from gateway.signal.clipping import CLIPPED_FAULT, SATURATED_FAULT, is_clipped
@@ -27,7 +27,7 @@ def revolution_in_angle(
     pair: ContactPair,
     timed: TimedPair,
     *,
-    ring: SampleRing,
+    ring: SampleBuffer,
     columns: tuple[int, ...],
     scale_mps2: FloatArray,
     offset_counts: FloatArray,

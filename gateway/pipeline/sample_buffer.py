@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 _SLACK: Final = 4
 
 
-class SampleRing:
+class SampleBuffer:
     """The latest `capacity` samples of one wheel, int16 (n, channels), indexed by running sample number.
 
     Missing samples are filled by a straight line so that the numbering stays gapless; the gaps are kept beside it.

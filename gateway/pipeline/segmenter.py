@@ -10,9 +10,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
-from gateway.pipeline.contact_checks import ContactPair as ContactPair
-from gateway.pipeline.contact_checks import Missing, consistent, mend
-from gateway.pipeline.contact_tracking import ContactTrack, Read
+from gateway.pipeline.contact_tracking import ContactPair as ContactPair
+from gateway.pipeline.contact_tracking import ContactTrack, Missing, Read, consistent, mend
 from gateway.pipeline.results import WheelState
 from gateway.signal.contact_trains import LONGEST_PERIOD_S, Known
 from gateway.signal.segmentation import Contact, find_contacts, refine_contact

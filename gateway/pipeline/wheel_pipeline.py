@@ -15,7 +15,7 @@ from firmware_protocol.sequence import unwrap
 from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
 from gateway.pipeline.revolution import revolution_in_angle
-from gateway.pipeline.sample_buffer import SampleRing
+from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.pipeline.sensor_health import SensorHealth
 from gateway.pipeline.timebase import HostClock, SampleClock
@@ -51,7 +51,7 @@ class WheelPipeline:
         self._tire = TireEstimates(setup, estimators)
         self._timer = ContactTimer()
         self._axes: _Axes | None = None
-        self._ring: SampleRing | None = None
+        self._ring: SampleBuffer | None = None
         self._segmenter: Segmenter | None = None
         self._clock: SampleClock | None = None
         self._samples = self._lost = self._saturated = self._revolutions = 0
@@ -81,7 +81,7 @@ class WheelPipeline:
                 self._tire.reset()
             if self._ring is not None:
                 self._overwritten_before += self._ring.overwritten
-            self._ring = SampleRing(round(RING_S * hello.rate_hz), len(columns))
+            self._ring = SampleBuffer(round(RING_S * hello.rate_hz), len(columns))
             self._segmenter = None
             self._timer.reset()
             self._clock = SampleClock(hello.rate_hz)

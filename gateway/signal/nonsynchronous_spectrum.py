@@ -73,20 +73,6 @@ class Line:
     rms_std_mps2: float
 
 
-def asynchronous_part(samples_mps2: FloatArray, angle_rad: FloatArray, average_mps2: FloatArray) -> FloatArray:
-    """Return samples in time less what the wheel repeats.
-
-    Args:
-        samples_mps2: (m,) signal over time.
-        angle_rad: (m,) material angle of the sensor at each sample, unwrapped or not.
-        average_mps2: (n,) time synchronous average on the angle grid theta = -pi + 2 pi k / n, at these samples' speed.
-    """
-    n = len(average_mps2)
-    place = (angle_rad / (2.0 * math.pi) + 0.5) * n
-    result: FloatArray = samples_mps2 - np.interp(place % n, np.arange(n + 1), np.append(average_mps2, average_mps2[0]))
-    return result
-
-
 def welch_spectrum(signal_mps2: FloatArray, rate_hz: float, segment: int) -> Spectrum | None:
     """Return the averaged spectrum of overlapping Hann segments, or None when the signal is shorter than one.
 

@@ -45,15 +45,6 @@ def order_coefficients(waveform: FloatArray, order_max: int = ORDER_COUNT - 1) -
     return result
 
 
-def waveform_from_orders(coefficients: ComplexArray, n: int) -> FloatArray:
-    """Return the waveform (..., n), n >= 122, of coefficients (..., 61); NaN coefficients count as zero."""
-    spectrum = np.zeros((*coefficients.shape[:-1], n // 2 + 1), dtype=np.complex128)
-    spectrum[..., :ORDER_COUNT] = np.nan_to_num(coefficients) * _SIGNS * (n / 2.0)
-    spectrum[..., 0] *= 2.0
-    result: FloatArray = np.fft.irfft(spectrum, n=n, axis=-1)
-    return result
-
-
 def coefficient_std(waveform: FloatArray, samples_per_revolution: float) -> float:
     """Estimate the noise of one real order coefficient from the orders above the tire's own.
 

@@ -18,7 +18,7 @@ from gateway.estimators.registry import make_estimator
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution
 from gateway.physics.rolling_ring import RingSolution
 from tests.estimators.revolution_data import settled
-from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
+from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 CONDITIONS = Conditions(RADIUS_M)
 # Noise that dithers the 16-bit steps of 0.6 m/s^2 and is else negligible.

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.physics.contact_pressure import PARABOLIC, pressure_shape, road_orders, unit_road_orders
+from gateway.physics.contact_pressure import pressure_shape, road_orders, unit_road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import RoadForce, modal_force
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
@@ -40,7 +40,7 @@ def test_a_uniform_push_is_the_ring_series_and_a_parabola_is_zero_at_the_edges()
     np.testing.assert_allclose(
         road_orders(ORDERS, 5000.0, 0.32, 0.2).real, modal_force(ORDERS, 5000.0, 0.32, 0.2, RoadForce.VERTICAL)
     )
-    q = pressure_shape(np.array([-0.21, -0.2, 0.0, 0.2, 0.21]), 5000.0, 0.32, 0.2, PARABOLIC)
+    q = pressure_shape(np.array([-0.21, -0.2, 0.0, 0.2, 0.21]), 5000.0, 0.32, 0.2, (0.0, -1.0))
     np.testing.assert_allclose(q, [0.0, 0.0, 1.5 * 5000.0 / (2 * 0.32 * 0.2), 0.0, 0.0], atol=1e-9)
 
 

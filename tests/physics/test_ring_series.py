@@ -22,7 +22,7 @@ from gateway.physics.ring_series import (
     stiffness_terms,
 )
 from gateway.physics.rolling_ring import RingParameters
-from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, cosine_orders, omega_at, solution
+from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, omega_at, solution
 
 ORDERS = np.arange(1, 61)
 LOADED = {"load_n": 5000.0, "pressure_pa": PRESSURE_PA, "radius_m": RADIUS_M, "half_angle_rad": 0.2}

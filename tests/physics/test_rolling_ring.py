@@ -10,7 +10,7 @@ import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingNotConvergedError, RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 
 NUMBERS = (3.0833e-3, 0.1953, 2.9740, 2.5289)
 RADIUS_M, PRESSURE_PA, OMEGA_RADPS, LOAD_N = 0.32, 2.1e5, 56.42, 5000.0

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_band import solve_bordered
-from gateway.physics.rolling_ring_equations import belt_balance
-from gateway.physics.rolling_ring_road import BeltLaw, ring_grid
+from gateway.physics.rolling_ring.force_balance import BeltLaw, belt_balance, ring_grid
+from gateway.physics.rolling_ring.newton_solver import solve_bordered
 
 RADIUS_M, PRESSURE_PA, OMEGA_RADPS, LOAD_N = 0.32, 2.1e5, 56.42, 5000.0
 RING = RingParameters.from_numbers(3.0833e-3, 0.1953, 2.974, 2.5289, radius_m=RADIUS_M, pressure_pa=PRESSURE_PA)

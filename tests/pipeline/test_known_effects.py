@@ -20,7 +20,7 @@ from gateway.signal.effect_correction import EffectParameter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
-from tests.simulated_wheel import simulated
+from tests.testkit.simulated_wheel import simulated
 
 STEADY = "[motion]\nspeed_kmh = 70.0"
 EFFECT = "[wheel.edge_waves]\namplitude_percent = 8.0\norder_before = 20.0\norder_after = 26.0"

@@ -8,7 +8,7 @@ import pytest
 from gateway.pipeline.results import WheelState
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
-from tests.segmentation_signals import MEASURED, Case, Verdict, judge, make_signal, segment
+from tools.generators.segmentation_signals import MEASURED, Case, Verdict, judge, make_signal, segment
 
 
 def verdict(case: Case) -> Verdict:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.signal.clipping import is_clipped
-from tests.exact_ring_data import omega_at, sampled, solution
+from tests.testkit.exact_ring import omega_at, sampled, solution
 
 
 def counts(rate_hz: float, speed_kmh: float, noise: float, scale: float, cut: float | None = None) -> np.ndarray:

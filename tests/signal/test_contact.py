@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, contact_interior, edge_offset, find_contact_edges
 from gateway.signal.speed_normalisation import normalise_radial
-from tests.exact_ring_data import BASE_RING, omega_at, on_grid, sampled, solution
+from tests.testkit.exact_ring import BASE_RING, omega_at, on_grid, sampled, solution
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from gateway.signal.angle_resampling import Phase
 from gateway.signal.contact_template import contact_template, match_contact
-from tests.exact_ring_data import omega_at, on_grid, solution
+from tests.testkit.exact_ring import omega_at, on_grid, solution
 
 OMEGA = omega_at(65.0)
 N = 1024

@@ -22,8 +22,8 @@ from gateway.signal.lateral_deformation import (
     streamline_slope,
     trusted_orders,
 )
-from gateway.signal.moments import RunningMoments
-from gateway.signal.roll_calibration import MOUNTING_STD_RAD, RollCalibration
+from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, RollCalibration
+from gateway.signal.synchronous_average import RunningMoments
 
 N, RADIUS_M = 1024, 0.32
 THETA = angle_grid(N)

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.physics.rolling_ring import solve_rolling_ring
 from gateway.signal.sensor_mounting import belt_kinematics, mounting_rows, relative_curvature
-from tests.exact_ring_data import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
+from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
 
 OMEGA = omega_at(65.0)
 

@@ -9,7 +9,7 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal import speed_normalisation as normalise
 from gateway.signal.angle_resampling import Phase, angle_grid, fit_phase, resample_revolution
 from gateway.signal.speed_normalisation import normalise_radial
-from tests.exact_ring_data import RADIUS_M, cosine_orders, omega_at, on_grid, sampled, solution
+from tests.testkit.exact_ring import RADIUS_M, cosine_orders, omega_at, on_grid, sampled, solution
 
 
 def steady_phase(samples: float = 1024.0) -> Phase:

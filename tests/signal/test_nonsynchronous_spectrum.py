@@ -1,4 +1,4 @@
-"""Spectrum and lines against signals of known content, and the angle-locked part against the exact ring."""
+"""Spectrum and lines of signals with known content."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gateway.signal.nonsynchronous_spectrum import asynchronous_part, spectral_lines, welch_spectrum
-from tests.exact_ring_data import omega_at, on_grid, solution
+from gateway.signal.nonsynchronous_spectrum import spectral_lines, welch_spectrum
 
 RATE_HZ = 4000.0
 
@@ -59,17 +58,3 @@ def test_strongest_line_comes_first() -> None:
 
 def test_too_short_a_signal_has_no_spectrum() -> None:
     assert welch_spectrum(noise(0.5, 1.0), RATE_HZ, 4000) is None
-
-
-def test_the_angle_locked_part_goes() -> None:
-    omega = omega_at(65.0)
-    average = omega**2 * on_grid(solution().sensor.radial_m)
-    theta = np.append(solution().theta_rad, math.pi)
-    shape = np.append(solution().sensor.radial_m, solution().sensor.radial_m[0])
-    time = np.arange(round(3.0 * 9600)) / 9600.0
-    angle = 0.7 + omega * time
-    tone = 2.0 * np.sin(2.0 * math.pi * 222.0 * time)
-    wrapped = (angle + math.pi) % (2.0 * math.pi) - math.pi
-    samples = omega**2 * np.interp(wrapped, theta, shape) + tone
-    left = asynchronous_part(samples, angle, average)
-    assert np.sqrt(np.square(left - tone).mean()) < 0.005 * samples.std()

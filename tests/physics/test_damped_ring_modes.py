@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.ring_modal import (
+from gateway.physics.ring_series import Kinematics, RoadForce, modal_number, modal_stiffness
+from gateway.physics.ring_series import signal_orders as series_orders
+from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+from tests.testkit.damped_ring_modes import (
     displacement_orders,
     dynamic_stiffness,
     modal_coefficients,
     phase_lag,
     signal_orders,
 )
-from gateway.physics.ring_series import Kinematics, RoadForce, modal_number, modal_stiffness
-from gateway.physics.ring_series import signal_orders as series_orders
-from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 
 RADIUS_M, PRESSURE_PA, OMEGA = 0.32, 2.1e5, 56.4
 RING = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=PRESSURE_PA)

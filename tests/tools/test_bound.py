@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.bound import (
+from gateway.physics.rolling_ring import solve_rolling_ring
+from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, omega_at
+from tools.accuracy.bound import (
     DEFAULT_PARAMETERS,
     NUMBERS,
     cramer_rao,
@@ -15,8 +17,6 @@ from gateway.physics.bound import (
     waveform_orders,
     waveform_sensitivity,
 )
-from gateway.physics.rolling_ring import solve_rolling_ring
-from tests.exact_ring_data import BASE_RING, PRESSURE_PA, omega_at
 
 OMEGA = omega_at(65.0)
 DENSITY = 5e-3 * STANDARD_GRAVITY_MPS2

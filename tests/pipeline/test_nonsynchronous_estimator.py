@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from gateway.estimators.base import Status
-from gateway.estimators.nonsynchronous import AsynchronousEstimator
+from gateway.estimators.nonsynchronous import NonsynchronousEstimator
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from tests.estimators.revolution_data import settled
-from tests.simulated_wheel import last, simulated
+from tests.testkit.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)
 NAMES = ("asynchronous_rms_mps2", "asynchronous_line_hz", "asynchronous_line_rms_mps2")
@@ -61,7 +61,7 @@ def test_it_waits_and_says_so() -> None:
 
 def test_a_gap_starts_it_anew() -> None:
     results, _ = simulated("", 16.0, SETUP, ("kinematic", "asynchronous"))
-    estimator = AsynchronousEstimator()
+    estimator = NonsynchronousEstimator()
     # Every tenth revolution is missing: never four seconds without a gap.
     for result in results:
         if result.revolution.index % 10 == 0:
