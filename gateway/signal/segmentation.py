@@ -1,8 +1,8 @@
-"""Where the sensor passes through the contact: dips of the radial axis, found by their physics.
+"""Passages of the sensor through the contact: dips of the radial axis, identified by their physics.
 
 Outside the contact a radial inner-liner sensor reads R Omega^2, inside it about zero, with overshoots at both edges
-(curvature law s = V^2 kappa). A contact of length L at speed v therefore is a dip of depth about R Omega^2 = v^2 / R
-and duration w = L / v, so that depth * w^2 = L^2 / R whatever the speed. That product tells contacts from the rest.
+(curvature law s = V^2 kappa). A contact of length L at speed v is therefore a dip of depth about R Omega^2 = v^2 / R
+and duration w = L / v, so that depth * w^2 = L^2 / R at any speed. That product distinguishes contacts from other dips.
 """
 
 from __future__ import annotations
@@ -13,17 +13,18 @@ from typing import Final
 import numpy as np
 
 from gateway.signal.contact_trains import Known, best_train, doubtful
-from gateway.signal.dips import box_offsets, find_dips, is_clipped, noise_std_mps2
+from gateway.signal.dips import box_offsets, find_dips, is_at_range_end, noise_std_mps2
 from gateway.types import FloatArray
 
-# The search looks at no more than this many samples a second; the shortest contact still spans three.
+# Highest sampling rate of the search; the shortest contact still spans three samples.
 SEARCH_RATE_HZ: Final = 4800.0
-# Dips of the nominal sign win unless the other sign's are clearly stronger.
+# The strength of trains of the nominal sign is multiplied by this.
 _SIGN_PREFERENCE: Final = 1.15
-# A crossing between two samples is placed by a straight line; few samples a contact leave this error of the centre.
+# Linear interpolation of the crossings leaves this error of the centre, in samples, falling with the contact's width
+# above the second number of samples.
 _SAMPLING_STD: Final = 0.1
 _SAMPLING_WIDTH: Final = 8.0
-# Depth over the noise that is left when a contact's edges are looked for.
+# Depth over noise that smoothing must reach before crossings are searched.
 _CROSSING_FACTOR: Final = 8.0
 
 
@@ -36,8 +37,8 @@ class Contact:
         duration: samples between the half-level crossings.
         depth_mps2: flanks minus contact, positive.
         centre_std: standard error of `centre` in samples.
-        predicted: True when this contact was not seen, its samples lost or hit by an impact, and its place follows from
-            its neighbours.
+        predicted: True when this contact was not observed, because its samples were lost or disturbed by an impact, and
+            its place was interpolated between its neighbours.
     """
 
     centre: float
@@ -55,11 +56,11 @@ def find_contacts(
     Args:
         radial_mps2: (n,) radial axis, nominally positive inward.
         rate_hz: sampling rate.
-        known: what is known of the wheel, if it is to be used.
+        known: properties of the wheel, if known.
 
     Returns:
-        (sample, depth, duration in samples) of at least three consecutive contacts, the latest there are, in time
-        order and coarsely placed (see `refine_contact`), or none; and the sign that makes the axis positive inward.
+        (sample, depth, duration in samples) of the latest train of at least three consecutive contacts, in time order
+        and coarsely placed (see `refine_contact`), or none; and the sign that makes the axis positive inward.
     """
     decimation = max(1, int(rate_hz // SEARCH_RATE_HZ))
     n = len(radial_mps2) // decimation * decimation
@@ -67,7 +68,7 @@ def find_contacts(
     rate = rate_hz / decimation
     both = find_dips(signal, rate)
     prefix = np.concatenate(([0.0], np.cumsum(signal)))
-    clipped_span = float(np.ptp(signal)) if is_clipped(signal) else 0.0
+    clipped_span = float(np.ptp(signal)) if is_at_range_end(signal) else 0.0
     best: list[int] = []
     best_sign, best_strength = 1, 0.0
     for sign in (1, -1) if known is None else (known.sign,):
@@ -82,7 +83,7 @@ def find_contacts(
 
 
 def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Contact | None:
-    """Place a contact to a fraction of a sample by its two half-level crossings.
+    """Locate a contact to a fraction of a sample by its two half-level crossings.
 
     Args:
         radial_mps2: (n,) radial axis, positive inward.
@@ -108,7 +109,7 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     depth = min(left, right) - low
     if depth <= 0.0:
         return None
-    # In noise a crossing needs a longer mean, or the first sample beyond the level is taken for the edge.
+    # More noise needs more smoothing, or the first noisy sample beyond the level is mistaken for the edge.
     noise = noise_std_mps2(segment)
     smooth = max(1, round(width * 0.08), round(min(0.35 * width, (_CROSSING_FACTOR * noise / depth) ** 2)))
     kernel = np.full(smooth, 1.0 / smooth)
@@ -126,7 +127,7 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     down = smoothed[before] - smoothed[before + 1]
     trailing = after - float(smoothed[after] - level) / float(up)
     leading = before + float(smoothed[before] - level) / float(down)
-    # Timing error of a crossing: noise after smoothing over the slope across the smoothing length.
+    # Timing error of a crossing: noise after smoothing, divided by the slope over the smoothing length.
     span = max(1, smooth)
     lo, hi = max(after - span, 0), min(after + span, len(smoothed) - 1)
     slope_up = abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
