@@ -79,7 +79,7 @@ def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
     )
     solved = solve_rolling_ring(ring, load_n, pressure_pa, OMEGA_RADPS, nodes=1440)
     seed = round(wear_mm * 10) * 10_000 + round(pressure_pa * 1e-4) * 100 + round(load_n * 1e-3)
-    revolution, average = _seen(solved, seed)
+    revolution, average = _averaged(solved, seed)
     stated = Conditions(RADIUS_M, load_n, pressure_pa)
     found = {}
     for name in ESTIMATORS:
@@ -93,7 +93,7 @@ def table_1() -> list[Condition]:
     return [condition(*place) for place in itertools.product(WEAR_MM, PRESSURES_PA, LOADS_N)]
 
 
-def _seen(ring: RingSolution, seed: int) -> tuple[Revolution, AngleAverage]:
+def _averaged(ring: RingSolution, seed: int) -> tuple[Revolution, AngleAverage]:
     """Return the last revolution and the average of REVOLUTIONS noisy ones."""
     spectrum = np.fft.rfft(ring.sensor.radial_m)[: GRID_SIZE // 2 + 1]
     spectrum[-1] = 0.0

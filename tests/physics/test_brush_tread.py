@@ -1,4 +1,4 @@
-"""The brush tread against its closed forms on a rigid belt."""
+"""Brush tread against closed forms on a rigid belt and a bristle-by-bristle solution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laminate theory against closed forms and its own limits."""
+"""Laminate theory against closed forms and limiting cases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Signals of a rolling wheel for pipeline tests, made from the geometrically exact ring, not from any estimator."""
+"""Signals of a rolling wheel for pipeline tests, made from the geometrically exact ring."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
 RADIUS_M = 0.32
@@ -36,7 +37,7 @@ class Rolling:
     contacts: NDArray[np.float64]
 
     def errors(self, centres: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance of each centre from the nearest true contact, in samples."""
+        """Return the distance of each centre from the nearest true contact, in samples."""
         return np.array([np.abs(self.contacts - centre).min() for centre in centres])
 
 
@@ -65,7 +66,8 @@ def roll() -> Callable[..., Rolling]:
             return np.interp(wrapped, grid, values, period=2.0 * np.pi)
 
         omega = speed / RADIUS_M
-        radial = omega**2 * at_angle(solution.sensor.radial_m) + 9.80665 * at_angle(solution.sensor.gravity_radial)
+        radial = omega**2 * at_angle(solution.sensor.radial_m)
+        radial += STANDARD_GRAVITY_MPS2 * at_angle(solution.sensor.gravity_radial)
         if ac:
             radial = radial - radial.mean()
         radial = sign * (radial + noise_mps2 * np.random.default_rng(seed).standard_normal(len(t)))
@@ -87,7 +89,7 @@ def hello(rate_hz: float = 9600.0, **changes: object) -> Hello:
 
 @pytest.fixture(scope="session")
 def to_frames() -> Callable[..., list[Frame]]:
-    """Turn a radial signal into the frames a hub would send for one wheel."""
+    """Convert a radial signal into the frames that a hub sends for one wheel."""
 
     def make(
         radial_mps2: NDArray[np.float64],

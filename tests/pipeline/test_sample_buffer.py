@@ -13,7 +13,7 @@ def ramp(first: int, n: int) -> np.ndarray:
 
 
 @given(st.lists(st.integers(1, 150), min_size=1, max_size=60), st.integers(20, 100))
-def test_holds_the_latest_samples_whatever_the_blocks(blocks, capacity):
+def test_buffer_holds_latest_samples(blocks, capacity):
     buffer = SampleBuffer(capacity, 1)
     total = 0
     for n in blocks:
@@ -27,7 +27,7 @@ def test_holds_the_latest_samples_whatever_the_blocks(blocks, capacity):
 
 
 @given(st.lists(st.integers(1, 150), min_size=1, max_size=40), st.integers(20, 100), st.integers(0, 200))
-def test_overwritten_counts_exactly_what_nobody_read(blocks, capacity, lag):
+def test_overwritten_counts_unread_samples(blocks, capacity, lag):
     buffer = SampleBuffer(capacity, 1)
     total, lost = 0, set()
     for n in blocks:
@@ -38,7 +38,7 @@ def test_overwritten_counts_exactly_what_nobody_read(blocks, capacity, lag):
     assert buffer.overwritten == len(lost)
 
 
-def test_gap_is_bridged_by_a_line_and_counted():
+def test_gap_is_interpolated_and_counted():
     buffer = SampleBuffer(100, 1)
     buffer.append(np.array([[0], [10]], np.int16))
     buffer.bridge(4, np.array([60], np.int16))
@@ -48,7 +48,7 @@ def test_gap_is_bridged_by_a_line_and_counted():
     assert buffer.missing_between(3, 5) == 2
 
 
-def test_late_samples_close_their_part_of_the_gap():
+def test_late_samples_fill_their_gap():
     buffer = SampleBuffer(100, 1)
     buffer.append(ramp(0, 10))
     buffer.bridge(10, np.array([20], np.int16))
@@ -61,7 +61,7 @@ def test_late_samples_close_their_part_of_the_gap():
     assert buffer.view(2, 5)[:, 0].tolist() == [2, 3, 4]
 
 
-def test_what_is_not_held_is_refused():
+def test_view_outside_the_buffer_raises():
     buffer = SampleBuffer(10, 1)
     buffer.append(ramp(0, 25))
     for first, end in ((0, 20), (14, 16), (20, 26), (22, 21)):
