@@ -12,8 +12,9 @@ from gateway.estimators.base import Revolution
 from gateway.pipeline.contact_timing import TimedPair
 from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import ContactPair
+from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import GRID_SIZE, MARGIN_SAMPLES, fit_phase, resample_revolution
-from gateway.signal.clipping import CLIPPED_FAULT, SATURATED_FAULT, is_clipped
+from gateway.signal.clipping import is_clipped
 from gateway.signal.contact_edges import find_contact_edges
 from gateway.signal.order_spectrum import coefficient_std, highest_order, order_coefficients, sample_std
 from gateway.signal.speed_normalisation import normalise_radial
@@ -39,7 +40,7 @@ def revolution_in_angle(
     index: int,
     start_s: float,
     contribution_mps2: FloatArray | None = None,
-    uncorrected: str = "",
+    uncorrected: Reason | None = None,
 ) -> Revolution:
     """Cut one revolution out of the ring and take it into the angle domain.
 
@@ -87,11 +88,11 @@ def revolution_in_angle(
     radial = normal.radial_mps2
     noise_coefficient = coefficient_std(radial, period)
     edges = _edges(timed)
-    reason = ""
+    edge_fault = None
     if not all(map(math.isfinite, edges)):
         own = find_contact_edges(radial, period, noise_coefficient)
         edges = own.leading_rad, own.trailing_rad, own.leading_std_rad, own.trailing_std_rad
-        reason = own.reason
+        edge_fault = own.reason
     order_max = highest_order(period)
     missing = ring.missing_between(math.floor(start), math.ceil(end)) / period
     return Revolution(
@@ -112,7 +113,7 @@ def revolution_in_angle(
         missing_fraction=missing,
         saturated=saturated,
         ac_coupled=ac_coupled,
-        faults=_faults(pair, missing, saturated, clipped, reason),
+        faults=_faults(pair, missing, saturated, clipped, edge_fault),
         period_std_s=timed.period_std / rate_hz,
         rate_hz=rate_hz,
         uncorrected=uncorrected,
@@ -125,16 +126,18 @@ def _edges(timed: TimedPair) -> tuple[float, float, float, float]:
     return end.leading_rad, start.trailing_rad, end.leading_std_rad, start.trailing_std_rad
 
 
-def _faults(pair: ContactPair, missing: float, saturated: bool, clipped: bool, edge_reason: str) -> tuple[str, ...]:
+def _faults(
+    pair: ContactPair, missing: float, saturated: bool, clipped: bool, edge_fault: Reason | None
+) -> tuple[Reason, ...]:
     faults = []
     if pair.start.predicted or pair.end.predicted:
-        faults.append("a contact was lost on the link or hit by an impact, and placed between its neighbours")
+        faults.append(Reason(Code.CONTACT_INTERPOLATED))
     if missing > _MAX_MISSING:
-        faults.append("samples were lost on the link")
+        faults.append(Reason(Code.SAMPLES_LOST))
     if saturated:
-        faults.append(SATURATED_FAULT)
+        faults.append(Reason(Code.RADIAL_SATURATED))
     if clipped:
-        faults.append(CLIPPED_FAULT)
-    if edge_reason:
-        faults.append(edge_reason)
+        faults.append(Reason(Code.RADIAL_CLIPPED))
+    if edge_fault is not None:
+        faults.append(edge_fault)
     return tuple(faults)

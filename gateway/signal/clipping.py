@@ -14,10 +14,6 @@ _TOP_WIDTH_RAD: Final = 0.2
 _WIDTH_RATIO: Final = 4.0
 _MIN_RUN_SAMPLES: Final = 3
 
-# What a revolution that was cut off says of itself, in its `faults`.
-SATURATED_FAULT: Final = "the radial axis reached the end of its range"
-CLIPPED_FAULT: Final = "the radial axis is cut off at its highest value: clipped below the range that the hub states"
-
 
 def is_clipped(counts: NDArray[np.integer[Any]]) -> bool:
     """Whether one revolution of raw values is clipped at its maximum.

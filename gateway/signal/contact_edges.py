@@ -15,6 +15,8 @@ from typing import Final
 
 import numpy as np
 
+from gateway.constants import AXIS_NAMES
+from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.order_spectrum import coefficient_std
 from gateway.types import FloatArray
@@ -55,7 +57,7 @@ class ContactEdges:
         plateau_mps2: level in the middle of the contact.
         baseline_mps2: level of the free belt.
         contrast: (baseline - plateau) over the noise of the smoothed waveform.
-        reason: why the edges are NaN; empty when they are found.
+        reason: why the edges are NaN; None when they are found.
     """
 
     leading_rad: float
@@ -67,12 +69,12 @@ class ContactEdges:
     plateau_mps2: float
     baseline_mps2: float
     contrast: float
-    reason: str = ""
+    reason: Reason | None = None
 
     @property
     def found(self) -> bool:
         """Whether both edges were found."""
-        return not self.reason
+        return self.reason is None
 
 
 def find_contact_edges(
@@ -92,7 +94,7 @@ def find_contact_edges(
         values.
     """
     if not np.isfinite(radial_mps2).all():
-        return _nothing("the radial waveform is not finite")
+        return _not_found(Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
     n = radial_mps2.shape[0]
     if noise_coefficient_mps2 is None:
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
@@ -107,7 +109,7 @@ def find_contact_edges(
     floor = float(smooth[inside])
     crossings = _half_level_crossings(smooth, inside, 0.5 * (floor + baseline), round(_SEARCH_RAD / step_rad))
     if crossings is None:
-        return _nothing("no contact around angle 0", floor, baseline)
+        return _not_found(Reason(Code.NO_CONTACT), floor, baseline)
     first, last = crossings
     quarter = (last - first) // 4
     plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
@@ -116,11 +118,11 @@ def find_contact_edges(
         smooth, (first + last) // 2, 0.5 * (plateau + baseline), round(_SEARCH_RAD / step_rad)
     )
     if crossings is None:
-        return _nothing("no contact around angle 0", plateau, baseline)
+        return _not_found(Reason(Code.NO_CONTACT), plateau, baseline)
     noise = noise_coefficient_mps2 * math.sqrt(float(np.sum(gain**2)))
     contrast = (baseline - plateau) / noise if noise > 0.0 else math.inf
     if not contrast > _MIN_CONTRAST:
-        return _nothing("the contact does not stand out of the noise", plateau, baseline, contrast)
+        return _not_found(Reason(Code.CONTACT_IN_NOISE), plateau, baseline, contrast)
     noise_curvature = noise_coefficient_mps2 * math.sqrt(float(np.sum((gain_orders**2 * gain) ** 2)))
     edges = []
     for index, direction in zip(crossings, (-1, 1), strict=True):
@@ -130,7 +132,7 @@ def find_contact_edges(
         edges.append((angle, math.hypot(noise_std, model_std), noise_std))
     (leading, leading_std, leading_noise), (trailing, trailing_std, trailing_noise) = edges
     if not (leading < 0.0 < trailing and math.isfinite(leading_std) and math.isfinite(trailing_std)):
-        return _nothing("the contact edges have no clear slope", plateau, baseline, contrast)
+        return _not_found(Reason(Code.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
     return ContactEdges(
         leading, trailing, leading_std, trailing_std, leading_noise, trailing_noise, plateau, baseline, contrast
     )
@@ -209,8 +211,8 @@ def _steepest(slope: FloatArray, index: int) -> tuple[float, float]:
     return index + 0.5 * float(right - left) / bend, bend
 
 
-def _nothing(
-    reason: str, plateau: float = math.nan, baseline: float = math.nan, contrast: float = math.nan
+def _not_found(
+    reason: Reason, plateau: float = math.nan, baseline: float = math.nan, contrast: float = math.nan
 ) -> ContactEdges:
     nan = math.nan
     return ContactEdges(nan, nan, nan, nan, nan, nan, plateau, baseline, contrast, reason)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import GRID_SIZE
 from gateway.types import ComplexArray, FloatArray
 
@@ -80,25 +81,24 @@ class CorrectionTable:
         if (np.diff(omega) <= 0.0).any():
             raise ValueError("a table's speeds must ascend")
 
-    def refusal(self, omega_radps: float, load_n: float | None, pressure_pa: float | None) -> str:
-        """Return why the table does not hold under these conditions, in words; empty when it does.
+    def refusal(self, omega_radps: float, load_n: float | None, pressure_pa: float | None) -> Reason | None:
+        """Return why the table does not hold under these conditions; None when it does.
 
         What is not known of the conditions is not held against them.
         """
         low, high = self.omega_range_radps
         if not low <= omega_radps <= high:
-            speeds = [3.6 * omega * self.radius_m for omega in (omega_radps, low, high)]
-            return "{:.0f} km/h is outside of the {:.0f} to {:.0f} km/h that the effects were found at".format(*speeds)
+            speed, slowest, fastest = (omega * self.radius_m for omega in (omega_radps, low, high))
+            return Reason(Code.EFFECTS_OUTSIDE_SPEEDS, speed_mps=speed, low_mps=slowest, high_mps=fastest)
         if load_n is not None and self.load_range_n is not None:
             low, high = self.load_range_n
             if not low <= load_n <= high:
-                return f"{load_n:.0f} N is outside of the {low:.0f} to {high:.0f} N that the effects were found at"
+                return Reason(Code.EFFECTS_OUTSIDE_LOADS, load_n=load_n, low_n=low, high_n=high)
         if pressure_pa is not None and self.pressure_range_pa is not None:
             low, high = self.pressure_range_pa
             if not low <= pressure_pa <= high:
-                kpa = [1e-3 * pressure for pressure in (pressure_pa, low, high)]
-                return "{:.0f} kPa is outside of the {:.0f} to {:.0f} kPa that the effects were found at".format(*kpa)
-        return ""
+                return Reason(Code.EFFECTS_OUTSIDE_PRESSURES, pressure_pa=pressure_pa, low_pa=low, high_pa=high)
+        return None
 
     def contribution_mps2(self, omega_radps: float, n: int = GRID_SIZE, *, ac_coupled: bool = False) -> FloatArray:
         """Return the contribution at a speed on the angle grid theta = -pi + 2 pi k / n, (3, n).

@@ -8,6 +8,7 @@ import numpy as np
 
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
 from gateway.physics.rolling_ring import RingSolution
+from gateway.reasons import Reason
 from gateway.signal.contact_edges import find_contact_edges
 from gateway.signal.order_spectrum import coefficient_std, order_coefficients, sample_std
 from gateway.signal.synchronous_average import RunningAverage
@@ -23,7 +24,7 @@ def make_revolution(
     edges: tuple[float, float] | None = None,
     edge_std: float = 0.0,
     order_max: int = 60,
-    faults: tuple[str, ...] = (),
+    faults: tuple[Reason, ...] = (),
     saturated: bool = False,
     missing_fraction: float = 0.0,
     period_std_s: float = 1e-5,

@@ -14,6 +14,7 @@ from gateway.config.vehicle_file import parse_vehicle
 from gateway.estimators.base import Status
 from gateway.io.source import Chunk
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup
+from gateway.reasons import Code, codes_of
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore
 from gateway.signal.effect_correction import EffectParameter
@@ -79,15 +80,20 @@ class TestTable:
         np.testing.assert_allclose(one.contribution_mps2(0.9 * OMEGA), table.contribution_mps2(OMEGA), atol=1e-9)
 
     @pytest.mark.parametrize(
-        ("omega", "load", "pressure", "word"),
-        [(1.3, 5e3, 2.1e5, "km/h"), (0.7, 5e3, 2.1e5, "km/h"), (1, 4e3, 2.1e5, "4000 N"), (1, 5e3, 2.5e5, "250 kPa")],
-    )  # fmt: skip
-    def test_table_reports_why_it_does_not_apply(self, table, omega, load, pressure, word):
-        assert word in table.refusal(omega * OMEGA, load, pressure)
+        ("omega", "load", "pressure", "code"),
+        [
+            (1.3, 5e3, 2.1e5, Code.EFFECTS_OUTSIDE_SPEEDS),
+            (0.7, 5e3, 2.1e5, Code.EFFECTS_OUTSIDE_SPEEDS),
+            (1, 4e3, 2.1e5, Code.EFFECTS_OUTSIDE_LOADS),
+            (1, 5e3, 2.5e5, Code.EFFECTS_OUTSIDE_PRESSURES),
+        ],
+    )
+    def test_table_reports_why_it_does_not_apply(self, table, omega, load, pressure, code):
+        assert table.refusal(omega * OMEGA, load, pressure).code is code
 
     def test_unknown_conditions_are_accepted(self, table):
-        assert table.refusal(OMEGA, None, None) == ""
-        assert replace(table, load_range_n=None).refusal(OMEGA, 1.0, 2.1e5) == ""
+        assert table.refusal(OMEGA, None, None) is None
+        assert replace(table, load_range_n=None).refusal(OMEGA, 1.0, 2.1e5) is None
 
     @pytest.mark.parametrize(
         "wrong",
@@ -133,12 +139,15 @@ class TestTakenOff:
         inside = [one for one in results if not one.revolution.uncorrected]
         assert len(outside) > 30
         assert len(inside) > 80
-        assert all("90 km/h" in one.revolution.uncorrected for one in outside if 8.2 < one.revolution.start_s < 11.5)
+        for one in outside:
+            assert one.revolution.uncorrected.code is Code.EFFECTS_OUTSIDE_SPEEDS
+            if 8.2 < one.revolution.start_s < 11.5:
+                assert one.revolution.uncorrected["speed_mps"] == pytest.approx(90 / 3.6, rel=5e-3)
         of_shape = numbers(outside)["Bs"]
         assert of_shape.status is not Status.VALID
-        assert "known effects not taken off" in of_shape.reason
+        assert Code.EFFECTS_NOT_SUBTRACTED in codes_of(of_shape.reasons)
         assert numbers(outside)["speed_mps"].status is Status.VALID
-        assert "not taken off" not in numbers(inside)["Bs"].reason
+        assert Code.EFFECTS_NOT_SUBTRACTED not in codes_of(numbers(inside)["Bs"].reasons)
         # Corrected and uncorrected revolutions are averaged separately.
         steady, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT)
         assert numbers(inside)["Bs"].value == pytest.approx(numbers(steady)["Bs"].value, rel=0.1)
@@ -150,12 +159,12 @@ class TestTakenOff:
         results, _ = simulated(STEADY, 6.0, setup, (*ESTIMATORS, "wear"))
         wear = numbers(results)["wear_mm"]
         assert math.isfinite(wear.value)
-        assert wear.reason.count("known effects not taken off") == 1
+        assert codes_of(wear.reasons).count(Code.EFFECTS_NOT_SUBTRACTED) == 1
 
     def test_other_sensor_is_not_corrected(self, table):
         other = replace(table, sensor_id=0xDEAD)
         results, _ = simulated(STEADY, 3.0, replace(SETUP, correction=other), ESTIMATORS)
-        assert all("0000dead" in one.revolution.uncorrected for one in results)
+        assert all(one.revolution.uncorrected["found_on"] == "0000dead" for one in results)
 
 
 def test_live_and_batch_apply_the_same_correction(table):

@@ -12,6 +12,7 @@ from gateway.estimators.base import Status
 from gateway.estimators.nonsynchronous import NonsynchronousEstimator
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
+from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import settled
 from tests.testkit.simulated_wheel import last, simulated
 
@@ -39,7 +40,7 @@ def test_line_at_wheel_order_is_provisional(roll, to_frames) -> None:
     order_25 = 25 * 65.0 / 3.6 / 0.32 / (2.0 * math.pi)
     found = with_cavity(roll, to_frames, order_25 + 0.3, 3.0)
     assert found[NAMES[1]].status is Status.PROVISIONAL
-    assert "order 25" in found[NAMES[1]].reason
+    assert found[NAMES[1]].reasons == (Reason(Code.AT_WHEEL_ORDER, order=25),)
 
 
 def test_smooth_road_gives_sensor_noise() -> None:
@@ -47,7 +48,7 @@ def test_smooth_road_gives_sensor_noise() -> None:
     density = 5e-3 * STANDARD_GRAVITY_MPS2
     assert found[NAMES[0]].value == pytest.approx(density * math.sqrt(795.0), rel=0.08)
     assert found[NAMES[1]].status is Status.INVALID
-    assert found[NAMES[1]].reason == "no line stands out"
+    assert codes_of(found[NAMES[1]].reasons) == (Code.NO_LINE,)
 
 
 def test_road_vibration_is_measured() -> None:
@@ -57,7 +58,8 @@ def test_road_vibration_is_measured() -> None:
 
 def test_too_few_revolutions_are_invalid() -> None:
     results, _ = simulated("", 3.0, SETUP, ("kinematic", "asynchronous"))
-    assert all("4 s of uninterrupted" in e.reason or "not settled" in e.reason for e in results[-1].estimates[-3:])
+    for estimate in results[-1].estimates[-3:]:
+        assert estimate.reasons[0].code in (Code.NEEDS_UNINTERRUPTED_ROLLING, Code.NOT_SETTLED)
 
 
 def test_gap_restarts_the_spectrum() -> None:
