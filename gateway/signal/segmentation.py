@@ -95,46 +95,52 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     """
     middle = round(guess)
     reach = int(np.ceil(1.6 * width)) + 2
-    first, end = middle - reach, middle + reach + 1
-    if first < 0 or end > len(radial_mps2):
-        first, end = max(first, 0), min(end, len(radial_mps2))
+    first, end = max(middle - reach, 0), min(middle + reach + 1, len(radial_mps2))
     segment = radial_mps2[first:end]
-    centre, inner, outer = box_offsets(width)
     at = middle - first
+    levels = _dip_levels(segment, at, width)
+    if levels is None:
+        return None
+    low, depth = levels
+    # More noise needs more smoothing, or the first noisy sample beyond the level is mistaken for the edge.
+    noise = noise_std_mps2(segment)
+    smooth = max(1, round(width * 0.08), round(min(0.35 * width, (_CROSSING_FACTOR * noise / depth) ** 2)))
+    smoothed = np.convolve(segment, np.full(smooth, 1.0 / smooth), mode="valid") if smooth > 1 else segment
+    shift = 0.5 * (smooth - 1)
+    level = low + 0.5 * depth
+    start = min(max(round(at - shift), 0), len(smoothed) - 1)
+    after, before = _crossing(smoothed, start, level, 1), _crossing(smoothed, start, level, -1)
+    if after is None or before is None:
+        return None
+    trailing = after - float(smoothed[after] - level) / float(smoothed[after] - smoothed[after - 1])
+    leading = before + float(smoothed[before] - level) / float(smoothed[before] - smoothed[before + 1])
+    # Timing error of a crossing: noise after smoothing, divided by the slope over the smoothing length.
+    slopes = np.maximum([_mean_slope(smoothed, place, smooth) for place in (after, before)], np.finfo(float).tiny)
+    centre_std = 0.5 * noise / smooth**0.5 * float(np.hypot(*(1.0 / slopes)))
+    centre_std = float(np.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width)))
+    return Contact(first + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
+
+
+def _dip_levels(segment: FloatArray, at: int, width: float) -> tuple[float, float] | None:
+    """Return the level of the dip around sample `at`, and its depth below the lower flank; None without a dip."""
+    centre, inner, outer = box_offsets(width)
     if at - inner < 1 or at + inner + 1 >= len(segment):
         return None
     low = float(segment[max(at - centre, 0) : at + centre + 1].mean())
     left = float(segment[max(at - outer, 0) : at - inner + 1].mean())
     right = float(segment[at + inner : at + outer + 1].mean())
     depth = min(left, right) - low
-    if depth <= 0.0:
-        return None
-    # More noise needs more smoothing, or the first noisy sample beyond the level is mistaken for the edge.
-    noise = noise_std_mps2(segment)
-    smooth = max(1, round(width * 0.08), round(min(0.35 * width, (_CROSSING_FACTOR * noise / depth) ** 2)))
-    kernel = np.full(smooth, 1.0 / smooth)
-    smoothed = np.convolve(segment, kernel, mode="valid") if smooth > 1 else segment
-    shift = 0.5 * (smooth - 1)
-    level = low + 0.5 * depth
-    start = min(max(round(at - shift), 0), len(smoothed) - 1)
-    rising = np.flatnonzero(smoothed[start:] > level)
-    falling = np.flatnonzero(smoothed[: start + 1][::-1] > level)
-    if not len(rising) or not len(falling) or rising[0] == 0 or falling[0] == 0:
-        return None
-    after = start + int(rising[0])
-    before = start - int(falling[0])
-    up = smoothed[after] - smoothed[after - 1]
-    down = smoothed[before] - smoothed[before + 1]
-    trailing = after - float(smoothed[after] - level) / float(up)
-    leading = before + float(smoothed[before] - level) / float(down)
-    # Timing error of a crossing: noise after smoothing, divided by the slope over the smoothing length.
-    span = max(1, smooth)
-    lo, hi = max(after - span, 0), min(after + span, len(smoothed) - 1)
-    slope_up = abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
-    lo, hi = max(before - span, 0), min(before + span, len(smoothed) - 1)
-    slope_down = abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
-    noise /= smooth**0.5
-    tiny = np.finfo(float).tiny
-    centre_std = 0.5 * noise * float(np.hypot(1.0 / max(slope_up, tiny), 1.0 / max(slope_down, tiny)))
-    centre_std = float(np.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width)))
-    return Contact(first + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
+    return (low, depth) if depth > 0.0 else None
+
+
+def _crossing(smoothed: FloatArray, start: int, level: float, direction: int) -> int | None:
+    """Return the first sample above the level from `start` on, in direction 1 or -1; None without a crossing."""
+    values = smoothed[start:] if direction > 0 else smoothed[start::-1]
+    above = np.flatnonzero(values > level)
+    return start + direction * int(above[0]) if len(above) and above[0] > 0 else None
+
+
+def _mean_slope(smoothed: FloatArray, place: int, span: int) -> float:
+    """Return the absolute slope over `span` samples on either side of a place, within the signal."""
+    lo, hi = max(place - span, 0), min(place + span, len(smoothed) - 1)
+    return abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)

@@ -14,6 +14,7 @@ from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
+from tests.pipeline.rolling_signals import ring_solution
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
 
@@ -98,8 +99,6 @@ def test_steadier_edge_dominates_timing(roll, to_frames) -> None:
 
 def jittered(roll):
     """Return a wheel at 65 km/h whose leading edge jitters by 2 mm (one standard deviation)."""
-    from tests.pipeline.conftest import ring_solution
-
     plain = roll(65.0, 12.0, noise_mps2=3.4)
     shape, grid = ring_solution().sensor.radial_m, ring_solution().theta_rad
     turn = np.round(plain.theta_rad / (2.0 * math.pi)).astype(int)

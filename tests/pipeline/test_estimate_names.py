@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
-from tests.pipeline.conftest import LOAD_N, PRESSURE_PA, RADIUS_M
+from tests.pipeline.rolling_signals import LOAD_N, PRESSURE_PA, RADIUS_M
 
 SETUP = WheelSetup("FL", 0, 0, RADIUS_M, load_n=LOAD_N, pressure_pa=PRESSURE_PA)
 
