@@ -22,6 +22,7 @@ import numpy as np
 
 from gateway.estimators.base import Conditions, Estimate, Revolution, Status
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.reasons import Code, Reason
 
 RADIUS_M = 0.32
 SAMPLES = 1024
@@ -72,7 +73,7 @@ def make_result(position: str, index: int, rng: np.random.Generator) -> Revoluti
         ("Ts/Cw", 12.95, 0.6),
     )
     estimates = tuple(
-        Estimate(name, value + std * rng.standard_normal(), std, Status.VALID, "linear ring: model error left out")
+        Estimate(name, value + std * rng.standard_normal(), std, Status.VALID, (Reason(Code.LINEAR_RING),))
         for name, value, std in known
     )
     return RevolutionResult(position, 0, revolution, Conditions(RADIUS_M, 5000.0, 210e3, 31.5), estimates)

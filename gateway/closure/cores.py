@@ -8,7 +8,7 @@ from typing import Protocol
 
 from gateway.closure.effects.base import BaselineModel, GroupConditions
 from gateway.closure.ring_options import RingOptions
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
 

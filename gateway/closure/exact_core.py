@@ -18,7 +18,7 @@ from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
 # Of Table 3's tire, whose stiffnesses over its load are where a fit begins whatever the load is.

@@ -19,7 +19,6 @@ from gateway.closure.effects.base import FIELD_SIZE, BaselineModel, GroupConditi
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
-from gateway.physics.bound import waveform_orders
 from gateway.physics.reference_tire import (
     TABLE_3_LOAD_N,
     TABLE_3_LOAD_NUMBER,
@@ -28,7 +27,7 @@ from gateway.physics.reference_tire import (
     TABLE_3_RADIUS_M,
 )
 from gateway.physics.ring_series import stiffness_terms
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, waveform_orders
 from gateway.types import FloatArray
 
 # Table 3's tire. Its stiffnesses over its load are where a fit begins whatever the load is.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from gateway.estimators.base import Conditions, Estimate, Revolution
+from gateway.reasons import Reason
 from gateway.types import FloatArray
 
 
@@ -56,11 +57,11 @@ class SensorFlag:
 
     Attributes:
         name: one or two words.
-        text: what it is and what follows from it.
+        reason: what it is and what follows from it.
     """
 
     name: str
-    text: str
+    reason: Reason
 
 
 @dataclass(frozen=True, slots=True)

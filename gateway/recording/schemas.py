@@ -2,7 +2,8 @@
 
 Only plain types are used (no unions, no null): Foxglove refuses schemas with more. A number that is not known is left
 out of the message. Fields beyond the listed ones are allowed; those of a revolution are the estimates, each as
-`<name>`, `<name>_std` and `<name>_status`.
+`<name>`, `<name>_std`, `<name>_status` and, where there are any, `<name>_reasons`; and `fault_reasons`. A reason is an
+object with `code`, `values` (SI units) and `text`.
 """
 
 from __future__ import annotations

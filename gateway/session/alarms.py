@@ -10,6 +10,7 @@ from gateway.estimators.base import Status
 from gateway.pipeline.results import Alarm, LinkSnapshot, WheelSnapshot
 from gateway.security.guard import SUSPICIOUS
 from gateway.session.wheel_identity import misplaced
+from gateway.views import wording
 
 
 def alarms(
@@ -72,7 +73,7 @@ def _of_wheel(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[Alarm]:
     if wear is not None and limits.wear_max_mm is not None and wear.value > limits.wear_max_mm:
         yield alarm("wear", f"wear {wear.value:.1f} mm is above {limits.wear_max_mm:.1f} mm")
     for flag in wheel.flags:
-        yield alarm(flag.name, flag.text)
+        yield alarm(flag.name, wording.text(flag.reason))
     if wheel.counters.samples_saturated:
         yield alarm("saturated", f"{wheel.counters.samples_saturated} samples at the end of the sensor's range")
 

@@ -18,12 +18,14 @@ from gateway.config.vehicle import VehicleConfig
 from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
+from gateway.reasons import Reason
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard_setup import open_guard
 from gateway.session.batch import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
 from gateway.session.provenance import GIVEN, RECORDED, assumed, stated
 from gateway.session.wheel_identity import SensorsHeard, address, configured
+from gateway.views import wording
 
 # With several wheels and none chosen, so many more revolutions are looked at to name the wheels.
 _LOOK_ON: Final = 200
@@ -183,7 +185,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         first_s=float(host_s.min()) if len(table) else 0.0,
         last_s=float(host_s.max()) if len(table) else 0.0,
         host_times=real,
-        rejected=taker.store.rejected,
+        rejected={_text(reason): count for reason, count in taker.store.rejected.items()},
         clock_error=clock.error(where[0]) if real and where is not None else UNKNOWN,
         assumed=assumed(vehicle, wheel, groups),
         stated=stated(
@@ -197,3 +199,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         sensor_id=next(iter(seen)) if len(seen) == 1 else None,
         notes=(*(told or strangers), *taker.store.notes()),
     )
+
+
+def _text(reason: str | Reason) -> str:
+    return wording.text(reason) if isinstance(reason, Reason) else reason

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waves import EdgeWaves, TreadPitch
+from gateway.physics.tread_pattern import EdgeWaves, TreadPitch
 
 RING_NODES = 1440
 

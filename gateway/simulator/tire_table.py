@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring import RingSolution
-from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.simulator.tire_model import TireModel
 from gateway.types import FloatArray
 

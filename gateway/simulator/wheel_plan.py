@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from gateway.physics.laminate import crossed_coupling_length
 from gateway.physics.lateral_belt import LateralBelt
 from gateway.physics.rolling_ring import RingParameters
-from gateway.physics.rolling_ring_waves import EdgeWaves, TreadPitch
+from gateway.physics.tread_pattern import EdgeWaves, TreadPitch
 from gateway.simulator.motion import MotionProfile, Ripple, WheelRotation
 from gateway.simulator.scenario_model import Scenario, Wheel
 from gateway.simulator.scenario_tables import (

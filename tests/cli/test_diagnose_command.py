@@ -223,7 +223,7 @@ class TestEffectsFiles:
     def test_estimate_takes_them_off_and_says_so(self, saved, recording, tmp_path):
         plain, _ = self.radial_of(tmp_path / "plain", recording)
         freed, printed = self.radial_of(tmp_path / "freed", recording, "--effects", saved)
-        assert "taken off its axes: imbalance" in printed
+        assert "subtracted from its axes: imbalance" in printed
         assert plain.splitlines()[0] == freed.splitlines()[0]
         assert plain.splitlines()[-1] != freed.splitlines()[-1]
 
@@ -232,7 +232,7 @@ class TestEffectsFiles:
         path = tmp_path / "w0.effects.json"
         assert run(recording, "--save-effects", path).exit_code == 0
         _, printed = self.radial_of(tmp_path / "off", recording, "--effects", path)
-        assert "NOT taken off its axes: imbalance: 5000 N is outside of the 3000 to 4000 N" in printed
+        assert "NOT subtracted from its axes: imbalance: 5000 N is outside the 3000 N to 4000 N" in printed
         result = CliRunner().invoke(
             treadlink, ["replay", str(recording), "--speed", "max", "--plain", "--effects", str(path)]
         )

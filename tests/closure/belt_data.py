@@ -14,11 +14,11 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Revolution
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
-from tests.exact_ring_data import on_grid
-from tests.simulated_wheel import simulated
+from tests.testkit.exact_ring import on_grid
+from tests.testkit.simulated_wheel import simulated
 
 RADIUS_M = 0.32
 PRESSURE_PA = 2.1e5

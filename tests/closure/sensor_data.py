@@ -19,7 +19,7 @@ from gateway.closure.effects.base import (
 )
 from gateway.closure.effects.catalogue import catalogue
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.tire_table import LATERAL as LATERAL_COLUMN

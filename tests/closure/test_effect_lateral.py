@@ -23,11 +23,11 @@ from gateway.closure.effects.mounting import YawTilt
 from gateway.closure.lateral_response import Load, Stiffness, unit_response
 from gateway.physics.laminate import crossed_coupling_length
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.sensor import mounting_matrix
 from gateway.simulator.wheel_plan import wheel_plans
-from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, on_grid, solution
+from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, on_grid, solution
 
 PLY_STEER, CONICITY, CARCASS_COMPLIANCE, YAW_TILT = PlySteer(), Conicity(), CarcassCompliance(), YawTilt()
 EFFECTS = (PLY_STEER, CONICITY, CARCASS_COMPLIANCE)

@@ -13,9 +13,9 @@ from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.series_core import SeriesCore
-from gateway.physics.bound import waveform_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import FloatArray
 
 HERE = GroupConditions(56.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)

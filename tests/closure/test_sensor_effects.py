@@ -18,7 +18,7 @@ from gateway.closure.effects.base import (
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.ring_options import RingOptions
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.tire_table import look_up
 from tests.closure.sensor_data import (
     CONDITIONS,

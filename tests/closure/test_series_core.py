@@ -12,11 +12,11 @@ from scipy.optimize import least_squares
 from gateway.closure.effects.base import FIELD_SIZE, BaselineModel, GroupConditions
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.series_core import SeriesCore
-from gateway.physics.bound import waveform_orders
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import Kinematics, RoadForce, modal_stiffness, signal_orders
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import FloatArray
 
 RADIUS_M, PRESSURE_PA, OMEGA_RADPS = 0.32, 2.1e5, 56.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Coupling
-from gateway.physics.rolling_ring_waves import TreadPitch
+from gateway.physics.tread_pattern import TreadPitch
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.wheel_plan import wheel_plans

@@ -33,7 +33,7 @@ from typing import Any, Final
 import numpy as np
 
 from gateway.closure.ring_options import RingOptions
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)

@@ -1,9 +1,9 @@
-"""The Cramer-Rao bound: how well any unbiased estimator can know a tire from its radial waveform.
+"""The Cramer-Rao bound: smallest variance of any unbiased estimate of a tire's parameters from its radial waveform.
 
-The waveform is the geometrically exact ring's, its derivatives by the logarithms of the parameters are central
-differences. Noise of the time signal that is not locked to the wheel is independent from order to order: white noise of
-density nd gives every real coefficient the standard deviation nd / sqrt(T), T being the revolution's period (and the
-mean half of that variance); coloured noise does so with its own density at each order's frequency.
+The waveform is that of the geometrically exact ring. Its derivatives by the logarithms of the parameters are central
+differences. Noise that is not locked to the wheel is independent from order to order. White noise of density nd gives
+every real coefficient the standard deviation nd / sqrt(T), T being the period of the revolution, and the mean half of
+that variance. Coloured noise does the same with its density at each order's frequency.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from typing import Final, Self
 import numpy as np
 
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import ComplexArray, FloatArray
 
-# Fields of the ring that stand behind the names of parameters; all derivatives are by logarithms.
+# Field of `RingParameters` for each parameter name; all derivatives are by logarithms.
 _RING_FIELDS: Final = {
     "Bs": "bending_stiffness_nm2",
     "Cw": "tension_width_m",
@@ -28,7 +29,7 @@ _RING_FIELDS: Final = {
     "extension": "extension_stiffness_n",
 }
 NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
-# What has to be estimated beside the numbers: the tread is not known, nor where angle 0 is.
+# Tread stiffness and the angle of the contact centre are not known either and are estimated along with the numbers.
 DEFAULT_PARAMETERS: Final = (*NUMBERS, "tread", "centre")
 
 _STEP: Final = 2e-3
@@ -37,7 +38,7 @@ _MAX_ORDER: Final = 150
 
 @dataclass(frozen=True, slots=True)
 class WaveformSensitivity:
-    """How the radial waveform and the contact edges of one tire move with its parameters.
+    """Derivatives of one tire's radial waveform and contact edges by its parameters.
 
     Attributes:
         names: of the k parameters.
@@ -73,7 +74,7 @@ class WaveformSensitivity:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Covariance that no unbiased estimator can go below, of one revolution; 1 / M of it for M revolutions.
+    """Lower bound of the covariance of unbiased estimates from one revolution; divide by M for M revolutions.
 
     Attributes:
         names: of the k parameters.
@@ -116,14 +117,14 @@ def waveform_sensitivity(
         load_n: vertical load, the same at every step unless "load" is a parameter.
         pressure_pa: inflation pressure.
         omega_radps: angular speed.
-        parameters: of Bs, Cw, Rs, Ts, tread, extension, load, gain (of the sensor), offset (of the sensor from the
-            belt's neutral layer, by 1 % of the radius) and centre (angle of the contact on the grid).
-        nodes: of the ring.
+        parameters: any of Bs, Cw, Rs, Ts, tread, extension, load, gain (of the sensor), offset (of the sensor from the
+            belt's neutral layer, in units of 1 % of the radius) and centre (angle of the contact on the grid).
+        nodes: number of grid points of the ring.
         max_order: highest order.
         sensor_offset_m: sensor below the neutral layer.
 
     Raises:
-        ValueError: a parameter that is none of these.
+        ValueError: an unknown parameter.
         RingNotConvergedError: no equilibrium.
     """
     base = solve_rolling_ring(ring, load_n, pressure_pa, omega_radps, nodes=nodes, sensor_offset_m=sensor_offset_m)
@@ -161,16 +162,6 @@ def waveform_sensitivity(
     return WaveformSensitivity(tuple(parameters), coefficients, derivatives, _edges(base), edges, omega_radps)
 
 
-def waveform_orders(waveform: FloatArray, max_order: int) -> ComplexArray:
-    """Return coefficients c_n - i s_n, n = 0 to max_order, of curves (..., n) over theta = -pi + 2 pi i / n."""
-    n = waveform.shape[-1]
-    spectrum = np.fft.rfft(waveform, axis=-1)[..., : max_order + 1] * (2.0 / n)
-    spectrum[..., 0] *= 0.5
-    spectrum[..., 1::2] *= -1.0
-    result: ComplexArray = spectrum
-    return result
-
-
 def order_variance(
     period_s: float,
     density_mps2_rthz: float,
@@ -184,12 +175,12 @@ def order_variance(
     Args:
         period_s: of the revolution.
         density_mps2_rthz: one-sided amplitude density of white sensor noise.
-        road_rms_mps2: of road vibration, a two-pole Butterworth's white noise.
-        road_bandwidth_hz: its corner.
+        road_rms_mps2: of road vibration, white noise through a two-pole Butterworth low-pass filter.
+        road_bandwidth_hz: corner frequency of the filter.
         max_order: highest order.
     """
     frequency = np.arange(max_order + 1) / period_s
-    # The noise bandwidth of a two-pole Butterworth is pi / (2 sqrt 2) of its corner.
+    # The noise bandwidth of a two-pole Butterworth filter is pi / (2 sqrt 2) times its corner frequency.
     road = road_rms_mps2**2 / (road_bandwidth_hz * math.pi / (2.0 * math.sqrt(2.0)))
     density = density_mps2_rthz**2 + road / (1.0 + (frequency / road_bandwidth_hz) ** 4)
     variance: FloatArray = density / period_s
@@ -204,11 +195,11 @@ def cramer_rao(
 
     Args:
         sensitivity: of the waveform.
-        variance: (m,) of one real coefficient of each order; fewer orders than in `sensitivity` leave the rest unused.
-        prior_std: standard errors (relative, `centre` in rad) with which parameters are known beforehand.
+        variance: (m,) of one real coefficient of each order; orders of `sensitivity` from m on are not used.
+        prior_std: prior standard errors of parameters (relative, `centre` in rad).
 
     Raises:
-        numpy.linalg.LinAlgError: the waveform does not tell the parameters apart at all.
+        numpy.linalg.LinAlgError: the waveform does not distinguish the parameters.
     """
     used = min(len(variance), sensitivity.derivatives_mps2.shape[1])
     weighted = sensitivity.derivatives_mps2[:, :used] / np.sqrt(variance[:used])
@@ -227,7 +218,7 @@ def cramer_rao(
         names=sensitivity.names,
         covariance=covariance,
         half_angle_std_rad=math.sqrt(half @ covariance @ half),
-        # Two contacts bound a revolution; each is placed by one revolution's worth of signal around it.
+        # Two contacts bound a revolution, and each is located by one revolution of signal around it.
         period_std_s=math.sqrt(2.0) * centre_std / sensitivity.omega_radps,
     )
 

@@ -1,4 +1,4 @@
-"""The damped modal solution against the speed-free series, closed forms and the geometrically exact ring."""
+"""Damped modal solution against the undamped series, closed forms and the exact ring."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.ring_modal import (
+from gateway.physics.ring_series import Kinematics, RoadForce, modal_number, modal_stiffness
+from gateway.physics.ring_series import signal_orders as series_orders
+from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+from tests.testkit.damped_ring_modes import (
     displacement_orders,
     dynamic_stiffness,
     modal_coefficients,
     phase_lag,
     signal_orders,
 )
-from gateway.physics.ring_series import Kinematics, RoadForce, modal_number, modal_stiffness
-from gateway.physics.ring_series import signal_orders as series_orders
-from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 
 RADIUS_M, PRESSURE_PA, OMEGA = 0.32, 2.1e5, 56.4
 RING = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=PRESSURE_PA)
@@ -44,7 +44,7 @@ def test_speed_and_mass_cancel(factors: tuple[float, ...], omega: float, mass: f
     )
 
 
-def test_undamped_it_is_the_series_both_ways_of_reading_it() -> None:
+def test_undamped_modes_equal_the_series() -> None:
     road = road_orders(ORDERS, 5000.0, RADIUS_M, 0.2)
     context = {"load_n": 5000.0, "pressure_pa": PRESSURE_PA, "radius_m": RADIUS_M, "half_angle_rad": 0.2}
     for kinematics in Kinematics:
@@ -60,7 +60,7 @@ def test_undamped_it_is_the_series_both_ways_of_reading_it() -> None:
     )
 
 
-def test_damping_lags_by_the_phase_of_eq_12() -> None:
+def test_damping_lag_is_eq_12() -> None:
     damped = replace(RING, foundation_damping_nspm2=300.0)
     road = road_orders(ORDERS, 5000.0, RADIUS_M, 0.2)
     lag = phase_lag(ORDERS, damped, PRESSURE_PA, OMEGA)
@@ -72,7 +72,7 @@ def test_damping_lags_by_the_phase_of_eq_12() -> None:
 
 
 @pytest.mark.parametrize("damping", [0.0, 400.0])
-def test_a_lightly_loaded_exact_ring_is_linear(damping: float) -> None:
+def test_lightly_loaded_exact_ring_is_linear(damping: float) -> None:
     ring = replace(RING, foundation_damping_nspm2=damping, extension_stiffness_n=5e8)
     exact = solve_rolling_ring(ring, 50.0, PRESSURE_PA, OMEGA, nodes=3600)
     theta, step = exact.theta_rad, 2.0 * np.pi / 3600

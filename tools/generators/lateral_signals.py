@@ -1,6 +1,7 @@
-"""Three axes of a tire that ply-steers: exact ring, lateral belt, brush tread, a sensor put in crooked, a rough road.
+"""Three-axis signals of a tire with ply steer: exact ring, lateral belt, brush tread, tilted sensor and rough road.
 
-Shares no equation with the estimators but a = Omega^2 d2y/dtheta2: the shape comes from the belt's balance.
+The lateral shape comes from the belt's force balance. The only equation in common with the estimators is
+a = Omega^2 d2y/dtheta2.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from firmware_protocol.messages import Axis, Coupling, Hello
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
@@ -24,12 +26,13 @@ from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
 
 RADIUS_M, REFERENCE_PRESSURE_PA = 0.32, 2.1e5
-G = 9.80665
-SCALE_MPS2 = 2000.0 * G / 32768.0
+G = STANDARD_GRAVITY_MPS2
+RANGE_MPS2 = 2000.0 * G
+SCALE_MPS2 = RANGE_MPS2 / 32768.0
 
 
 def car_ring(pressure_pa: float) -> RingParameters:
-    """The ring paper's tire; sidewall stiffness half structure, half pressure."""
+    """Return the ring paper's tire; half of the sidewall stiffness is structural, half is proportional to pressure."""
     at = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=REFERENCE_PRESSURE_PA)
     share = 0.5 + 0.5 * pressure_pa / REFERENCE_PRESSURE_PA
     return RingParameters(
@@ -53,12 +56,9 @@ def lateral(ring: RingSolution, belt: LateralBelt = LateralBelt(), slip_rad: flo
     return solve_lateral_belt(ring, belt, slip_angle_rad=slip_rad)
 
 
-RingSolution.__hash__ = object.__hash__  # type: ignore[method-assign]  # one solution is one key of the cache
-
-
 @dataclass(frozen=True)
 class Sensor:
-    """How the sensor sits and what it adds."""
+    """Mounting of the sensor, its noise and the disturbances."""
 
     rate_hz: float = 9600.0
     noise_mg: float = 0.0
@@ -79,7 +79,7 @@ def samples(
     speed_kmh: float = 65.0,
     acceleration_mps2: float = 0.0,
 ) -> FloatArray:
-    """Return (m, 3) circumferential, lateral, radial; `shapes` are (revolutions, lateral shape) one after another."""
+    """Return (m, 3) circumferential, lateral, radial samples; `shapes` lists (revolutions, lateral shape) in order."""
     theta = np.append(ring.theta_rad, math.pi)
 
     def curve(values: FloatArray) -> CubicSpline:
@@ -126,7 +126,7 @@ def samples(
 
 
 def _band(rng: np.random.Generator, count: int, rate_hz: float, low_hz: float, high_hz: float) -> FloatArray:
-    """Noise of unit rms between two frequencies."""
+    """Return noise of unit rms between two frequencies."""
     spectrum = rng.normal(size=count // 2 + 1) + 1j * rng.normal(size=count // 2 + 1)
     frequency = np.fft.rfftfreq(count, 1 / rate_hz)
     spectrum[(frequency < low_hz) | (frequency > high_hz)] = 0.0
@@ -149,7 +149,7 @@ def through_pipeline(
     wheel = WheelPipeline(setup, tuple(estimators))
     scale = (SCALE_MPS2,) * 3
     wheel.hello(
-        Hello(1, 0, 1, 1, (1, 0, 0), 1, sensor.rate_hz, axes, coupling, 0.0, (2000 * G,) * 3, scale, (0, 0, 0), 32767)
+        Hello(1, 0, 1, 1, (1, 0, 0), 1, sensor.rate_hz, axes, coupling, 0.0, (RANGE_MPS2,) * 3, scale, (0, 0, 0), 32767)
     )
     counts = np.round(values_mps2[:, [axis for axis in Axis if axes >> axis & 1]] / SCALE_MPS2).astype(np.int16)
     host = HostClock()

@@ -1,4 +1,4 @@
-"""One simulated wheel through the whole pipeline: bytes of the exact ring in, results out."""
+"""One simulated wheel run through the whole pipeline, from bytes to results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gateway.simulator.truth import WheelTruth
 def simulated(
     tables: str, duration_s: float, setup: WheelSetup, estimators: tuple[str, ...], wheel: str = "", seed: int = 4
 ) -> tuple[tuple[RevolutionResult, ...], WheelTruth]:
-    """Return the results of a scenario's tables with one wheel of further keys `wheel`, and what is true."""
+    """Return the results and the truth of a scenario's `tables` with one wheel; `wheel` holds further keys of it."""
     text = f"[scenario]\nseed = {seed}\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n{wheel}\n"
     simulation = simulate(parse_document(Scenario, text, "test"), duration_s=duration_s)
     pipeline, decoder = Pipeline((setup,), setup, estimators), FrameDecoder()

@@ -1,4 +1,4 @@
-"""What a sensor on the belt feels: exact kinematics of a steadily passing shape, gravity and spin kept apart."""
+"""Waveform of a sensor on the belt: exact kinematics of a steadily passing shape, and periodic curves by FFT."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gateway.types import ComplexArray, FloatArray
 
 
 class SensorWaveform(NamedTuple):
-    """Specific force over one revolution, split so that speed, gravity and acceleration can be put together at will.
+    """Specific force over one revolution, split into its parts by angular speed, gravity and angular acceleration.
 
     All arrays are (N,) over material angles theta = -pi + 2 pi i / N; radial is positive inward, circumferential along
     +theta. Specific force = omega^2 * shape + g * gravity + domega/dt * spin (`specific_force`).
@@ -55,14 +55,24 @@ def angle_derivatives(values: ComplexArray) -> tuple[ComplexArray, ComplexArray]
     return np.fft.ifft(first), np.fft.ifft(-(order**2) * spectrum)
 
 
+def waveform_orders(waveform: FloatArray, max_order: int) -> ComplexArray:
+    """Return coefficients c_n - i s_n, n = 0 to max_order, of curves (..., N) over theta = -pi + 2 pi i / N."""
+    n = waveform.shape[-1]
+    spectrum = np.fft.rfft(waveform, axis=-1)[..., : max_order + 1] * (2.0 / n)
+    spectrum[..., 0] *= 0.5
+    spectrum[..., 1::2] *= -1.0
+    result: ComplexArray = spectrum
+    return result
+
+
 def sensor_waveform(
     position_m: FloatArray, radius_m: float, sensor_offset_m: float = 0.0, section_rad: FloatArray | None = None
 ) -> SensorWaveform:
-    """Return what a sensor feels that rides `sensor_offset_m` below (inside) the belt's neutral layer.
+    """Return the waveform of a sensor `sensor_offset_m` below (inside) the belt's neutral layer.
 
-    The sensor passes the shape z - e n_out once a revolution; its acceleration omega^2 d2/dtheta2 is taken by FFT and
-    projected on its own axes, which follow the belt's normal and tangent, or the belt's section where that turns
-    separately (../rolling_ring_equations: a shear-flexible belt).
+    The sensor passes the shape z - e n_out once a revolution. Its acceleration omega^2 d2/dtheta2 is taken by FFT and
+    projected on its own axes. These follow the belt's normal and tangent, or the belt's section where that turns
+    separately (a shear-flexible belt).
 
     Args:
         position_m: (N, 2) neutral layer, axle at the origin, y up, belt counter-clockwise.
@@ -75,7 +85,7 @@ def sensor_waveform(
     along = slope / np.abs(slope) if section_rad is None else np.exp(1j * section_rad)
     inward = 1j * along
     velocity, acceleration = angle_derivatives(neutral + sensor_offset_m * inward)
-    # The axle moves towards -x: accelerating by domega/dt, it adds -R domega/dt along x to every point of the belt.
+    # The axle moves towards -x: an angular acceleration adds -R domega/dt along x to every point of the belt.
     spin = velocity - radius_m
     return SensorWaveform(
         radial_m=(acceleration * inward.conj()).real,

@@ -1,4 +1,4 @@
-"""A sensor, its hub and an attacker who hears and can send everything but has no key."""
+"""Frames of a genuine sensor, and of an attacker who reads and sends everything but has no key."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def guard(ledger: Ledger | None = None, *, requires: bool = True) -> Guard:
 
 
 class Sender:
-    """Signs like the firmware of one hub; counters count up by themselves."""
+    """Signs frames like the firmware of one hub and counts them."""
 
     def __init__(self, boot_count: int = 7, keys: dict[str, Key] = KEYS, sensors: dict[int, int] = SENSORS) -> None:
         self.boot_count = boot_count
@@ -42,6 +42,7 @@ class Sender:
         self._signer = FrameSigner(keys)
 
     def send(self, wheel: int, message: Message, *, signed: bool = True) -> bytes:
+        """Return the message as the next frame of a wheel."""
         types = {Hello: MessageType.HELLO, SampleBlock: MessageType.SAMPLES, HubStatus: MessageType.HUB_STATUS}
         frame = encode_frame(Frame(types[type(message)], 0, wheel, self.seq[wheel], 1000, message))
         self.seq[wheel] += 1
@@ -49,12 +50,15 @@ class Sender:
         return self._signer(frame, identity, self.boot_count) if signed else frame
 
     def hello(self, wheel: int = 0) -> bytes:
+        """Return a hello frame."""
         return self.send(wheel, hello(self.sensors[wheel], self.boot_count))
 
     def samples(self, wheel: int = 0, *, signed: bool = True) -> bytes:
+        """Return a frame of 35 samples."""
         return self.send(wheel, SampleBlock(self.seq[wheel] * 35, 7, np.ones((35, 3), "<i2")), signed=signed)
 
     def status(self) -> bytes:
+        """Return a status frame of the hub."""
         return self.send(HUB_ITSELF, HubStatus(1, 50, 3.0, 0.1, -50, 1, 0, 0, 0))
 
 
@@ -66,12 +70,12 @@ def hello(sensor_id: int, boot_count: int) -> Hello:
 
 
 def with_crc(frame: bytes) -> bytes:
-    """Return a frame whose CRC fits whatever was done to it: anybody can do that."""
+    """Return a changed frame with a matching CRC, which needs no key."""
     return frame[:-4] + crc32(frame[:-4]).to_bytes(4, "little")
 
 
-def bent(frame: bytes, rng: np.random.Generator) -> bytes:
-    """Return a frame with one byte changed, but for sync, version, length and flags: it stays a signed frame."""
+def corrupted(frame: bytes, rng: np.random.Generator) -> bytes:
+    """Return a frame with one byte changed outside sync, version, length and flags, so that it stays a signed frame."""
     data = bytearray(frame)
     places = [3, 5, 6, *range(8, len(data) - 4)]
     data[places[rng.integers(len(places))]] ^= rng.integers(1, 256)
@@ -79,7 +83,7 @@ def bent(frame: bytes, rng: np.random.Generator) -> bytes:
 
 
 def forged(frame: bytes, rng: np.random.Generator) -> bytes:
-    """Return a frame that goes on where the sensor stopped, with a tag made up."""
+    """Return a frame that continues the sensor's numbering with a random tag."""
     data = bytearray(frame)
     data[8:12] = (int.from_bytes(data[8:12], "little") + int(rng.integers(1, 1000))).to_bytes(4, "little")
     data[-12:-4] = rng.bytes(8)
@@ -95,7 +99,7 @@ def downgraded(frame: bytes) -> bytes:
 
 
 def attacks(count: int, seed: int) -> Iterator[tuple[str, Callable[[Guard], None], list[bytes]]]:
-    """Yield name, what happened before (a genuine session), and `count` hostile frames of each kind."""
+    """Yield the name, the genuine session to replay first, and `count` hostile frames of each kind."""
     rng = np.random.default_rng(seed)
     genuine = Sender()
     session = [genuine.hello(0), genuine.hello(1), genuine.status()]
@@ -108,8 +112,8 @@ def attacks(count: int, seed: int) -> Iterator[tuple[str, Callable[[Guard], None
 
     old = Sender(boot_count=6)
     earlier = [old.hello(), *(old.samples() for _ in range(500))]
-    stranger = Sender(boot_count=8, keys={name: Key(rng.bytes(16)) for name in KEYS})
-    strange = [stranger.hello(), *(stranger.samples() for _ in range(500))]
+    other = Sender(boot_count=8, keys={name: Key(rng.bytes(16)) for name in KEYS})
+    wrong_key = [other.hello(), *(other.samples() for _ in range(500))]
     ahead = Sender()
     ahead.seq = dict.fromkeys(ahead.seq, 10_000)
     plain = [ahead.samples(index % 2, signed=False) for index in range(500)]
@@ -119,10 +123,10 @@ def attacks(count: int, seed: int) -> Iterator[tuple[str, Callable[[Guard], None
         return [frames[index % len(frames)] for index in range(count)]
 
     yield "forged", before, [forged(last, rng) for _ in range(count)]
-    yield "changed in flight", before, [bent(genuine.samples(), rng) for _ in range(count)]
+    yield "changed in flight", before, [corrupted(genuine.samples(), rng) for _ in range(count)]
     yield "replayed", before, of(session)
     yield "replayed from an earlier start", before, of(earlier)
     yield "late beyond the window", before, of([late])
-    yield "wrong key", before, of(strange)
+    yield "wrong key", before, of(wrong_key)
     yield "unsigned", before, of(plain)
     yield "tag taken off", before, [downgraded(ahead.samples()) for _ in range(count)]

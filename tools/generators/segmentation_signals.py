@@ -1,7 +1,8 @@
-"""Radial signals of rolling wheels by formulas of their own, with faults, and a judge of the contacts found in them.
+"""Radial signals of rolling wheels by independent formulas, with faults, and a comparison of the contacts found.
 
-Nothing here is shared with the gateway: a linear ring's series with a random pressure, edges with overshoots and wave
-packets, and the measured inner liner stretched to other contacts; then motion, gravity, road, sensor and link.
+No formula is shared with the gateway. The shape is a linear ring's series under a random pressure, edges with
+overshoots and wave packets, or the measured inner liner stretched to another contact. Motion, gravity, road, sensor and
+link are added to it.
 """
 
 from __future__ import annotations
@@ -16,16 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, lfilter_zi
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.pipeline.segmenter import ContactPair, Segmenter
 from gateway.types import FloatArray
 
 Speed = Callable[[FloatArray], FloatArray]
 
-GRAVITY = 9.80665
 BLOCK = 36
 GRID = 4096
 THETA = -np.pi + 2.0 * np.pi * np.arange(GRID) / GRID
-MEASURED = Path(__file__).parents[1] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
+MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 
 
 @dataclass
@@ -114,16 +115,11 @@ def measured_revolutions() -> FloatArray:
     middles = [j - 66 for i, j in contacts if j - i > 90]
     share = np.arange(GRID) / GRID
     shape = (z + 152.7) / 152.7
-    return np.array(
-        [
-            np.interp(a + share * (b - a), np.arange(len(z)), shape)
-            for a, b in zip(middles[:-1], middles[1:], strict=True)
-        ]
-    )
+    return np.array([np.interp(a + share * (b - a), np.arange(len(z)), shape) for a, b in pairwise(middles)])
 
 
 def _measured_at(theta: FloatArray, half: float, rng: np.random.Generator) -> FloatArray:
-    """The measured tire at every angle, stretched to another contact, another of its revolutions every turn."""
+    """Return the measured tire at every angle, stretched to another contact; each turn is a different revolution."""
     revolutions, own_half = measured_revolutions(), np.radians(20.9 / 2.0)
     turn = np.floor(theta / (2.0 * np.pi)).astype(int)
     place = theta - turn * 2.0 * np.pi
@@ -153,7 +149,7 @@ def make_signal(case: Case) -> Signal:
         make = ring_shape if case.shape == "ring" else packet_shape
         shape = np.interp(wrapped, THETA, make(rng, case.half_rad), period=2.0 * np.pi)
     radial = omega**2 * case.radius_m * shape
-    radial += GRAVITY * np.where(np.abs(wrapped) < case.half_rad, 1.0, np.cos(wrapped))
+    radial += STANDARD_GRAVITY_MPS2 * np.where(np.abs(wrapped) < case.half_rad, 1.0, np.cos(wrapped))
     radial = _sensed(radial + _road(case, t, speed, rng), case, rng)
     lost = _lost(case, n, rng)
     if lost.any():
@@ -182,15 +178,15 @@ def _road(case: Case, t: FloatArray, speed: FloatArray, rng: np.random.Generator
 
 
 def _sensed(radial: FloatArray, case: Case, rng: np.random.Generator) -> FloatArray:
-    radial = radial * case.gain + case.offset_g * GRAVITY
+    radial = radial * case.gain + case.offset_g * STANDARD_GRAVITY_MPS2
     if case.lowpass_hz:
         radial = lfilter(*butter(1, min(case.lowpass_hz, 0.45 * case.rate_hz), fs=case.rate_hz), radial)
-    noise = case.density_mg * 1e-3 * GRAVITY * np.sqrt(0.5 * case.rate_hz)
+    noise = case.density_mg * 1e-3 * STANDARD_GRAVITY_MPS2 * np.sqrt(0.5 * case.rate_hz)
     radial = radial + noise * rng.standard_normal(len(radial))
     if case.highpass_hz:
         b, a = butter(case.highpass_order, case.highpass_hz, "high", fs=case.rate_hz)
         radial, _ = lfilter(b, a, radial, zi=lfilter_zi(b, a) * radial[0] * rng.uniform(0.0, 1.0))
-    limit = case.range_g * GRAVITY
+    limit = case.range_g * STANDARD_GRAVITY_MPS2
     step = limit / 2**15
     radial = np.clip(np.round(radial / step) * step, -limit, limit - step) * case.sign
     if case.frozen_s is not None:
@@ -218,7 +214,7 @@ def segment(signal: Signal, chunk: int | None = None) -> tuple[list[ContactPair]
     head = 0
 
     def read(first: int, end: int) -> FloatArray:
-        assert 0 <= first <= end <= head, "the segmenter looked at samples that are not there yet"
+        assert 0 <= first <= end <= head, "the segmenter read samples that have not arrived"
         return radial[first:end]
 
     def missing(first: int, end: int) -> int:
@@ -233,9 +229,9 @@ def segment(signal: Signal, chunk: int | None = None) -> tuple[list[ContactPair]
 
 @dataclass
 class Verdict:
-    """Revolutions due (10 km/h and more, whole contacts in view), missed and false ones, and how exact the others are.
+    """Numbers of revolutions due (10 km/h and more, whole contacts in view), missed and false, and errors of the rest.
 
-    Errors are in % of the period: `centre` of the contacts about their own median, `bias` of the mean period; `z` are
+    Errors are in % of the period: `centre` of the contacts about their median, `bias` of the mean period. `z` are
     errors of the period over their stated standard errors.
     """
 
@@ -250,7 +246,7 @@ class Verdict:
 
 
 def judge(signal: Signal, pairs: list[ContactPair]) -> Verdict:
-    """Compare what was found with what was rolled."""
+    """Compare the revolutions found with the true ones."""
     n, theta = len(signal.radial_mps2), signal.theta_rad
     true: list[tuple[float, float, bool]] = []
     for a, b in pairwise(signal.contacts):

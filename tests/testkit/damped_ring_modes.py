@@ -1,9 +1,9 @@
-"""The flexible ring of the ring paper solved by modes, damped: its Eq. 10 to 12 with their misprints repaired.
+"""Damped modal solution of the ring paper's flexible ring: its Eq. 10 to 12 with their misprints repaired.
 
 The ring is linear about the undeformed circle, inextensible (Eq. 8), and rolls steadily. Displacement and signal are
-complex orders c - i s: w(theta) = Re sum w_n e^(i n theta), theta the material angle of the sensor. The undamped,
-speed-free model that the dimensionless numbers come from is `ring_series`; at zero damping both agree to rounding,
-because the belt's inertia and the tension that it causes cancel (`dynamic_stiffness`).
+complex orders c - i s: w(theta) = Re sum w_n e^(i n theta), theta the material angle of the sensor. The undamped model
+without speed, which the dimensionless numbers come from, is `gateway.physics.ring_series`. At zero damping both agree
+to rounding, because the belt's inertia and the tension that it causes cancel (`dynamic_stiffness`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gateway.types import ComplexArray, FloatArray
 
 
 class ModalCoefficients(NamedTuple):
-    """What Eq. 11 calls mass, gyroscopic term, damping and stiffness of each order, (n,) each.
+    """Mass, gyroscopic term, damping and stiffness of each order in Eq. 11, (n,) each.
 
     Attributes:
         mass_kgpm: m_n = rho A (1 + n^2).
@@ -40,8 +40,8 @@ def modal_coefficients(
 ) -> ModalCoefficients:
     """Return m_n, g_n, c_n and k_n (below Eq. 11).
 
-    The tension is sigma A = p0 b R + rho A R^2 Omega^2: inflation's, and what centrifugal force adds. Printed is
-    sigma / R^2 for sigma A / R^2.
+    The tension is sigma A = p0 b R + rho A R^2 Omega^2, the sum of inflation tension and centrifugal tension. The paper
+    prints sigma / R^2 for sigma A / R^2.
     """
     square = np.square(np.asarray(orders, dtype=np.float64))
     mass, radius = ring.mass_kgpm, ring.radius_m

@@ -1,4 +1,4 @@
-"""Sensor signals of the geometrically exact ring: data that shares no equation with the estimators."""
+"""Sensor signals of the geometrically exact ring, computed without the signal path that the tests check."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.types import FloatArray
@@ -33,14 +34,14 @@ def solution(
 
 
 def on_grid(values: FloatArray, n: int = 1024) -> FloatArray:
-    """Band-limited change of the number of grid points of a periodic curve."""
+    """Resample a periodic curve on n points, band-limited."""
     spectrum = np.fft.rfft(values)[: n // 2 + 1]
     spectrum[-1] = 0.0
     return np.fft.irfft(spectrum, n=n) * (n / len(values))
 
 
 def cosine_orders(values: FloatArray, count: int = 60) -> FloatArray:
-    """Cosine coefficients of orders 1 to count of a curve over theta = -pi + 2 pi i / N."""
+    """Return cosine coefficients of orders 1 to count of a curve over theta = -pi + 2 pi i / N."""
     theta = -math.pi + 2.0 * math.pi / len(values) * np.arange(len(values))
     return np.array([2.0 / len(values) * float(values @ np.cos(n * theta)) for n in range(1, count + 1)])
 
@@ -52,7 +53,7 @@ def sampled(
     *,
     revolutions: int = 3,
     acceleration_mps2: float = 0.0,
-    gravity_mps2: float = 9.80665,
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2,
     noise_mps2: float = 0.0,
     seed: int = 1,
 ) -> tuple[FloatArray, FloatArray]:

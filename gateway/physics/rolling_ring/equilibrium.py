@@ -1,25 +1,19 @@
-"""The geometrically exact rolling ring: a belt on an elastic sidewall rolling on a flat road or a drum.
-
-A steadily rolling, pressurised, extensible beam of finite rotation with compliant tread in unilateral contact, the load
-imposed. It shares no equation with the linear flexible ring that the estimators invert. Derived in docs/simulator.md.
-"""
+"""Parameters of the rolling ring, its solution and the solver's entry point."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from gateway.physics.rolling_ring_equations import segment_turn
-from gateway.physics.rolling_ring_newton import NewtonState, find_equilibrium, resting_state
-from gateway.physics.rolling_ring_newton import RingNotConvergedError as RingNotConvergedError
-from gateway.physics.rolling_ring_road import BeltLaw, Grid, ring_grid, road_push
-from gateway.physics.rolling_ring_waveform import SensorWaveform, angle_derivatives, sensor_waveform
+from gateway.physics.rolling_ring.force_balance import BeltLaw, Grid, ring_grid, road_push, segment_turn
+from gateway.physics.rolling_ring.newton_solver import NewtonState, find_equilibrium, resting_state
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, angle_derivatives, sensor_waveform
 from gateway.types import BoolArray, FloatArray
 
-MIN_NODES = 120
+MIN_NODES: Final = 120
 
 
 class RingNumbers(NamedTuple):
@@ -96,9 +90,11 @@ class RingParameters:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class RingSolution:
     """A ring rolling steadily under load. Arrays run over theta = -pi + 2 pi i / N; theta = 0 below the axle.
+
+    A solution equals only itself, so that it can be the key of a cache.
 
     Attributes:
         ring: the parameters.
@@ -183,11 +179,11 @@ def solve_rolling_ring(
         load_n: vertical load, positive.
         pressure_pa: inflation (gauge) pressure.
         omega_radps: angular speed; 0 gives the standing shape.
-        nodes: grid points, even, at least MIN_NODES; 720 gives every order to 3e-4 of the largest.
+        nodes: number of grid points, even, at least MIN_NODES; 720 gives every order to 3e-4 of the largest.
         sensor_offset_m: sensor below (inside) the belt's neutral layer.
         drum_radius_m: of an outer drum, negative for an inner one; infinite for a flat road.
         axle_torque_nm: driving torque; the road's friction, spread like the pressure, balances it. None: no friction.
-        start: a nearby solution of the same number of nodes to start from; saves about half of the time.
+        start: a nearby solution with the same number of nodes to start from; saves about half of the time.
 
     Raises:
         ValueError: an argument or a stiffness is out of range; the message names it.
@@ -242,10 +238,10 @@ def _check(
 
 
 def _on_grid(ring: RingParameters, bending_nm2: float, nodes: int) -> float:
-    """Return GA with the grid's share.
+    """Return GA corrected for the grid.
 
-    A segment's section is the mean of its nodes', which makes the belt stiffer in shear than it is. With a node
-    distance a, a^2 / (4 EI) more shear compliance gives the Euler belt's grid when GA grows without bound.
+    The section angle of a segment is the mean of its nodes' angles, which makes the belt too stiff in shear. With a
+    node distance a, an extra shear compliance of a^2 / (4 EI) gives the Euler belt's grid as GA tends to infinity.
     """
     if math.isinf(ring.shear_stiffness_n):
         return math.inf
@@ -253,7 +249,7 @@ def _on_grid(ring: RingParameters, bending_nm2: float, nodes: int) -> float:
 
 
 def _warm(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
-    """Return `start` as a Newton state of this law."""
+    """Return the solution `start` as a Newton state for this law."""
     if len(start.theta_rad) != len(grid.theta_rad):
         raise ValueError(f"start has {len(start.theta_rad)} nodes, this solve {len(grid.theta_rad)}")
     state = np.empty((len(grid.theta_rad), law.dof))
@@ -265,14 +261,14 @@ def _warm(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
 
 
 def _solution(ring: RingParameters, law: BeltLaw, grid: Grid, found: NewtonState, offset_m: float) -> RingSolution:
-    """Lay out a Newton state as a solution."""
+    """Convert a Newton state into a solution."""
     position = found.state[:, :2].copy()
     road = road_push(law, grid, position, found.height_m, found.traction)
     theta = grid.theta_rad
     if law.dof == 3:
         section = theta + found.state[:, 2]
         turn = found.state[:, 2]
-        # Of the section's turn from the tangent only what is the belt's own, not the grid's.
+        # Keep only the belt's own share of the section's turn from the tangent; the rest is the grid's.
         slope, _ = angle_derivatives(position[:, 0] + 1j * position[:, 1])
         section = section - (1.0 - law.shear_n / ring.shear_stiffness_n) * np.angle(np.exp(1j * section) / slope)
         curvature = (1.0 + (np.roll(turn, -1) - np.roll(turn, 1)) / (2.0 * grid.step_rad)) / law.radius_m
@@ -308,7 +304,7 @@ def _solution(ring: RingParameters, law: BeltLaw, grid: Grid, found: NewtonState
 
 
 def _edges(theta: FloatArray, unclipped: FloatArray) -> tuple[float, float]:
-    """Return the angles where the push first rises above and last falls below zero, between nodes."""
+    """Return the angles, interpolated between nodes, where the road push first rises above and last falls below 0."""
     touching = np.flatnonzero(unclipped > 0.0)
     first, last = int(touching[0]), int(touching[-1])
     step = float(theta[1] - theta[0])
@@ -318,15 +314,15 @@ def _edges(theta: FloatArray, unclipped: FloatArray) -> tuple[float, float]:
 
 
 def _zero(values: FloatArray) -> float:
-    """Return where the cubic through values at -1, 0, 1, 2 is zero between 0 (above zero) and 1 (not above)."""
-    behind, here, next_, beyond = (float(value) for value in values)
+    """Return the zero, between 0 and 1, of the cubic through values at -1, 0, 1, 2; the value at 0 is positive."""
+    before, here, after, beyond = (float(value) for value in values)
     low, high = 0.0, 1.0
     for _ in range(40):
         x = 0.5 * (low + high)
         value = (
-            -behind * x * (x - 1.0) * (x - 2.0) / 6.0
+            -before * x * (x - 1.0) * (x - 2.0) / 6.0
             + here * (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
-            - next_ * (x + 1.0) * x * (x - 2.0) / 2.0
+            - after * (x + 1.0) * x * (x - 2.0) / 2.0
             + beyond * (x + 1.0) * x * (x - 1.0) / 6.0
         )
         low, high = (x, high) if value > 0.0 else (low, x)

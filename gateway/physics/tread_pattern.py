@@ -1,20 +1,20 @@
-"""What a tread pattern does to the belt, locked to the tire: waves from the contact's edges, blocks in the contact.
+"""Belt vibration locked to the tire: waves from the contact edges and tread blocks in the contact.
 
-Measured tires show them (physics notes, section 8): wave packets running out of both edges, of different order before
-and after the contact, alike in every revolution. They are prescribed here, not solved: the smooth ring has no tread
-pattern to excite them.
+Measured tires show wave packets that run out of both edges, of different order before and after the contact, the same
+in every revolution. They are prescribed here, not solved: the smooth ring has no tread pattern to excite them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from gateway.types import FloatArray
 
-# A packet swells from nothing over this angle, so that it does not step at the edge.
-_ONSET_RAD = 0.03
+# A packet grows from zero over this angle, so that there is no step at the edge.
+_ONSET_RAD: Final = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class EdgeWaves:
     phase_rad: float = 0.0
 
     def radial(self, theta_rad: FloatArray, leading_rad: float, trailing_rad: float) -> FloatArray:
-        """Return the packets' share of the radial axis in R omega^2, over one even revolution (N,).
+        """Return the packets' contribution to the radial axis in R omega^2, over one uniform revolution (N,).
 
-        Orders 0 and 1 are taken out: a closed belt's curvature has a mean of one turn and no first order of its own.
+        Orders 0 and 1 are removed: the curvature of a closed belt has a mean of one turn and no first order of its own.
         """
         ahead = np.mod(leading_rad - theta_rad, 2.0 * np.pi)
         behind = np.mod(theta_rad - trailing_rad, 2.0 * np.pi)
@@ -55,12 +55,12 @@ class EdgeWaves:
 
 @dataclass(frozen=True, slots=True)
 class TreadPitch:
-    """Blocks of the tread bend the belt where they press on the road: one wave a block, alike in every revolution.
+    """Tread blocks that bend the belt where they press on the road: one wave per block, the same in every revolution.
 
     Attributes:
         amplitude: in the contact, as a share of R omega^2.
-        blocks: on the circumference.
-        reach_rad: standard deviation of the normal curve by which it fades beyond the contact's edges.
+        blocks: number on the circumference.
+        reach_rad: standard deviation of the Gaussian with which the wave decays beyond the contact edges.
         phase_rad: of the pattern at the sensor.
     """
 
@@ -70,7 +70,7 @@ class TreadPitch:
     phase_rad: float = 0.0
 
     def radial(self, theta_rad: FloatArray, leading_rad: float, trailing_rad: float) -> FloatArray:
-        """Return the blocks' share of the radial axis in R omega^2, over one even revolution (N,)."""
+        """Return the blocks' contribution to the radial axis in R omega^2, over one uniform revolution (N,)."""
         beyond = np.maximum(np.maximum(leading_rad - theta_rad, theta_rad - trailing_rad), 0.0)
         fading = np.exp(-0.5 * (beyond / self.reach_rad) ** 2)
         wave: FloatArray = self.amplitude * fading * np.cos(self.blocks * theta_rad + self.phase_rad)
