@@ -1,4 +1,4 @@
-"""What the views cost: the live console on a pseudo-terminal, the waveform, a plain line.
+"""CPU of the views: the live console on a pseudo-terminal, the waveform, a plain line.
 
 The console shows four wheels at 65 km/h on 120 x 40; every one of its ten drawings a second has a new revolution of
 every wheel. Its figure is the whole process's CPU time over wall time after two seconds, so it holds the toolkit's

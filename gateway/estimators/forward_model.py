@@ -21,9 +21,9 @@ from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from gateway.physics.bound import waveform_orders
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import ComplexArray, FloatArray
 
 # The result does not depend on the speed at which the ring is solved.

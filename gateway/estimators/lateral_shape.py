@@ -21,8 +21,8 @@ from gateway.signal.lateral_deformation import (
     streamline_slope,
     trusted_orders,
 )
-from gateway.signal.moments import RunningMoments
-from gateway.signal.roll_calibration import RollCalibration
+from gateway.signal.sensor_mounting import RollCalibration
+from gateway.signal.synchronous_average import RunningMoments
 from gateway.types import FloatArray
 
 # Rows of `Revolution.axes_mps2`.

@@ -30,7 +30,7 @@ _WEIGHT: Final = 0.25
 _LOCKED_WITHIN_STEPS: Final = 0.6
 
 
-class AsynchronousEstimator:
+class NonsynchronousEstimator:
     """Root mean square of the signal not locked to the wheel, frequency and rms of its strongest line."""
 
     def __init__(self) -> None:

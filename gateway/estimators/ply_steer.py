@@ -24,7 +24,7 @@ from gateway.estimators.lateral_shape import (
     why_unusable,
 )
 from gateway.reasons import Code, Reason
-from gateway.signal.roll_calibration import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
+from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
 from gateway.types import FloatArray
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)

@@ -8,8 +8,8 @@ the closed belt. With the unknowns gain G, offset z, change of gain with tempera
     order 1 - closure = (G + G' dT) g q + a R Omega^2
 
 Both are linear and are accumulated over revolutions, with prior errors as in a data sheet. Revolutions at different
-speeds separate z from G, and a from g. Pitch tilt and mounting offset come from the circumferential axis
-(`gateway.signal.sensor_mounting`), roll tilt from the means of the lateral axis (`gateway.signal.roll_calibration`).
+speeds separate z from G, and a from g. Pitch tilt and mounting offset come from the circumferential axis,
+roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import contact_interior
-from gateway.signal.roll_calibration import RollCalibration
-from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, belt_kinematics, mounting_rows
+from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows
 
 NAMES: Final = (
     "gain",

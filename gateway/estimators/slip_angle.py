@@ -26,8 +26,8 @@ from gateway.estimators.lateral_shape import (
 )
 from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import lateral_waveform
-from gateway.signal.moments import RunningMoments
-from gateway.signal.roll_calibration import RollCalibration
+from gateway.signal.sensor_mounting import RollCalibration
+from gateway.signal.synchronous_average import RunningMoments
 from gateway.types import FloatArray
 
 NAMES: Final = ("slip_apparent_rad", "slip_direction", "lateral_asymmetry", "left_right_asymmetry")

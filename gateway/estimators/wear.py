@@ -15,8 +15,7 @@ import numpy as np
 
 from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.reasons import Code, Reason
-from gateway.signal.moments import RunningMoments
-from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 
 NAMES: Final = ("wear_mm", "wear_number", "wear_drift_mm")
 

@@ -1,9 +1,10 @@
 """Leading and trailing contact edges from the angle-domain radial waveform.
 
-A belt that rolls steadily reads s = V^2 kappa: zero on a flat road, the baseline R Omega^2 in the free part, overshoots
-on either side of the contact. The edge is defined as the place where contact pressure ends. The waveform's steepest
-slope, which is what noise leaves sharpest, lies inside that; the distance was measured on the geometrically exact ring
-and is added here (docs/ring-paper-estimator.md), its spread over tires and loads being part of the standard error.
+On a belt that rolls steadily the sensor reads s = V^2 kappa: zero on a flat road, the baseline R Omega^2 in the free
+part, overshoots on either side of the contact. The edge is defined as the place where contact pressure ends. The
+steepest slope of the waveform, which is the feature most robust to noise, lies inside it. The distance was measured on
+the geometrically exact ring (docs/ring-paper-estimator.md) and is added here. Its spread over tires and loads is part
+of the standard error.
 """
 
 from __future__ import annotations
@@ -20,38 +21,38 @@ from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.order_spectrum import coefficient_std
 from gateway.types import FloatArray
 
-# How far inside the edge the steepest slope of the smoothed waveform lies, against the smoothing in orders: mean and
-# spread over loads, pressures, wear, belts and treads of the exact ring (tools/bench_ring_paper.py prints the table).
+# Distance of the steepest slope of the smoothed waveform inside the edge, by smoothing in orders: mean and standard
+# deviation over loads, pressures, wear, belts and treads of the exact ring. tools/bench_ring_paper.py prints the table.
 _OFFSET_ORDERS: Final = (15.0, 20.0, 25.0, 30.0, 40.0)
 _OFFSETS_RAD: Final = (0.0161, 0.0192, 0.0207, 0.0214, 0.0219)
 _OFFSET_STDS_RAD: Final = (0.0131, 0.0097, 0.0080, 0.0070, 0.0060)
 
-# What the definition of the edge is uncertain by at the usual smoothing: the same for every revolution of a tire.
+# Standard error of the edge's definition at the usual smoothing: a constant error for all revolutions of a tire.
 EDGE_MODEL_STD_RAD: Final = _OFFSET_STDS_RAD[-1]
 
-# Orders kept in the smoothed derivative: a Gaussian of this standard width, less when the sampling carries less.
+# The smoothed derivative keeps orders by a Gaussian of this standard width, narrower when the sampling is coarse.
 SMOOTHING_ORDER: Final = 40.0
 _SMOOTHING_SHARE: Final = 0.3
 
-# The contact is looked for within this angle of 0 and the free belt outside the second angle.
+# The contact is searched within the first angle around 0; the free belt is what lies beyond the second.
 _SEARCH_RAD: Final = 0.9
 _FREE_RAD: Final = 1.1
-# A contact cannot be shorter than this on either side, nor is anything steeper than the edge itself within it.
+# Every contact extends at least this far to either side of 0.
 _CENTRE_RAD: Final = 0.2
-# Step between baseline and contact over the noise of the smoothed waveform below which no edge is claimed.
+# Smallest accepted step between baseline and contact, over the noise of the smoothed waveform.
 _MIN_CONTRAST: Final = 6.0
 
 
 @dataclass(frozen=True, slots=True)
 class ContactEdges:
-    """Edges of one contact, or why there are none.
+    """Edges of one contact, or the reason why none were found.
 
     Attributes:
         leading_rad: leading edge, negative; NaN when not found.
         trailing_rad: trailing edge, positive; NaN when not found.
-        leading_std_rad: one standard error, noise and spread of the edge's definition.
+        leading_std_rad: standard error: noise and uncertainty of the edge's definition.
         trailing_std_rad: likewise.
-        leading_noise_std_rad: the part that differs from revolution to revolution.
+        leading_noise_std_rad: the part that varies from revolution to revolution.
         trailing_noise_std_rad: likewise.
         plateau_mps2: level in the middle of the contact.
         baseline_mps2: level of the free belt.
@@ -81,11 +82,11 @@ def find_contact_edges(
 ) -> ContactEdges:
     """Find both edges of the contact around theta = 0.
 
-    Works on the shape alone: any constant may be added to the waveform, so AC- and DC-coupled sensors are alike.
+    The result does not depend on a constant added to the waveform, so AC- and DC-coupled sensors are treated alike.
 
     Args:
         radial_mps2: (n,) radial waveform on the angle grid, positive inward, gravity removed.
-        samples_per_revolution: samples in time it was made from; few samples mean stronger smoothing.
+        samples_per_revolution: time samples that it was made from; fewer samples need stronger smoothing.
         noise_coefficient_mps2: noise of one real order coefficient; estimated from the high orders when None.
 
     Returns:
@@ -112,7 +113,7 @@ def find_contact_edges(
     first, last = crossings
     quarter = (last - first) // 4
     plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
-    # Second pass with the level of the plateau instead of the deepest point, which noise and overshoots pull down.
+    # Second pass with the level of the plateau instead of the minimum, which noise and overshoots bias.
     crossings = _half_level_crossings(
         smooth, (first + last) // 2, 0.5 * (plateau + baseline), round(_SEARCH_RAD / step_rad)
     )
@@ -138,10 +139,10 @@ def find_contact_edges(
 
 
 def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> slice | None:
-    """Return the grid points of the middle quarter of the contact, of a (n,) waveform; None when there is no contact.
+    """Return the grid points of the middle quarter of the contact in a (n,) waveform; None without a contact.
 
-    Curvature vanishes in a flat contact: on the exact ring the level there is -0.06 to +0.01 of R Omega^2 from a
-    half angle of 0.14 rad up. A shorter contact is not flat (+0.2 at 0.11 rad), and a drum of radius Rd leaves -R / Rd.
+    Curvature vanishes in a flat contact: on the exact ring the level there is -0.06 to +0.01 of R Omega^2 for contact
+    half angles from 0.14 rad up. A shorter contact is not flat (+0.2 at 0.11 rad). A drum of radius Rd gives -R / Rd.
     """
     edges = find_contact_edges(radial_mps2, samples_per_revolution)
     if not edges.found:
@@ -155,12 +156,12 @@ def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> 
 
 
 def smoothing_order(samples_per_revolution: float) -> float:
-    """Return the standard width, in orders, of the Gaussian that the waveform is smoothed with."""
+    """Return the standard width, in orders, of the smoothing Gaussian."""
     return min(SMOOTHING_ORDER, _SMOOTHING_SHARE * samples_per_revolution)
 
 
 def edge_offset(width: float) -> tuple[float, float]:
-    """Return how far inside the edge the steepest slope lies at a smoothing width in orders, and its spread, rad."""
+    """Return the distance of the steepest slope inside the edge and its standard error, rad, for a width in orders."""
     return (
         float(np.interp(width, _OFFSET_ORDERS, _OFFSETS_RAD)),
         float(np.interp(width, _OFFSET_ORDERS, _OFFSET_STDS_RAD)),
@@ -168,7 +169,7 @@ def edge_offset(width: float) -> tuple[float, float]:
 
 
 def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the smoothed waveform and its derivative by angle, (n,), and the orders kept with their gains."""
+    """Return the smoothed waveform, its derivative by angle, (n,) each, and the orders kept with their gains."""
     n = waveform.shape[0]
     orders = np.arange(1.0, min(n // 2, math.ceil(3.5 * width)))
     gain = np.exp(-0.5 * (orders / width) ** 2)
@@ -182,7 +183,7 @@ def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray,
 
 
 def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: int) -> tuple[int, int] | None:
-    """Return the last indices at or below the level on either side of `inside`, or None where it is never crossed."""
+    """Return the last indices at or below the level on either side of `inside`, or None without crossings."""
     if not smooth[inside] < level:
         return None
     above = smooth > level
@@ -194,7 +195,7 @@ def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: 
 
 
 def _steepest(slope: FloatArray, index: int) -> tuple[float, float]:
-    """Climb from `index` to the slope's peak; return its sub-sample place and minus its second difference."""
+    """Climb from `index` to the peak of the slope; return its interpolated place and minus its second difference."""
     n = slope.shape[0]
     while 0 < index < n - 1:
         if slope[index + 1] > slope[index]:

@@ -12,7 +12,7 @@ from gateway.reasons import Reason
 from gateway.signal.contact_edges import find_contact_edges
 from gateway.signal.order_spectrum import coefficient_std, order_coefficients, sample_std
 from gateway.signal.synchronous_average import RunningAverage
-from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, omega_at, on_grid
+from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, omega_at, on_grid
 
 OMEGA = omega_at(65.0)
 CONDITIONS = TireConditions(radius_m=RADIUS_M, load_n=5000.0, pressure_pa=PRESSURE_PA)

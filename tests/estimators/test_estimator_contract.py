@@ -13,7 +13,7 @@ from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, 
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
 from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
-from tests.exact_ring_data import RADIUS_M, solution
+from tests.testkit.exact_ring import RADIUS_M, solution
 
 GOOD = make_revolution(exact_wave(solution()))
 NAN = math.nan

@@ -14,16 +14,16 @@ from gateway.estimators.base import Estimate, Status, TireConditions
 from gateway.estimators.forward import SHAPE, ForwardEstimator
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
 from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P, packet_basis
-from gateway.physics.bound import waveform_orders
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waves import EdgeWaves
+from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
+from gateway.physics.tread_pattern import EdgeWaves
 from gateway.reasons import Code, codes_of
 from gateway.signal.angle_resampling import fit_phase, resample_revolution
 from gateway.signal.segmentation import find_contacts, refine_contact
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
 from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled, take
-from tests.exact_ring_data import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, solution
+from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, solution
 
 OMEGA = omega_at(65.0)
 # 5 mg/rtHz after a hundred revolutions, over R omega^2.

@@ -10,7 +10,7 @@ from gateway.estimators.base import Estimate, Revolution, Status
 from gateway.estimators.kinematic import KinematicEstimator
 from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
-from tests.exact_ring_data import RADIUS_M, solution
+from tests.testkit.exact_ring import RADIUS_M, solution
 
 WAVE = exact_wave(solution())
 

@@ -19,7 +19,7 @@ from gateway.physics.lateral_belt import LateralBelt, LateralSolution
 from gateway.physics.rolling_ring import RingSolution
 from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import settled
-from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
+from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 CONDITIONS = TireConditions(RADIUS_M)
 # Noise that dithers the 16-bit steps of 0.6 m/s^2 and is otherwise negligible.

@@ -22,7 +22,7 @@ from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revo
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
 from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
-from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, cosine_orders, solution
+from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, solution
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 ORDERS = np.arange(1.0, 61.0)

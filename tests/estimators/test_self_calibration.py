@@ -9,7 +9,7 @@ import pytest
 from gateway.estimators.base import Status
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason, codes_of
-from tests.simulated_wheel import last, simulated
+from tests.testkit.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)
 ESTIMATORS = ("kinematic", "self-calibration")

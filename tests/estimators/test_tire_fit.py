@@ -14,7 +14,7 @@ from gateway.estimators.tire_fit import TirePoint, fit_load_calibration, referen
 from gateway.physics.rolling_ring import solve_rolling_ring
 from gateway.reasons import Code, codes_of
 from gateway.signal.contact_edges import find_contact_edges
-from tests.exact_ring_data import BASE_RING, omega_at, on_grid
+from tests.testkit.exact_ring import BASE_RING, omega_at, on_grid
 
 
 @cache

@@ -13,11 +13,11 @@ from gateway.estimators.base import Estimate, Status, TireConditions
 from gateway.estimators.weak_form import WaveformFits, WeakFormEstimator, fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waves import EdgeWaves
+from gateway.physics.tread_pattern import EdgeWaves
 from gateway.reasons import Code, codes_of
 from gateway.signal.synchronous_average import RunningAverage
 from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
-from tests.exact_ring_data import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid, solution
+from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid, solution
 
 TRUTH = np.array(TABLE_3_NUMBERS)
 # 5 mg/rtHz over one revolution at 65 km/h, as a share of R omega^2, of a real order.

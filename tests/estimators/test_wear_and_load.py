@@ -14,8 +14,8 @@ from gateway.estimators.wear import WearEstimator
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import exact_wave, make_revolution, settled
-from tests.exact_ring_data import solution
-from tests.simulated_wheel import last, simulated
+from tests.testkit.exact_ring import solution
+from tests.testkit.simulated_wheel import last, simulated
 
 # The simulator's new tire.
 NEW = TireData(0.015, 0.0, ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3))

@@ -1,4 +1,4 @@
-"""A signal cut off below the stated range is a fault of the revolution, and nothing learns from it."""
+"""Signals clipped below the stated range, through the whole pipeline."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0)
 
 
 @pytest.mark.parametrize("rate_hz", [2000.0, 9600.0])
-def test_undeclared_clipping_is_refused(roll, to_frames, rate_hz: float) -> None:
+def test_undeclared_clipping_is_a_fault(roll, to_frames, rate_hz: float) -> None:
     signal = roll(65.0, 5.0, rate_hz).radial_mps2
     estimators = ("kinematic", "self-calibration")
     pipeline = Pipeline((SETUP,), SETUP, estimators)

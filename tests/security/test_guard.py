@@ -13,7 +13,18 @@ from firmware_protocol.messages import HUB_ITSELF
 from gateway.security.freshness import WINDOW, Ledger
 from gateway.security.guard import Guard, Place, Verdict
 from gateway.security.key_file import counters_file
-from tests.security.attacks import KEYS, PLACES, SENSORS, Sender, attacks, downgraded, forged, guard, hello, with_crc
+from tools.generators.security_attacks import (
+    KEYS,
+    PLACES,
+    SENSORS,
+    Sender,
+    attacks,
+    downgraded,
+    forged,
+    guard,
+    hello,
+    with_crc,
+)
 
 COUNT = 2000
 SUM = {

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
 from accuracy.chain import Turn, hello_of, take, turns_of
 from accuracy.signals import samples_of, truth_of
@@ -16,7 +17,6 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Estimate, Status
 from gateway.estimators.registry import make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
-from gateway.physics.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Reason

@@ -1,4 +1,4 @@
-"""Faults of a link and what the user is told of each, with the time until he is."""
+"""Link faults, the message to the user for each, and the time until it appears."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def cases() -> Iterator[tuple[str, list[LinkItem]]]:
     both = b"".join(a + b for a, b in zip(frames, newer, strict=True))
     yield "newer minor version (1.2)", _paced(both, 20.0)
     yield "no hello", _paced(b"".join(frame for frame in frames if frame[3] != MessageType.HELLO), 20.0)
-    # The sensor falls silent after 5 s; the hub goes on.
+    # The sensor falls silent after 5 s; the hub continues.
     silent = [frame for number, frame in enumerate(frames) if frame[6] == 0xFF or number < len(frames) / 4]
     early = sum(number < len(frames) / 4 for number in range(len(frames)))
     yield (
@@ -88,7 +88,7 @@ def cases() -> Iterator[tuple[str, list[LinkItem]]]:
 
 
 def told(items: Sequence[LinkItem], toml: str) -> list[tuple[float, str]]:
-    """Return what a session tells, and when, s of the items' time since the first."""
+    """Return the messages of a session with their times, s since the first item."""
     found: list[tuple[float, str]] = []
     now_s = 0.0
     core = SessionCore(parse_vehicle(toml, "lab"))

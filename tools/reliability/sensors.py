@@ -1,4 +1,4 @@
-"""Sensors at fault: flag, time until it is raised, and what the estimates come to."""
+"""Sensor faults: flag, time until it is raised, and resulting estimates."""
 
 from __future__ import annotations
 
