@@ -71,7 +71,7 @@ class ForwardFit:
         model_orders: (m,) its orders, extrapolated to zero grid step.
         residual: (m,) complex, data minus model, shares of the data's mean.
         noise: (SIZE, SIZE) covariance of the parameters from the noise of the orders.
-        model: (SIZE, SIZE) covariance from model error (the residual by bands, signs drawn anew) and priors.
+        model: (SIZE, SIZE) covariance from model error (the residual by bands, with random signs) and priors.
         misfit: mean square of the residual over its noise; about 1 when the model is right.
         half_angle_rad: half of the contact angle, extrapolated to zero grid step.
         half_angle_gradient: (SIZE,) derivative of the contact's half angle by the parameters.

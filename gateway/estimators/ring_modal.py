@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.base import AngleAverage, Estimate, Revolution, TireConditions
-from gateway.estimators.bounded_fit import fit_nonnegative
+from gateway.estimators.bounded_fit import BoundedFit, fit_nonnegative
 from gateway.estimators.determination import (
     NUMBER_UNITS,
     FittedNumbers,
@@ -180,46 +180,78 @@ def fit_modal(
     Returns:
         The fit, or None when the data are not finite.
     """
-    terms = stiffness_terms(orders) * NUMBER_UNITS
-    factor = -np.square(orders) * (np.square(orders) - 1.0) / math.pi
     half, centre = 0.5 * (edges_rad[1] - edges_rad[0]), 0.5 * (edges_rad[1] + edges_rad[0])
-    means = np.array([half, centre, *SHAPE_MEANS])
-    stds = np.array([min(edge_std_rad, 0.1 * half), edge_std_rad, *SHAPE_STDS])
     size = float(np.abs(coefficients).max())
     weights = 1.0 / np.hypot(coefficients_std, _LEAST_STD * size)
     if not (np.isfinite(coefficients).all() and np.isfinite(weights).all() and size > 0.0):
         return None
+    model = _LinearRing(
+        orders=orders,
+        terms=stiffness_terms(orders) * NUMBER_UNITS,
+        weights=weights,
+        means=np.array([half, centre, *SHAPE_MEANS]),
+        stds=np.array([min(edge_std_rad, 0.1 * half), edge_std_rad, *SHAPE_STDS]),
+    )
     data = np.concatenate([_stacked(coefficients * weights), np.full(_NUISANCES, _RANGE)])
+    # One start is enough: soft and stiff belts and sidewalls, over Table 1 and with noise, all lead to one minimum.
+    cold = np.concatenate([np.ones(4), np.full(_NUISANCES, _RANGE)])
+    best = fit_nonnegative(model.values, data, cold if start is None else np.maximum(start, 1e-3), tolerance=1e-5)
+    return _result(best, model, coefficients) if math.isfinite(best.cost) else None
 
-    def model(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        nuisance = means + (parameters[4:] - _RANGE) * stds
-        amounts = np.concatenate([[1.0], nuisance[2:]])
-        unit, slope = unit_road_orders(orders, float(nuisance[0]), len(SHAPE_MEANS))
+
+@dataclass(frozen=True, slots=True)
+class _LinearRing:
+    """Weighted orders of the linear ring, and its nuisance parameters as data with their priors.
+
+    Attributes:
+        orders: (m,).
+        terms: (m, 4) factors of the numbers in the stiffness of each order.
+        weights: (m,) inverse standard errors of the orders.
+        means: (6,) prior means of half angle, centre and pressure shape.
+        stds: (6,) their standard errors.
+    """
+
+    orders: FloatArray
+    terms: FloatArray
+    weights: FloatArray
+    means: FloatArray
+    stds: FloatArray
+
+    def nuisance(self, parameters: FloatArray) -> FloatArray:
+        """Return half angle, centre and pressure shape, (6,)."""
+        return self.means + (parameters[4:] - _RANGE) * self.stds
+
+    def values(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the model values, (2 m + 6,), and their Jacobian by the parameters, (2 m + 6, 10)."""
+        orders, terms, stds = self.orders, self.terms, self.stds
+        stiffness = np.maximum(terms @ parameters[:4], 1e-9)
+        half_angle, centre, *shape = self.nuisance(parameters).tolist()
+        amounts = np.array([1.0, *shape])
+        unit, slope = unit_road_orders(orders, half_angle, len(SHAPE_MEANS))
+        factor = -np.square(orders) * (np.square(orders) - 1.0) / math.pi
         # The shift of the contact is a phase; the rotation of the tangential force that it causes is of second order.
-        gain = factor * np.exp(-1j * orders * nuisance[1]) / np.maximum(terms @ parameters[:4], 1e-9) * weights
+        gain = factor * np.exp(-1j * orders * centre) / stiffness * self.weights
         values = gain * (amounts @ unit)
-        jacobian = np.zeros((len(data), len(parameters)))
         m = 2 * len(orders)
-        jacobian[:m, :4] = _stacked(-(values / np.maximum(terms @ parameters[:4], 1e-9))[:, np.newaxis] * terms)
+        jacobian = np.zeros((m + _NUISANCES, len(parameters)))
+        jacobian[:m, :4] = _stacked(-(values / stiffness)[:, np.newaxis] * terms)
         jacobian[:m, 4] = _stacked(gain * (amounts @ slope)) * stds[0]
         jacobian[:m, 5] = _stacked(-1j * orders * values) * stds[1]
         jacobian[:m, 6:] = _stacked((gain * unit[1:]).T) * stds[2:]
         jacobian[m:, 4:] = np.eye(_NUISANCES)
         return np.concatenate([_stacked(values), parameters[4:]]), jacobian
 
-    # One start is enough: soft and stiff belts and sidewalls, over Table 1 and with noise, all lead to one minimum.
-    cold = np.concatenate([np.ones(4), np.full(_NUISANCES, _RANGE)])
-    best = fit_nonnegative(model, data, cold if start is None else np.maximum(start, 1e-3), tolerance=1e-5)
-    if not math.isfinite(best.cost):
-        return None
+
+def _result(best: BoundedFit, model: _LinearRing, coefficients: ComplexArray) -> ModalFit:
+    """Return the ring at the minimum, with its response to changes of the orders."""
     free = best.parameters[:4] > _ON_BOUND
-    m = len(orders)
+    m = len(coefficients)
     normal = best.jacobian.T @ best.jacobian
     normal += 1e-14 * np.trace(normal) * np.eye(len(normal))
     inverse = np.linalg.solve(normal, best.jacobian.T)[:4] * NUMBER_UNITS[:, np.newaxis]
-    nuisance = means + (best.parameters[4:] - _RANGE) * stds
-    residual = _complex(best.residuals[:m], best.residuals[m : 2 * m]) / weights
-    response = _complex(inverse[:, :m], inverse[:, m : 2 * m]) * weights
+    nuisance = model.nuisance(best.parameters)
+    residual = _complex(best.residuals[:m], best.residuals[m : 2 * m]) / model.weights
+    response = _complex(inverse[:, :m], inverse[:, m : 2 * m]) * model.weights
     return ModalFit(
         numbers=np.where(free, best.parameters[:4], 0.0) * NUMBER_UNITS,
         free=free,

@@ -170,29 +170,7 @@ def fit_ring_numbers(
     if not (math.isfinite(power) and power > 0.0 and bool(np.isfinite(numerator).all())):
         return None
 
-    def model(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        stiffness = np.maximum(terms @ parameters, 1e-12)
-        values = numerator / stiffness
-        return values, terms * (-values / stiffness)[:, np.newaxis]
-
-    def curvature(parameters: FloatArray, residuals: FloatArray) -> FloatArray:
-        stiffness = np.maximum(terms @ parameters, 1e-12)
-        result: FloatArray = terms.T @ ((2.0 * residuals * numerator / stiffness**3)[:, np.newaxis] * terms)
-        return result
-
-    if warm is None:
-        fits = [
-            fit_nonnegative(model, coefficients_m, start, curvature=curvature, tolerance=1e-6)
-            for start in (_scaled_start(model, coefficients_m, np.array(shape)) for shape in _COLD_STARTS)
-        ]
-        best = min(fits, key=lambda fit: fit.cost)
-        evaluations = sum(fit.iterations for fit in fits)
-    else:
-        # A number on its bound starts slightly above it, so that it can leave it.
-        best = fit_nonnegative(
-            model, coefficients_m, np.maximum(warm / _UNITS, 1e-3), curvature=curvature, tolerance=1e-5
-        )
-        evaluations = best.iterations
+    best, evaluations = _best_fit(_LinearRing(terms, numerator), coefficients_m, warm)
     if not math.isfinite(best.cost):
         return None
     free = best.parameters > _ON_BOUND
@@ -209,6 +187,41 @@ def fit_ring_numbers(
         residual_share=math.sqrt(best.cost / power),
         evaluations=evaluations,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _LinearRing:
+    """Orders numerator / (terms @ parameters) of the linear ring, terms (m, 4)."""
+
+    terms: FloatArray
+    numerator: FloatArray
+
+    def values(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the orders, (m,), and their Jacobian, (m, 4)."""
+        stiffness = np.maximum(self.terms @ parameters, 1e-12)
+        values = self.numerator / stiffness
+        return values, self.terms * (-values / stiffness)[:, np.newaxis]
+
+    def curvature(self, parameters: FloatArray, residuals: FloatArray) -> FloatArray:
+        """Return the sum of residual times second derivative of the orders, (4, 4)."""
+        stiffness = np.maximum(self.terms @ parameters, 1e-12)
+        weights = (2.0 * residuals * self.numerator / stiffness**3)[:, np.newaxis]
+        result: FloatArray = self.terms.T @ (weights * self.terms)
+        return result
+
+
+def _best_fit(ring: _LinearRing, data: FloatArray, warm: FloatArray | None) -> tuple[BoundedFit, int]:
+    """Return the fit from the warm start, or the best from all cold starts, and the evaluations spent."""
+    if warm is not None:
+        # A number on its bound starts slightly above it, so that it can leave it.
+        start = np.maximum(warm / _UNITS, 1e-3)
+        fit = fit_nonnegative(ring.values, data, start, curvature=ring.curvature, tolerance=1e-5)
+        return fit, fit.iterations
+    fits = [
+        fit_nonnegative(ring.values, data, start, curvature=ring.curvature, tolerance=1e-6)
+        for start in (_scaled_start(ring.values, data, np.array(shape)) for shape in _COLD_STARTS)
+    ]
+    return min(fits, key=lambda fit: fit.cost), sum(fit.iterations for fit in fits)
 
 
 def _scaled_start(model: Model, data: FloatArray, shape: FloatArray) -> FloatArray:

@@ -208,7 +208,7 @@ MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerline
 
 def test_measured_tire_leaves_numbers_undetermined() -> None:
     if not MEASURED.exists():
-        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+        pytest.skip("the measured recording is not part of the repository; it is expected in ../shared/measured")
     samples = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3] * STANDARD_GRAVITY_MPS2
     contacts, sign = find_contacts(samples, 25600.0)
     refined = [refine_contact(sign * samples, at, width) for at, _, width in contacts]

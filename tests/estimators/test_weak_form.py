@@ -107,11 +107,11 @@ def test_gain_speed_and_centre_do_not_change_the_numbers() -> None:
 def test_known_sensor_offset_is_corrected() -> None:
     ring = solve_rolling_ring(BASE_RING, 5000.0, PRESSURE_PA, OMEGA, nodes=1440, sensor_offset_m=0.005)
     wave = exact_wave(ring)
-    told = errors_of(ring, replace(CONDITIONS, sensor_offset_m=0.005), wave)
-    assert (np.abs(told - BASE_ERRORS) < [2e-3, 2e-3, 2e-3, 0.01]).all()
-    not_told = errors_of(ring, wave=wave)
-    assert not_told[1] < -0.04
-    assert not_told[3] < -0.3
+    corrected = errors_of(ring, replace(CONDITIONS, sensor_offset_m=0.005), wave)
+    assert (np.abs(corrected - BASE_ERRORS) < [2e-3, 2e-3, 2e-3, 0.01]).all()
+    uncorrected = errors_of(ring, wave=wave)
+    assert uncorrected[1] < -0.04
+    assert uncorrected[3] < -0.3
 
 
 def test_numbers_scale_with_load_pressure_and_radius() -> None:
@@ -199,9 +199,9 @@ def test_repeating_errors_leave_bending_unbiased() -> None:
     assert abs(np.median(ratio[:, 0]) - 1.0) < 0.1
     assert (spread[:3] > 0.02).all()
     # From noise alone the stated error would be a hundredth of that.
-    told = np.median(stated, axis=0) * LOAD_NUMBER / TRUTH
-    assert (told[:3] > 0.4 * spread[:3]).all()
-    assert (told[:3] < 2.5 * spread[:3]).all()
+    stated_error = np.median(stated, axis=0) * LOAD_NUMBER / TRUTH
+    assert (stated_error[:3] > 0.4 * spread[:3]).all()
+    assert (stated_error[:3] < 2.5 * spread[:3]).all()
 
 
 def test_edge_waves_widen_the_errors() -> None:

@@ -20,7 +20,7 @@ MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 
 def test_measured_tire_leaves_bending_and_tangential_undetermined(tmp_path: Path) -> None:
     if not MEASURED.exists():
-        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+        pytest.skip("the measured recording is not part of the repository; it is expected in ../shared/measured")
     recording, table = tmp_path / "drum.mcap", tmp_path / "drum.jsonl"
     import_file(MEASURED, load_map(MAP), recording)
     options = ["--estimator", "weak-form", "--estimator", "ring-modal", "--json", str(table)]

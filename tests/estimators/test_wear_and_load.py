@@ -45,8 +45,8 @@ def test_pressure_is_not_mistaken_for_wear() -> None:
     results, _ = simulated("", 14.0, wheel(5000.0), ESTIMATORS, "pressure_kpa = 180")
     assert last(results)["wear_mm"].value == pytest.approx(0.0, abs=0.03)
     # Without compensation 180 kPa would look like a stiffer ring: (210 / 180)^(1/3) is 0.8 mm of 15.
-    untold = replace(NEW, reference=replace(NEW.reference, pressure_pa=None))
-    results, _ = simulated("", 14.0, wheel(5000.0, untold), ESTIMATORS, "pressure_kpa = 180")
+    uncompensated = replace(NEW, reference=replace(NEW.reference, pressure_pa=None))
+    results, _ = simulated("", 14.0, wheel(5000.0, uncompensated), ESTIMATORS, "pressure_kpa = 180")
     found = last(results)["wear_mm"]
     assert Code.PRESSURE_NOT_COMPENSATED in codes_of(found.reasons)
     assert found.value < -0.6
