@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -164,44 +164,19 @@ def _fit(
     used = np.ones(len(orders), dtype=np.bool_)
     used[_UNUSED_ORDER] = False
     used[0] = use_mean
-    free = np.ones(SIZE, dtype=np.bool_)
-    free[P.SHEAR] = model.shear
     try:
         here = model.solve(cold_start(model, half_angle_rad) if start is None else start.copy())
         if start is None:
             here = place_centre(model, here, orders)
-        correction = model.refined(here)[0] - here.orders
-        error = np.full(len(orders), _FIRST_ERROR**2)
-        size = math.inf
-        for step in range(1, _MAX_STEPS + 1):
-            if step == (_WAVES_FROM if start is None else 1):
-                left = orders - here.orders - correction
-                here = begin_waves(model, here, left, variance + error, used, all_sides=start is None)
-            residual = orders - here.orders - correction
-            rows = np.where(free[:, np.newaxis], model.derivatives(here)[0], 0.0)
-            normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
-            error = _model_error(residual, variance, _leverage(rows, normal, variance + error, used), used)
-            normal, gradient = _normal(rows, residual, variance + error, used, here.parameters)
-            posterior = np.linalg.inv(normal)
-            std = np.sqrt(np.diagonal(posterior))
-            change = _limited(np.where(free, posterior @ gradient, 0.0))
-            size = float(np.max(np.abs(change) / std, where=_DECISIVE, initial=0.0))
-            there = _move(model, here, change, orders - correction, variance + error, used)
-            if there is None:
-                break
-            here = there
-            free = _distinct(here.parameters, std, free)
-            if size < _CONVERGED and (start is not None or step > _WAVES_FROM):
-                break
-            if size < 1.0:
-                correction = model.refined(here)[0] - here.orders
+        end = _converge(model, here, orders, variance, used, cold=start is None)
+        here = end.solution
         fine, half_angle = model.refined(here)
         derivatives, half_angle_gradient = model.derivatives(here)
-        rows = np.where(free[:, np.newaxis], derivatives, 0.0)
     except (RingNotConvergedError, ValueError, np.linalg.LinAlgError):
         return None
+    rows = np.where(end.free[:, np.newaxis], derivatives, 0.0)
     residual = np.where(used, orders - fine, 0.0)
-    by_noise, by_model = _covariances(rows, residual, variance, error, used, here.parameters)
+    by_noise, by_model = _covariances(rows, residual, variance, end.error, used, here.parameters)
     return ForwardFit(
         solution=here,
         model_orders=fine,
@@ -211,9 +186,67 @@ def _fit(
         misfit=float(np.mean(np.abs(residual[used]) ** 2 / (2.0 * variance[used]))),
         half_angle_rad=half_angle,
         half_angle_gradient=half_angle_gradient,
-        steps=step,
-        converged=size < 1.0,
+        steps=end.steps,
+        converged=end.converged,
     )
+
+
+class _End(NamedTuple):
+    """State in which the Gauss-Newton iteration ended.
+
+    Attributes:
+        solution: the model.
+        free: (SIZE,) parameters that were fitted.
+        error: (m,) variance of model error.
+        steps: number of steps.
+        converged: whether the last step was smaller than the standard errors.
+    """
+
+    solution: ForwardSolution
+    free: BoolArray
+    error: FloatArray
+    steps: int
+    converged: bool
+
+
+def _converge(
+    model: ForwardModel,
+    here: ForwardSolution,
+    orders: ComplexArray,
+    variance: FloatArray,
+    used: BoolArray,
+    *,
+    cold: bool,
+) -> _End:
+    """Iterate from `here`; model error and the order of the edge waves are updated on the way."""
+    free = np.ones(SIZE, dtype=np.bool_)
+    free[P.SHEAR] = model.shear
+    correction = model.refined(here)[0] - here.orders
+    error = np.full(len(orders), _FIRST_ERROR**2)
+    size = math.inf
+    for step in range(1, _MAX_STEPS + 1):
+        if step == (_WAVES_FROM if cold else 1):
+            left = orders - here.orders - correction
+            here = begin_waves(model, here, left, variance + error, used, all_sides=cold)
+        residual = orders - here.orders - correction
+        rows = np.where(free[:, np.newaxis], model.derivatives(here)[0], 0.0)
+        normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
+        error = _model_error(residual, variance, _leverage(rows, normal, variance + error, used), used)
+        normal, gradient = _normal(rows, residual, variance + error, used, here.parameters)
+        posterior = np.linalg.inv(normal)
+        std = np.sqrt(np.diagonal(posterior))
+        change = _limited(np.where(free, posterior @ gradient, 0.0))
+        size = float(np.max(np.abs(change) / std, where=_DECISIVE, initial=0.0))
+        there = _move(model, here, change, orders - correction, variance + error, used)
+        if there is None:
+            break
+        here = there
+        free = _distinct(here.parameters, std, free)
+        if size < _CONVERGED and (not cold or step > _WAVES_FROM):
+            break
+        if size < 1.0:
+            correction = model.refined(here)[0] - here.orders
+    return _End(here, free, error, step, size < 1.0)
 
 
 def _covariances(
