@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.closure.effects.base import Conditions
+from gateway.closure.effects.base import GroupConditions
 from gateway.types import ComplexArray, FloatArray
 
 ORDERS: Final = 111
@@ -25,7 +25,7 @@ class Block:
     """
 
     count: int
-    conditions: Conditions
+    conditions: GroupConditions
     orders_mps2: ComplexArray
 
 
@@ -104,7 +104,7 @@ class Group:
     label: str
     recording: int
     state: int
-    conditions: Conditions
+    conditions: GroupConditions
     blocks: tuple[Block, ...]
     variance: FloatArray
     half_angle_rad: float

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
-from gateway.closure.effects.base import StartModel
+from gateway.closure.effects.base import BaselineModel
 from gateway.closure.observation import Campaign
 from gateway.config.effects_file import load_effects
 from gateway.errors import OutputError, TreadlinkError
@@ -83,7 +83,7 @@ def test_the_closure_is_asked_what_the_user_asked(closed, recording):
     assert campaign.wheel == "W0"
     assert campaign.folds == 4
     assert not campaign.groups[0].conditions.reverse
-    assert options["model"] is StartModel.PAPER
+    assert options["model"] is BaselineModel.PAPER
     assert options["empirical"] is True
     assert options["jobs"] == 3
 
@@ -253,3 +253,16 @@ class TestEffectsFiles:
         result = CliRunner().invoke(treadlink, ["estimate", str(other), "--effects", str(saved)])
         assert isinstance(result.exception, TreadlinkError)
         assert "no configuration" in str(result.exception)
+
+
+def test_list_effects_needs_no_recording():
+    listed = run("--list-effects")
+    assert listed.exit_code == 0, listed.output
+    assert "SENSOR RESPONSE" in listed.output
+    one = run("--list-effects", "yaw")
+    assert "yaw tilt" in one.output
+    assert "SENSOR RESPONSE" not in one.output
+    assert {"name", "equation", "confounders"} <= json.loads(run("--list-effects", "json").output)[0].keys()
+    assert run("--list-effects", "markdown").output.startswith("# Effects\n")
+    message, _ = refused("--list-effects", "nonsense")
+    assert "nonsense" in message

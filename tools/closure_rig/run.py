@@ -117,11 +117,11 @@ def default_jobs() -> int:
 
 
 def _diagnose(given: Recorded, model: str) -> str:
-    from gateway.closure.effects.base import StartModel
+    from gateway.closure.effects.base import BaselineModel
     from gateway.session.campaign_diagnosis import diagnose_recordings
     from gateway.views.report.diagnosis_json import diagnosis_json
 
-    diagnosis = diagnose_recordings(given.paths, model=StartModel(model), jobs=1, reverse=given.reverse)
+    diagnosis = diagnose_recordings(given.paths, model=BaselineModel(model), jobs=1, reverse=given.reverse)
     return json.dumps(diagnosis_json(diagnosis), indent=1, allow_nan=False)
 
 
