@@ -23,7 +23,7 @@ from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
 from gateway.simulator.bluetooth.peripheral import Peripheral
 from tests.ble.conftest import ADDRESSES, require_dbus_daemon, settle
-from tests.io.hub_ends import TIMEOUT_S
+from tests.testkit.hub_ends import TIMEOUT_S
 
 ROOT = Path(__file__).parents[2]
 TREADLINK = [sys.executable, "-m", "gateway.cli"]

@@ -40,7 +40,7 @@ from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
 from gateway.simulator.simulator_source import SimulatorSource
 from gateway.views.session_summary import ResultSummary
-from tests.io.hub_ends import TIMEOUT_S, Reader
+from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]
 NOW_NS = 1_700_000_000_000_000_000

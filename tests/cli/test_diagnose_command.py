@@ -16,8 +16,8 @@ from gateway.closure.observation import Campaign
 from gateway.config.effects_file import load_effects
 from gateway.errors import OutputError, TreadlinkError
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
-from tests.closure.campaign_recordings import write_recording
-from tests.closure.diagnosis_data import empty, ordinary
+from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.diagnosis_data import empty, ordinary
 
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 OMEGA = 60 / 3.6 / 0.32

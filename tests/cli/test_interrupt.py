@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import LazyGroup, treadlink
-from tests.closure.campaign_recordings import START_NS, write_recording
+from tests.testkit.campaign_recordings import START_NS, write_recording
 
 TIMEOUT_S = 60
 # Python runs this before anything else: the first process that diagnose starts presses Ctrl-C while it is not up yet.
