@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import inspect
 import json
 import re
 import typing
@@ -98,8 +99,7 @@ def _row(name: str, field: FieldInfo) -> tuple[str, str, str]:
 
 def _allowed(field: FieldInfo) -> str:
     for item in field.metadata:
-        allowed = getattr(getattr(item, "func", None), "allowed", None)
-        if allowed is not None:
+        if allowed := _validator_text(getattr(item, "func", None)):
             return escaped(allowed)
     low = high = ""
     for item in field.metadata:
@@ -112,6 +112,12 @@ def _allowed(field: FieldInfo) -> str:
     if low and high:
         return f"{low}, up to {high}" if low.startswith("more") else f"{low} to {high}"
     return low if low.startswith("more") else f"{low} or more" if low else _kind(field.annotation)
+
+
+def _validator_text(function: object) -> str:
+    """Return what the validators of series, triples and units allow; they keep it in their closure, for messages."""
+    kept = inspect.getclosurevars(function).nonlocals if inspect.isfunction(function) else {}
+    return kept.get("allowed") or (f"one of {', '.join(kept['names'])}" if "names" in kept else "")
 
 
 def _kind(annotation: Any) -> str:
