@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 import typing
 from collections.abc import Iterator
 
@@ -12,12 +14,12 @@ from pydantic import BaseModel
 from gateway.cli import treadlink
 from gateway.closure.effects.catalogue import catalogue
 from gateway.reasons import Code
+from gateway.views.effect_catalogue import effects_markdown
 from gateway.views.wording import fields
-from tests.test_import_rules import ALLOWED
+from tests.test_import_rules import ALLOWED, modules
 from tools.docs_site.api_pages import PACKAGES
 from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import DOCUMENTS, configuration_markdown
-from tools.docs_site.effect_pages import effects_markdown
 from tools.docs_site.reason_pages import reasons_markdown
 from tools.docs_site.staging import generated_pages
 
@@ -35,12 +37,12 @@ def commands(command: click.Command, path: str) -> Iterator[tuple[str, click.Com
             yield from commands(inner, f"{path} {name}")
 
 
-def models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+def tables(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
     yield model
     for field in model.model_fields.values():
         for part in (field.annotation, *typing.get_args(field.annotation)):
             if isinstance(part, type) and issubclass(part, BaseModel):
-                yield from models(part)
+                yield from tables(part)
 
 
 def test_every_command_and_option_is_listed():
@@ -57,9 +59,9 @@ def test_every_configuration_key_is_explained(document):
     title, top, _ = document
     page = configuration_markdown().partition(f"\n## {title}\n")[2].partition("\n## ")[0]
     rows = [line for line in page.splitlines() if line.startswith("| `")]
-    for model in models(top):
-        tables = {name for name, field in model.model_fields.items() if list(models_in(field.annotation))}
-        for name in set(model.model_fields) - tables:
+    for model in tables(top):
+        inner = {name for name, field in model.model_fields.items() if list(models_in(field.annotation))}
+        for name in set(model.model_fields) - inner:
             assert any(row.startswith(f"| `{name}` |") for row in rows), name
             assert model.model_fields[name].description, f"{model.__name__}.{name} has no description"
 
@@ -85,3 +87,14 @@ def test_every_reason_is_listed_with_its_values():
 def test_every_layer_has_an_api_page():
     assert set(PACKAGES) == (set(ALLOWED) | {"gateway"}) - NOT_IN_API
     assert {f"reference/api/{name.replace('.', '-')}.md" for name in PACKAGES} < set(generated_pages())
+
+
+def test_docstrings_hold_no_accidental_cross_references():
+    """`[a] [b]` is a link to b in Markdown: formulas with brackets are code."""
+    found = []
+    for name, path in modules():
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                text = re.sub(r"`[^`]*`|^ {4,}.*$", "", ast.get_docstring(node) or "", flags=re.MULTILINE)
+                found += [f"{name}: {link}" for link in re.findall(r"\] ?\[[^\[\]]+\]", text)]
+    assert found == []

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from gateway.views.effect_catalogue import effects_markdown
 from tools.docs_site.api_pages import api_markdown
 from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import configuration_markdown
-from tools.docs_site.effect_pages import effects_markdown
 from tools.docs_site.reason_pages import reasons_markdown
 
 ROOT: Final = Path(__file__).parents[2]
