@@ -43,13 +43,18 @@ def reasons_markdown() -> str:
 
 
 def _sections() -> Iterator[tuple[str, list[Code]]]:
-    """Yield the section comments of `Code` with the codes that follow each; sections without codes are left out."""
-    title, codes = "Reasons", list[Code]()
+    """Yield the section comments of `Code` with the codes that follow each.
+
+    A comment that begins with a dash continues the section before it. Sections without codes are left out.
+    """
+    section, title, codes = "", "Reasons", list[Code]()
     for line in inspect.getsource(Code).splitlines():
         if comment := re.fullmatch(r" {4}# (.+)", line):
             if codes:
                 yield title, codes
-            title, codes = comment[1], []
+            part = comment[1].removeprefix("- ")
+            section = section if comment[1].startswith("- ") else part
+            title, codes = part if part == section else f"{section} {part}", []
         elif member := re.match(r" {4}([A-Z][A-Z0-9_]*) = ", line):
             codes.append(Code[member[1]])
     if codes:
