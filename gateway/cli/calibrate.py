@@ -11,8 +11,7 @@ import click
 import numpy as np
 
 from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig
-from gateway.config.vehicle_file import load_vehicle, parse_vehicle
+from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, load_vehicle, parse_vehicle
 from gateway.errors import TreadlinkError
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration, reference_numbers

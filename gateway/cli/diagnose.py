@@ -16,7 +16,7 @@ import click
 
 from gateway.cli.session_setup import config_option, keys_option
 from gateway.config.effects_file import effects_text
-from gateway.config.vehicle_file import load_vehicle
+from gateway.config.vehicle import load_vehicle
 from gateway.errors import TreadlinkError
 from gateway.security.key_file import default_key_file
 from gateway.views.output_file import check_outputs, write_whole

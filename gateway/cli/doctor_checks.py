@@ -190,7 +190,7 @@ def check_terminal(
 
 def check_config(path: Path) -> Iterator[Check]:
     """Check a vehicle configuration; one line for each fault."""
-    from gateway.config.vehicle_file import load_vehicle
+    from gateway.config.vehicle import load_vehicle
 
     name = "configuration"
     try:

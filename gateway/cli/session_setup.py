@@ -12,8 +12,7 @@ import click
 
 from gateway.clock import Clock, SystemClock
 from gateway.config.effects_file import check_effects, load_effects
-from gateway.config.vehicle import VehicleConfig
-from gateway.config.vehicle_file import load_vehicle, parse_vehicle
+from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS
 from gateway.io.source import Source, open_source, parse_source_uri

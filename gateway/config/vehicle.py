@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from enum import StrEnum
+from pathlib import Path
 from typing import Final
 
 from pydantic import Field, model_validator
 
 from gateway.config.cross_checks import cross_faults
 from gateway.config.toml_writer import toml_text
-from gateway.config.validation import Section
+from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.pipeline.wheel_setup import LoadCalibration, ReferenceNumbers, TireData, WheelSetup
 
@@ -321,3 +322,21 @@ def default_vehicle(wheels: Sequence[tuple[int, int]]) -> VehicleConfig:
         tire=Tire(radius_mm=ASSUMED_RADIUS_MM),
         wheel=tuple(Wheel(position=f"hub{hub}.wheel{wheel}", hub=hub, wheel=wheel) for hub, wheel in wheels),
     )
+
+
+def load_vehicle(path: Path) -> VehicleConfig:
+    """Return the configuration in a file.
+
+    Raises:
+        ConfigError: the file cannot be read, or the configuration has faults; the message lists all of them.
+    """
+    return parse_vehicle(read_text(path, "the configuration"), str(path))
+
+
+def parse_vehicle(text: str, origin: str) -> VehicleConfig:
+    """Return the configuration in a TOML text; `origin` names it in messages.
+
+    Raises:
+        ConfigError: naming every fault as `origin: key: value found, what is allowed`.
+    """
+    return parse_document(VehicleConfig, text, origin, cross_faults)

@@ -14,8 +14,7 @@ from firmware_protocol.batch import FrameBatch
 from gateway.closure.collecting import RevolutionStore
 from gateway.closure.group_making import Declared, make_groups
 from gateway.closure.observation import Group
-from gateway.config.vehicle import VehicleConfig
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Reason

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, TreadlinkError
 from tests.testkit.simulated_wheel import last, simulated
 

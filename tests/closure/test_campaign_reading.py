@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.closure.group_making import CUT_OFF, FEW
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import RecordingError
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.config.effects_file import check_effects, effects_text, load_effects
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 

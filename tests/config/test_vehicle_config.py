@@ -15,8 +15,9 @@ from gateway.config.vehicle import (
     VehicleConfig,
     Wheel,
     default_vehicle,
+    load_vehicle,
+    parse_vehicle,
 )
-from gateway.config.vehicle_file import load_vehicle, parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from firmware_protocol.messages import Coupling
 from gateway.cli.estimate import estimate
 from gateway.cli.import_measurement import import_
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ImportDataError, RecordingError
 from gateway.importing.columns import BLOCK_ROWS
@@ -247,7 +247,7 @@ def test_progress_goes_from_nothing_to_all(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_memory_is_flat_in_the_length(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
-    monkeypatch.setattr(f"gateway.importing.{suffix[1:]}_columns.BLOCK_ROWS", 2000)
+    monkeypatch.setattr("gateway.importing.columns.BLOCK_ROWS", 2000)
     import_map = parse_map(simple_map(**{"axis.circumferential": "", "axis.lateral": ""}), "map")
     peaks_bytes = []
     for count in (8_000, 64_000):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gateway.clock import SystemClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording

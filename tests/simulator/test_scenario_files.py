@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, SourceError
 from gateway.simulator.scenario import builtin_scenarios, load_scenario, parse_scenario, vehicle_toml
 
