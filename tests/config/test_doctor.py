@@ -190,7 +190,7 @@ def test_exit_code_and_text(tmp_path: Path) -> None:
     path.write_text(GOOD.replace("320", "0.32").replace("4000", "4"), encoding="utf-8")
     result = CliRunner().invoke(doctor, arguments)
     assert result.exit_code == 1
-    assert result.output.count(f"-> Mend 2 faults in {path}.") == 1
+    assert result.output.count(f"-> Correct 2 faults in {path}.") == 1
     assert result.output.splitlines()[-1].startswith("2 faults, ")
 
 

@@ -81,7 +81,7 @@ def changed(change):
     [
         ("", "not valid JSON"),
         ("[" * 100_000, "not valid JSON"),
-        ("[]", "no effects file"),
+        ("[]", "not an effects file"),
         ('{"held_out": {}}', "treadlink_effects"),
         (changed(lambda d: d.update(treadlink_effects=2)), "version 2"),
         (changed(lambda d: d.update(colour="red")), "colour"),
