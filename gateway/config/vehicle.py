@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from enum import StrEnum
@@ -15,6 +16,8 @@ from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.pipeline.wheel_setup import LoadCalibration, ReferenceNumbers, TireData, WheelSetup
+
+_logger = logging.getLogger(__name__)
 
 ASSUMED_RADIUS_MM: Final = 320.0
 POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
@@ -363,7 +366,9 @@ def load_vehicle(path: Path) -> VehicleConfig:
     Raises:
         ConfigError: the file cannot be read, or the configuration has faults; the message lists all of them.
     """
-    return parse_vehicle(read_text(path, "the configuration"), str(path))
+    vehicle = parse_vehicle(read_text(path, "the configuration"), str(path))
+    _logger.info("vehicle configuration %s: %d wheels", path, len(vehicle.wheel))
+    return vehicle
 
 
 def parse_vehicle(text: str, origin: str) -> VehicleConfig:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -19,6 +20,8 @@ from gateway.importing.import_map import ImportMap
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.recording.writer import RecordingWriter
 from gateway.types import FloatArray
+
+_logger = logging.getLogger(__name__)
 
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -98,6 +101,7 @@ def import_file(
     reader = open_columns(path, import_map.file)
     require_columns(reader, path, import_map.columns())
     found = scan(path, reader, import_map, lambda share: progress(0.5 * share))
+    _logger.info("%s: %d rows after the first %d, %g Hz", path, found.samples, found.skipped, found.rate_hz)
     quantiser = Quantiser.of(import_map, found)
     stream = FrameStream(import_map, found, quantiser)
     start_ns = _start_ns(path, import_map)

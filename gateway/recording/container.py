@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import struct
 import zlib
@@ -18,6 +19,8 @@ from gateway import __version__
 from gateway.errors import RecordingError
 from gateway.recording.mcap_layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
 from gateway.recording.schemas import stored_schema
+
+_logger = logging.getLogger(__name__)
 
 _BUFFER_BYTES: Final = 1 << 20
 _CHUNK_INDEXES: Final = "_Writer__chunk_indices"
@@ -250,8 +253,9 @@ class McapOutput:
             raise RecordingError(f"recording '{self.path}' is closed", "Start a new recording.")
         try:
             action()
-        except RecordingError:
+        except RecordingError as error:
             self.failed = True
+            _logger.warning("%s", error)
             raise
 
 

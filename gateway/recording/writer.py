@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -29,6 +30,8 @@ from gateway.recording.mcap_layout import (
 from gateway.recording.schemas import TopicSchema, schema_of
 
 FLUSH_INTERVAL_NS: Final = 100_000_000
+
+_logger = logging.getLogger(__name__)
 
 
 class _Pace:
@@ -88,6 +91,7 @@ class RecordingWriter:
         self._session = seal(self._session)
         self._output.add_metadata(SESSION_METADATA, self._session)
         self._output.flush()
+        _logger.info("recording to %s", self.path)
 
     @property
     def path(self) -> Path:
@@ -161,6 +165,7 @@ class RecordingWriter:
                 # Once more at the end: a damaged beginning must not cost the configuration.
                 self._output.add_metadata(SESSION_METADATA, self._session)
             self._output.close()
+            _logger.info("closed %s: %d bytes", self.path, self._output.size_bytes)
 
     def _register_raw(self, link: str) -> int:
         number = self._output.register(ChannelInfo(raw_topic(link), RAW_ENCODING, link))

@@ -201,7 +201,7 @@ def test_a_process_that_was_ended_is_told(recording, monkeypatch):
 
     monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose", ended)
     message, remedy = refused(recording)
-    assert "ended from outside" in message
+    assert "terminated from outside" in message
     assert "--jobs 1" in remedy
 
 
