@@ -32,7 +32,7 @@ class _StderrHandler(logging.StreamHandler):  # type: ignore[type-arg]  # generi
         else:
             super().emit(record)
 
-    def release(self) -> None:
+    def emit_held(self) -> None:
         """Emit the held records and hold no more."""
         self.holding = False
         while self._held:
@@ -72,7 +72,7 @@ def held_back() -> Iterator[None]:
         yield
     finally:
         for handler in handlers:
-            handler.release()
+            handler.emit_held()
 
 
 def _file_handler(path: Path) -> logging.Handler:
