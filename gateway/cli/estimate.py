@@ -26,6 +26,7 @@ from gateway.views.output_file import check_outputs
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables.result_table import TableFormat, open_table
 from gateway.views.text import clean
+from gateway.views.wording import text
 
 
 def _output_option(name: TableFormat, help_text: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -84,7 +85,7 @@ def estimate(
             effects = open_effects(effects_paths, vehicle)
             _estimate_one(reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary, guard, effects)
             if reader.damage is not None:
-                damaged.append(reader.damage)
+                damaged.append(text(reader.damage))
         for path in filter(None, outputs.values()):
             click.echo(f"written: {path}")
     if damaged:
@@ -128,8 +129,8 @@ def _estimate_one(
     wheels = summary.wheels()
     findings = guard.findings() if guard is not None else []
     # With signatures required, the guard reports unexpected sensors too.
-    for text in findings or sensors.strangers(vehicle, [wheel.position for wheel in wheels]):
-        click.echo(f"  {clean(text)}")
+    for finding in findings or sensors.strangers(vehicle, [wheel.position for wheel in wheels]):
+        click.echo(f"  {clean(finding)}")
     for table in effects:
         for wheel in wheels:
             if wheel.position == table.position:

@@ -17,6 +17,7 @@ from gateway.recording.inspection import Inspection, LinkInspection, WheelInspec
 from gateway.recording.writer import utc_text
 from gateway.views.numbers import duration, file_size, percent
 from gateway.views.text import clean
+from gateway.views.wording import as_json, text
 
 _BARS: Final = " ▁▂▃▄▅▆▇█"
 _LINE_CELLS: Final = 60
@@ -75,7 +76,7 @@ def _lines(found: Inspection) -> Iterator[str]:
         yield "  decoded topics: " + ", ".join(f"{topic} ({count})" for topic, count in sorted(found.topics.items()))
     if found.damage:
         yield ""
-        yield f"  DAMAGED: {found.damage}"
+        yield f"  DAMAGED: {text(found.damage)}"
 
 
 def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterator[str]:
@@ -142,7 +143,8 @@ def _as_json(found: Inspection) -> dict[str, Any]:
         "recording": str(info.path),
         "size_bytes": info.size_bytes,
         "finished": info.finished,
-        "damage": found.damage,
+        "damage": None if found.damage is None else text(found.damage),
+        "damage_reason": None if found.damage is None else as_json(found.damage),
         "treadlink": info.treadlink,
         "start_ns": info.start_ns,
         "sources": list(info.sources),

@@ -85,7 +85,7 @@ class RecordingRead:
     clock_error: tuple[float, float] = UNKNOWN
     assumed: tuple[str, ...] = ()
     stated: tuple[str, ...] = ()
-    damage: str | None = None
+    damage: Reason | None = None
     sensor_id: int | None = None
     notes: tuple[str, ...] = ()
 

@@ -32,7 +32,7 @@ if any("spawn_main" in word for word in sys.orig_argv):
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
-def test_while_processes_start(tmp_path: Path) -> None:
+def test_interrupt_while_processes_start(tmp_path: Path) -> None:
     at_60 = "[motion]\nspeed_kmh = 60.0"
     recordings = [
         write_recording(tmp_path / f"{number}.mcap", at_60, duration_s=2.0, start_ns=START_NS + number * 10**10)
@@ -58,7 +58,7 @@ def test_while_processes_start(tmp_path: Path) -> None:
     assert process.returncode == 130
 
 
-def test_of_any_command(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_sets_the_exit_status(monkeypatch: pytest.MonkeyPatch) -> None:
     def pressed() -> None:
         signal.raise_signal(signal.SIGINT)
 

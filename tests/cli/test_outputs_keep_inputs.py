@@ -65,7 +65,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("force", ["", " --force"], ids=["plain", "forced"])
 @pytest.mark.parametrize("line", OVERWRITING)
-def test_an_input_is_no_output(files: Path, line: str, force: str) -> None:
+def test_input_is_never_overwritten(files: Path, line: str, force: str) -> None:
     before = contents(files)
     result = CliRunner().invoke(treadlink, line + force)
     assert isinstance(result.exception, TreadlinkError), result.output
@@ -75,7 +75,7 @@ def test_an_input_is_no_output(files: Path, line: str, force: str) -> None:
 
 
 @pytest.mark.parametrize("line", NEVER)
-def test_what_is_there_is_never_overwritten(files: Path, line: str) -> None:
+def test_existing_files_are_never_overwritten(files: Path, line: str) -> None:
     before = contents(files)
     result = CliRunner().invoke(treadlink, line)
     assert isinstance(result.exception, TreadlinkError), result.output
@@ -84,20 +84,20 @@ def test_what_is_there_is_never_overwritten(files: Path, line: str) -> None:
 
 
 @pytest.mark.parametrize("command", ["diagnose", "estimate"])
-def test_the_users_own_key_file_is_no_output(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_default_key_file_is_never_overwritten(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"gateway.cli.{command}.default_key_file", lambda: Path("keys").resolve())
     result = CliRunner().invoke(treadlink, f"{command} rec.mcap --json keys --force")
     assert "files that are read" in str(result.exception)
     assert Path("keys").read_text() == "kept"
 
 
-def test_two_outputs_are_not_one_file(files: Path) -> None:
+def test_outputs_must_be_different_files(files: Path) -> None:
     result = CliRunner().invoke(treadlink, "estimate rec.mcap --csv a --json ./folder/../a --force")
     assert "two outputs" in str(result.exception)
     assert not Path("a").exists()
 
 
-def test_every_command_with_force_is_tried_here() -> None:
+def test_every_command_with_force_is_covered() -> None:
     """Figures, `protocol` and `repair` read nothing that they could overwrite, or never overwrite."""
     forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
     assert forcing == {line.split()[0] for line in OVERWRITING} | {

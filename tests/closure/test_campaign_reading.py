@@ -167,7 +167,7 @@ class TestSeveral:
         assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
 
     def test_a_fault_in_a_process_is_told_whole(self, slow, folder):
-        with pytest.raises(RecordingError, match="no recording") as caught:
+        with pytest.raises(RecordingError, match="does not exist") as caught:
             read_campaign([slow, folder / "absent.mcap"], jobs=2)
         assert caught.value.remedy
 

@@ -171,12 +171,12 @@ def test_missing_radius_names_each_wheel() -> None:
     ]
 
 
-def test_a_fault_in_the_only_wheel_is_one_fault() -> None:
+def test_fault_in_the_only_wheel_is_reported_once() -> None:
     (line,) = faults_of('[tire]\nradius_mm = 320\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\nload_n = 4\n')
     assert line.startswith("car.toml: wheel[FL].load_n: 4 found")
 
 
-def test_no_wheel_at_all() -> None:
+def test_missing_wheel_is_a_fault() -> None:
     assert any("wheel: missing, required: a list of tables" in line for line in faults_of("[tire]\nradius_mm = 320\n"))
 
 
@@ -187,7 +187,7 @@ def test_wrong_shapes_are_faults_not_crashes(text: str) -> None:
     assert faults_of(text)
 
 
-def test_nan_and_infinity_are_refused() -> None:
+def test_nan_and_infinity_are_rejected() -> None:
     lines = faults_of('[tire]\nradius_mm = nan\npressure_kpa = inf\n[[wheel]]\nposition = "A"\nhub = 0\nwheel = 0\n')
     assert [line.split(" ")[1] for line in lines] == ["tire.radius_mm:", "tire.pressure_kpa:"]
 
@@ -197,7 +197,7 @@ def test_syntax_error_names_the_line() -> None:
         parse_vehicle('[tire]\nradius_mm = 320\nsize = "', "car.toml")
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_files_are_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="No such file"):
         load_vehicle(tmp_path / "none.toml")
     latin = tmp_path / "latin.toml"
@@ -206,13 +206,13 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         load_vehicle(latin)
 
 
-def test_load_reads_a_file(tmp_path: Path) -> None:
+def test_load_vehicle_reads_a_file(tmp_path: Path) -> None:
     path = tmp_path / "car.toml"
     path.write_text(EXAMPLE, encoding="utf-8")
     assert load_vehicle(path) == parse_vehicle(EXAMPLE, "elsewhere")
 
 
-def test_configuration_made_in_python_is_checked_too() -> None:
+def test_configuration_made_in_python_is_checked() -> None:
     wheel = Wheel(position="FL", hub=0, wheel=0)
     with pytest.raises(ValueError, match="belt radius is required"):
         VehicleConfig(wheel=(wheel,))
@@ -220,7 +220,7 @@ def test_configuration_made_in_python_is_checked_too() -> None:
         VehicleConfig(tire=Tire(radius_mm=300.0), wheel=(wheel, wheel))
 
 
-def test_default_vehicle_says_what_it_assumed() -> None:
+def test_default_vehicle_states_its_assumption() -> None:
     config = default_vehicle([(0, 1), (2, 3)])
     assert [setup.position for setup in config.wheel_setups()] == ["hub0.wheel1", "hub2.wheel3"]
     assert {setup.radius_m for setup in config.wheel_setups()} == {0.32}
