@@ -1,4 +1,4 @@
-"""`treadlink calibrate` on recordings of the simulator, and its result in a vehicle file."""
+"""Tests of `treadlink calibrate` with simulated recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`treadlink diagnose` and --effects as a user runs them. The diagnosis itself has tests of its own."""
+"""Tests of `treadlink diagnose` and --effects as a user runs them; the diagnosis itself is tested elsewhere."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def pair(tmp_path_factory):
 
 @pytest.fixture
 def closed(monkeypatch):
-    """Let the closure return what is set here, and keep what it was asked."""
+    """Replace the diagnosis by a prepared result, and record its arguments."""
     asked = []
     answer = [replace(ordinary(), correction=table())]
 
@@ -104,7 +104,7 @@ def test_summary_and_all_files_are_written(closed, recording, tmp_path):
 
 
 def test_notes_on_recordings_are_reported(closed, recording, tmp_path):
-    """Two recordings of the same time."""
+    """Two recordings with the same start time."""
     again = write_recording(tmp_path / "again.mcap", AT_60, seed=7, duration_s=4.0)
     out = tmp_path / "a.json"
     assert run(recording, again, "--json", out, "--jobs", "1").exit_code == 0

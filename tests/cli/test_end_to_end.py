@@ -1,4 +1,4 @@
-"""The command as a user runs it: real processes, files and pseudo-terminals."""
+"""End-to-end tests of the command with real processes, files and pseudo-terminals."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def rows_of(path):
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """A recording made by `treadlink live` from the simulator, and what it printed."""
+    """A recording of the simulator by `treadlink live`, and its output."""
     path = tmp_path_factory.mktemp("cli") / "lab.mcap"
     done = treadlink("live", "sim:lab?speed=max&duration=8", "--plain", "--record", path)
     return path, done.stdout
@@ -107,7 +107,7 @@ def test_measured_recording_gives_revolutions(tmp_path):
 
 
 class Hub:
-    """A hub on a real pseudo-terminal, played by the simulator."""
+    """A simulated hub on a real pseudo-terminal."""
 
     def __init__(self, scenario, duration_s, faults=(), seed=2):
         self.master, self.slave = os.openpty()
@@ -118,7 +118,7 @@ class Hub:
         self.sent = b""
 
     def play(self):
-        """Write everything; the pseudo-terminal's small buffer paces it."""
+        """Write all bytes, paced by the small buffer of the pseudo-terminal."""
         for chunk in self.simulation.chunks("pty", 0):
             self.sent += chunk.data
             view = memoryview(chunk.data)
@@ -174,7 +174,7 @@ def test_bad_serial_link_loses_only_damaged_frames(tmp_path):
 
 
 def wait_until_recorded(path: Path, size: int) -> None:
-    """Wait, bounded, until the recording holds `size` link bytes."""
+    """Wait for a limited time until the recording contains `size` link bytes."""
     ticker = threading.Event()
     for _ in range(TIMEOUT_S * 10):
         ticker.wait(0.1)

@@ -1,4 +1,4 @@
-"""No command writes over a file that it reads, whatever --force says."""
+"""No command overwrites a file that it reads, even with --force."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from gateway.cli import COMMANDS, treadlink
 from gateway.errors import TreadlinkError
 
-# Commands that can overwrite, each of its inputs as an output.
+# Commands that can overwrite, with each input given as an output.
 OVERWRITING = [
     f"{command} rec.mcap {more} {out}"
     for command, outs in {
@@ -32,7 +32,7 @@ OVERWRITING = [
         *((("--effects effects.json", f"{option} effects.json"),) if command == "estimate" else ()),
     )
 ]
-# Commands that write new files only.
+# Commands that write only new files.
 NEVER = [
     "import rec.csv --map car.toml --out rec.csv",
     "import rec.csv --map car.toml --out car.toml",
@@ -98,7 +98,7 @@ def test_outputs_must_be_different_files(files: Path) -> None:
 
 
 def test_every_command_with_force_is_covered() -> None:
-    """Figures, `protocol` and `repair` read nothing that they could overwrite, or never overwrite."""
+    """The commands figures, protocol and repair read no file that they could overwrite, or never overwrite."""
     forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
     assert forcing == {line.split()[0] for line in OVERWRITING} | {
         "figures", "repair", "protocol header", "protocol encoder", "protocol vectors",

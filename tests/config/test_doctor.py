@@ -172,7 +172,7 @@ def test_sources(device: Path, tmp_path: Path) -> None:
 
 @pytest.fixture
 def quiet_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine on which nothing but the arguments can be at fault."""
+    """A machine on which only the arguments can be faulty."""
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(1e12, 0, 1e12))
     monkeypatch.setattr(list_ports, "comports", list)
 

@@ -1,4 +1,4 @@
-"""Effects files: written, read again, and refused when they are not what they should be."""
+"""Effects files are written, read back, and rejected when invalid."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def test_measured_recording_is_imported(tmp_path: Path) -> None:
 
 
 def test_circumferential_sign_fits_the_sensor_position() -> None:
-    """A sensor e below the neutral layer reads -(e/R) ds/dtheta along the rotation: the map must turn x so."""
+    """A sensor e below the neutral layer reads -(e/R) ds/dtheta along the rotation; the map must orient x so."""
     if not MEASURED.exists():
         pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
     x, _, z = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 1:].T

@@ -24,7 +24,7 @@ def imported(path: Path, map_text: str) -> tuple[ImportReport, Decoded]:
 
 
 def check_round_trip(decoded: Decoded, expected_mps2: FloatArray) -> None:
-    """Equal within half a quantisation step, and not by a coarse step."""
+    """Check equality within half a quantisation step, which must be fine."""
     assert decoded.samples_mps2.shape == expected_mps2.shape
     steps = [decoded.hello.scale_mps2[axis] for axis in range(3) if decoded.hello.axes >> axis & 1]
     for channel, step in enumerate(steps):

@@ -1,4 +1,4 @@
-"""Compacting keeps every message and proves it; hostile compressed chunks are refused."""
+"""Compaction keeps and verifies every message; hostile compressed chunks are rejected."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_huge_length_is_damage(tmp_path: Path, length: int) -> None:
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD, CompressionType.NONE])
 def test_files_rewritten_by_other_programs_are_read(tmp_path: Path, compression: CompressionType) -> None:
-    """`mcap` tools may compress or reorder; channels are known by topic then."""
+    """The `mcap` tools may compress or reorder; channels are then identified by topic."""
     items = recording(tmp_path / "r.mcap", 200)
     with (tmp_path / "other.mcap").open("wb") as file:
         writer = Writer(file, compression=compression)

@@ -1,4 +1,4 @@
-"""What `inspect` tells is what was recorded: losses to the sample, rates, restarts, events."""
+"""`inspect` reports losses to the sample, rates, restarts and events."""
 
 from __future__ import annotations
 

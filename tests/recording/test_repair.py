@@ -1,4 +1,4 @@
-"""A repaired recording lacks only the frames that lost bytes, and holds none that is wrong."""
+"""A repaired recording lacks only the damaged frames and contains no wrong ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def repaired(tmp_path: Path, file: bytes) -> Path:
 
 
 def faults(recorded: damage.Recorded, touched: np.ndarray, path: Path) -> tuple[int, int]:
-    """Return how many frames are gone that lost no byte, and how many are there that were never sent on their link."""
+    """Return the numbers of undamaged frames that are missing and of frames never sent on their link."""
     got = damage.rescued(path)
     gone = wrong = 0
     for link, frames in recorded.frames.items():
@@ -49,7 +49,7 @@ def random_places(rng: np.random.Generator, size: int, count: int) -> list[tuple
 
 
 def trial(folder: Path, seed: list[int], links: int) -> tuple[int, int]:
-    """Record, damage at one to three places, repair; return the faults. Everything is drawn from the seed."""
+    """Record, damage one to three places and repair, all drawn from the seed; return the numbers of wrong frames."""
     rng = np.random.default_rng(seed)
     recorded = damage.record(
         folder / "r.mcap",
@@ -79,7 +79,7 @@ def test_only_damaged_frames_are_lost(tmp_path: Path, links: int, seed: int) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize(("links", "most"), [(1, 0.002), (2, 0.005)])
 def test_random_damage_loses_only_damaged_frames(tmp_path: Path, links: int, most: float) -> None:
-    """The figures in docs/recording.md; chance may hide a frame, never put one in that was not sent."""
+    """The figures in docs/recording.md: chance may hide a frame, but never add one."""
     count = 2000
     found = []
     for seed in range(count):
@@ -94,7 +94,7 @@ def test_random_damage_loses_only_damaged_frames(tmp_path: Path, links: int, mos
 
 
 def test_cutting_record_headers_loses_nothing(tmp_path: Path) -> None:
-    """Every frame here spans messages; what lies between its halves when only headers are hit must go."""
+    """Every frame spans messages, so remains of headers between its halves must be removed."""
     rng = np.random.default_rng(8)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=120, links=1, largest=90, topics=False, finish=True)
     payloads = list(damage.payload_positions(recorded.file))
@@ -175,7 +175,7 @@ def test_bytes_are_found_without_declarations(tmp_path: Path) -> None:
 
 
 def test_remains_of_an_older_recording_are_ignored(tmp_path: Path) -> None:
-    """A disk may put blocks of a deleted file where bytes went missing."""
+    """A disk may put blocks of a deleted file in place of missing bytes."""
     rng = np.random.default_rng(14)
     (tmp_path / "old").mkdir()
     old = damage.record(tmp_path / "old" / "r.mcap", rng, count=200, links=1, largest=600, topics=False, finish=True)
@@ -248,7 +248,7 @@ def test_file_without_messages_is_rejected(tmp_path: Path, content: bytes) -> No
 
 
 def test_messages_with_equal_times_stay_separate(tmp_path: Path) -> None:
-    """A recorded dump without a rate has the same time everywhere; numbers must do then."""
+    """All messages of a recorded dump without a rate have the same time; sequence numbers must suffice."""
     rng = np.random.default_rng(16)
     frames = streams.frames(rng, 100)
     items = [Chunk("dump:x.bin", 0, chunk.data) for chunk in streams.chunks(rng, b"".join(frames), "x", largest=200)]

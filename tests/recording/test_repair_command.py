@@ -1,4 +1,4 @@
-"""`treadlink repair` and `treadlink compact` as a user calls them."""
+"""Tests of `treadlink repair` and `treadlink compact`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Replaying gives what was recorded: same chunks, same times, same events, at any speed."""
+"""Replay yields the recorded chunks, times and events at any speed."""
 
 from __future__ import annotations
 

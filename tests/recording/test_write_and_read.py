@@ -1,4 +1,4 @@
-"""What is recorded is what is read, in every state a recording can be in."""
+"""Recordings read back unchanged, in every state of the file."""
 
 from __future__ import annotations
 
