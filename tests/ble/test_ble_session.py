@@ -26,7 +26,7 @@ from firmware_protocol.messages import (
     TimeSync,
 )
 from gateway.clock import ManualClock, SystemClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import SourceError
 from gateway.io.ble import BleSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, open_source

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.closure.group_making import CUT_OFF, FEW
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import RecordingError
 from gateway.importing.import_map import load_map
@@ -168,7 +168,7 @@ class TestSeveral:
         assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
 
     def test_a_fault_in_a_process_is_told_whole(self, slow, folder):
-        with pytest.raises(RecordingError, match="no recording") as caught:
+        with pytest.raises(RecordingError, match="does not exist") as caught:
             read_campaign([slow, folder / "absent.mcap"], jobs=2)
         assert caught.value.remedy
 

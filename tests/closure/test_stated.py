@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
 from gateway.session.provenance import GIVEN, stated

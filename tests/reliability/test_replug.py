@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.clock import SystemClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import open_source
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from gateway.cli import treadlink
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, RecordingError
 from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
