@@ -1,4 +1,4 @@
-"""Why something is as it is, as a value: a code with its numbers. `gateway.views.wording` turns it into text."""
+"""Reasons as values: a code with its numbers. `gateway.views.wording` turns them into text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Value: TypeAlias = "float | str | Reason | tuple[Value, ...]"
 
 
 class Code(StrEnum):
-    """What a reason says. The text of each code, with the values it needs, is in `gateway.views.wording`.
+    """Meaning of a reason. The text of each code, with the values it needs, is in `gateway.views.wording`.
 
     Codes appear in JSON output and recordings: a code may be added, but not renamed without an entry in the changelog.
     """
@@ -30,7 +30,7 @@ class Code(StrEnum):
     EFFECTS_OF_OTHER_SENSOR = "effects_of_other_sensor"
 
     # Estimates
-    # - of any estimator
+    # Of any estimator
     AC_COUPLED = "ac_coupled"
     AVERAGE_ERRORS_UNKNOWN = "average_errors_unknown"
     AXIS_MISSING = "axis_missing"
@@ -46,7 +46,7 @@ class Code(StrEnum):
     SAMPLES_LOST_SHARE = "samples_lost_share"
     SPEED_OR_RADIUS_UNKNOWN = "speed_or_radius_unknown"
     TOO_FEW_ORDERS = "too_few_orders"
-    # - of the tire's four numbers
+    # Of the tire's four numbers
     BENDING_LIKE_SHEAR = "bending_like_shear"
     CORRELATED = "correlated"
     FIT_AT_ZERO = "fit_at_zero"
@@ -60,7 +60,7 @@ class Code(StrEnum):
     NOT_DETERMINED = "not_determined"
     ORDERS_UNUSABLE = "orders_unusable"
     RING_DOES_NOT_FIT = "ring_does_not_fit"
-    # - of load and wear
+    # Of load and wear
     BENDING_NOT_POSITIVE = "bending_not_positive"
     FROM_BELT_WIDTH = "from_belt_width"
     FROM_CONTACT_ANGLE = "from_contact_angle"
@@ -79,7 +79,7 @@ class Code(StrEnum):
     PRESSURE_OUTSIDE_CALIBRATION = "pressure_outside_calibration"
     UNKNOWN_ESTIMATOR = "unknown_estimator"
     WORN_SINCE_CALIBRATION = "worn_since_calibration"
-    # - of the lateral axis
+    # Of the lateral axis
     FROM_AXIS_MEANS = "from_axis_means"
     INCLUDES_CONICITY = "includes_conicity"
     NEEDS_BOTH_SLIPS = "needs_both_slips"
@@ -90,14 +90,14 @@ class Code(StrEnum):
     ZERO_SLIP_GIVEN = "zero_slip_given"
     ZERO_SLIP_IS_MEAN = "zero_slip_is_mean"
     ZERO_SLIP_NOT_SETTLED = "zero_slip_not_settled"
-    # - of the sensor's calibration
+    # Of the sensor's calibration
     FLAT_CONTACT_ASSUMED = "flat_contact_assumed"
     NEEDS_TEMPERATURE_CHANGE = "needs_temperature_change"
     NEEDS_TWO_SPEEDS = "needs_two_speeds"
     NO_REVOLUTION_YET = "no_revolution_yet"
     NOT_FINITE = "not_finite"
     OTHER_OFFSET_STATED = "other_offset_stated"
-    # - of what is not locked to the wheel
+    # Of what is not locked to the wheel
     AT_WHEEL_ORDER = "at_wheel_order"
     IN_BAND = "in_band"
     NEEDS_UNINTERRUPTED_ROLLING = "needs_uninterrupted_rolling"
@@ -130,7 +130,7 @@ class Reason:
     """A code and the values that belong to it, in SI units with the unit in the name.
 
     Attributes:
-        code: what is said.
+        code: its meaning.
         values: name and value of each number, name or nested reason, in the order given.
     """
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.observation import ORDERS
-from gateway.estimators.base import Conditions, Revolution
+from gateway.estimators.base import Revolution, TireConditions
 from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray
 
@@ -75,7 +75,7 @@ class RevolutionStore:
         """Number of revolutions kept."""
         return len(self._rows)
 
-    def take(self, revolution: Revolution, conditions: Conditions, host_ns: int) -> None:
+    def take(self, revolution: Revolution, conditions: TireConditions, host_ns: int) -> None:
         """Keep a revolution, or count why not."""
         faults = [fault for fault in revolution.faults if fault.code not in _CUT_OFF]
         if faults:

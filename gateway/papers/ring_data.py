@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.estimators.base import AngleAverage, Revolution, TireConditions
 from gateway.estimators.registry import make_estimator
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
@@ -80,7 +80,7 @@ def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
     solved = solve_rolling_ring(ring, load_n, pressure_pa, OMEGA_RADPS, nodes=1440)
     seed = round(wear_mm * 10) * 10_000 + round(pressure_pa * 1e-4) * 100 + round(load_n * 1e-3)
     revolution, average = _averaged(solved, seed)
-    stated = Conditions(RADIUS_M, load_n, pressure_pa)
+    stated = TireConditions(RADIUS_M, load_n, pressure_pa)
     found = {}
     for name in ESTIMATORS:
         estimates = {e.name: e.value for e in make_estimator(name).update(revolution, average, stated)}

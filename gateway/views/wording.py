@@ -37,7 +37,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.EFFECTS_OF_OTHER_SENSOR: "the effects were found on sensor {found_on}, but this is sensor {sensor}",
     # Estimates
-    # - of any estimator
+    # Of any estimator
     Code.AC_COUPLED: "AC-coupled: the steady value is lost",
     Code.AVERAGE_ERRORS_UNKNOWN: "the standard errors of the average are not known",
     Code.AXIS_MISSING: "the sensor has no {axis} axis",
@@ -55,7 +55,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SAMPLES_LOST_SHARE: "{share:.1%} of the samples were lost",
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
-    # - of the tire's four numbers
+    # Of the tire's four numbers
     Code.BENDING_LIKE_SHEAR: "bending and shear of the belt cannot be separated here (correlation {correlation:+.2f})",
     Code.CORRELATED: "correlated {correlation:+.2f} with {number}",
     Code.FIT_AT_ZERO: "not determined: the fit puts {number} at zero",
@@ -73,7 +73,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RING_DOES_NOT_FIT: (
         "the ring does not describe these orders: the residual is {residual:.0%} of the signal, the limit {limit:.0%}"
     ),
-    # - of load and wear
+    # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
     Code.FROM_BELT_WIDTH: "from the belt width",
     Code.FROM_CONTACT_ANGLE: "from contact angle and pressure",
@@ -101,7 +101,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
     Code.WORN_SINCE_CALIBRATION: "calibrated on the new tire, which is now worn by {wear_m:.1f mm}",
-    # - of the lateral axis
+    # Of the lateral axis
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
     Code.INCLUDES_CONICITY: "ply steer plus conicity",
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
@@ -114,14 +114,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.ZERO_SLIP_GIVEN: "zero slip as given",
     Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
     Code.ZERO_SLIP_NOT_SETTLED: "zero slip from {revolutions:.0f} revolutions, settles at {needed:.0f}",
-    # - of the sensor's calibration
+    # Of the sensor's calibration
     Code.FLAT_CONTACT_ASSUMED: "AC-coupled: from the contact, assumed to be flat (flat road)",
     Code.NEEDS_TEMPERATURE_CHANGE: "needs a change of temperature",
     Code.NEEDS_TWO_SPEEDS: "needs two speeds: {quantity} and zero-g offset are not separated yet",
     Code.NO_REVOLUTION_YET: "no revolution yet",
     Code.NOT_FINITE: "the result is not finite",
     Code.OTHER_OFFSET_STATED: "the vehicle file states {stated_m:.1f mm}",
-    # - of what is not locked to the wheel
+    # Of what is not locked to the wheel
     Code.AT_WHEEL_ORDER: "at order {order:.0f} of the wheel: may be locked to it",
     Code.IN_BAND: "{low_hz:.0f Hz} to {high_hz:.0f Hz}, sensor noise included",
     Code.NEEDS_UNINTERRUPTED_ROLLING: "needs {duration_s:.0f s} of uninterrupted rolling",
