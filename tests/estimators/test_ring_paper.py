@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from gateway.constants import RING_NUMBERS, RING_RATIOS
+from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import AngleAverage, Estimate, Status, TireConditions
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
@@ -21,8 +21,8 @@ from gateway.reasons import Code, Reason, codes_of
 from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
-from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, solution
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 ORDERS = np.arange(1.0, 61.0)
@@ -289,7 +289,7 @@ def test_reset_and_replay_are_bit_equal() -> None:
 def test_measured_tire_gives_ratios_with_errors() -> None:
     if not MEASURED.exists():
         pytest.skip("the measured recording is not kept with the project")
-    radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3:] * 9.80665
+    radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3:] * STANDARD_GRAVITY_MPS2
     # Contact centres midway between the half-level crossings, read off the recording; 25.6 kHz and 0.30 m are assumed.
     contacts = [2528.5, 4803.5, 7076.5, 9344.5, 11610.5]
     average = RunningAverage()

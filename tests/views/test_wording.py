@@ -33,7 +33,7 @@ def test_reasons_have_the_values_of_their_template():
 
 @pytest.mark.parametrize("code", list(Code))
 def test_every_template_prints_its_values(code: Code) -> None:
-    assert text(Reason(code, **dict.fromkeys(fields(code), 1.0)))
+    assert text(Reason(code, **dict.fromkeys(fields(code), 1)))
 
 
 def test_non_finite_values_are_null_in_json() -> None:
