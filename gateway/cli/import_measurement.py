@@ -24,7 +24,7 @@ _PROGRESS_FROM_BYTES: Final = 4_000_000
     required=True,
     type=click.Path(path_type=Path),
     metavar="MAP.toml",
-    help="What the columns mean; docs/importing.md shows how to write one.",
+    help="What the columns mean; docs/how-to/import-measurements.md shows how to write one.",
 )
 @click.option(
     "--out",

@@ -53,7 +53,7 @@ def vectors(out: Path | None, force: bool) -> None:
 @protocol.command()
 @click.argument("specification", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 def tables(specification: Path) -> None:
-    """Bring the generated parts of the SPECIFICATION (docs/protocol.md) up to date."""
+    """Bring the generated parts of the SPECIFICATION (docs/reference/protocol.md) up to date."""
     from firmware_protocol.spec import updated
 
     specification.write_text(updated(specification.read_text("utf-8")), "utf-8")

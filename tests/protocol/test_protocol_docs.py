@@ -8,11 +8,11 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import SampleBlock
 from firmware_protocol.spec import updated
 
-SPECIFICATION = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text("utf-8")
+SPECIFICATION = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").read_text("utf-8")
 
 
 def test_generated_parts_are_current() -> None:
-    assert updated(SPECIFICATION) == SPECIFICATION, "run `treadlink protocol tables docs/protocol.md`"
+    assert updated(SPECIFICATION) == SPECIFICATION, "run `treadlink protocol tables docs/reference/protocol.md`"
 
 
 def test_worked_example_decodes() -> None:
