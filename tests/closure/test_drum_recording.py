@@ -1,4 +1,4 @@
-"""The figures of docs/closure-drum.md: what the measured inner-liner recording says of edge waves."""
+"""The figures of docs/evidence/closure-drum.md: what the measured inner-liner recording says of edge waves."""
 
 from __future__ import annotations
 
