@@ -3,7 +3,7 @@
 A page marks what a command printed. Three marks, HTML comments on the line before a block, are understood:
 
     <!-- file: NAME -->              the fenced block is written to NAME before the page's commands run
-    <!-- output: COMMAND -->         the fenced block is COMMAND's output; a line `...` stands for lines left out
+    <!-- output: COMMAND -->         the fenced block shows `$ COMMAND` and its output; `...` stands for lines left out
     <!-- output(slow): COMMAND -->   the same, for commands of more than some seconds or with times in their output
     <!-- figures: COMMAND -->        the next block holds numbers that COMMAND prints, in another arrangement
 
@@ -125,7 +125,7 @@ def disagreement(quoted: str, printed: str) -> str:
     found, place = numbers(printed), 0
     for line in quoted.splitlines():
         wanted = numbers(line)
-        if not wanted or line.strip() == SKIPPED:
+        if not wanted or line.strip() == SKIPPED or line.startswith("$ "):
             continue
         while place + len(wanted) <= len(found) and not _alike(wanted, found[place : place + len(wanted)]):
             place += 1
@@ -136,9 +136,7 @@ def disagreement(quoted: str, printed: str) -> str:
 
 
 def _alike(first: Sequence[float], second: Sequence[float]) -> bool:
-    return all(
-        abs(a - b) <= _RELATIVE_TOLERANCE * max(abs(a), abs(b)) for a, b in zip(first, second, strict=True)
-    )
+    return all(abs(a - b) <= _RELATIVE_TOLERANCE * max(abs(a), abs(b)) for a, b in zip(first, second, strict=True))
 
 
 def check(marks: Sequence[Mark], *, slow: bool = False, update: bool = False) -> Iterator[str]:
@@ -150,13 +148,15 @@ def check(marks: Sequence[Mark], *, slow: bool = False, update: bool = False) ->
             for mark in of_page:
                 if mark.kind == "file":
                     (Path(folder) / mark.text).write_text(mark.body, "utf-8")
+                elif mark.kind == "output" and not mark.body.startswith(f"$ {mark.text}\n"):
+                    yield f"{mark.name}: the block does not begin with $ {mark.text}"
                 elif mark.kind == "output" and (slow or not mark.slow):
                     printed = run(mark.text, Path(folder))
                     if missing := disagreement(mark.body, printed):
                         yield f"{mark.name}: `{mark.text}` does not print: {missing}"
                     if SKIPPED not in mark.body.split():
-                        body = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
-                        written.append((mark.span, body))
+                        lines = (f"$ {mark.text}", *printed.splitlines())
+                        written.append((mark.span, "".join(f"{line.rstrip()}\n" for line in lines)))
         if update:
             for (begin, end), body in reversed(written):
                 text = text[:begin] + body + text[end:]
