@@ -117,6 +117,12 @@ class Code(StrEnum):
     # Security
 
     # Files and configuration
+    RECORDING_CHANNEL_UNDECLARED = "recording_channel_undeclared"
+    RECORDING_CHUNK_DAMAGED = "recording_chunk_damaged"
+    RECORDING_CUT_OFF = "recording_cut_off"
+    RECORDING_DESCRIPTION_DAMAGED = "recording_description_damaged"
+    RECORDING_RECORD_DAMAGED = "recording_record_damaged"
+    RECORDING_RECORD_MISSING = "recording_record_missing"
 
 
 @dataclass(frozen=True, slots=True, init=False)

@@ -24,6 +24,7 @@ from gateway.session.campaign_clock import combined
 from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_recording
 from gateway.session.campaign_wheel import the_wheel
 from gateway.types import IntArray
+from gateway.views import wording
 
 LEAST_REVOLUTIONS: Final = 4
 """Groups of fewer are left out, unless there is nothing else."""
@@ -164,7 +165,7 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
             + "; ".join(f"{count} x {reason}" for reason, count in rejected.items()),
             "At least two revolutions at the same speed are needed, a minute of steady rolling is better.",
         )
-    notes = [f"{read.damage} What could be read is used." for read in reads if read.damage]
+    notes = [f"{wording.text(read.damage)}. The readable part is used." for read in reads if read.damage]
     notes += [f"{order.name}: {note}" for order, read in zip(orders, reads, strict=True) for note in read.notes]
     notes += [
         f"{order.name} gave nothing to use"

@@ -14,8 +14,7 @@ from firmware_protocol.batch import FrameBatch
 from gateway.closure.collecting import RevolutionStore
 from gateway.closure.group_making import Declared, make_groups
 from gateway.closure.observation import Group
-from gateway.config.vehicle import VehicleConfig
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Reason
@@ -86,7 +85,7 @@ class RecordingRead:
     clock_error: tuple[float, float] = UNKNOWN
     assumed: tuple[str, ...] = ()
     stated: tuple[str, ...] = ()
-    damage: str | None = None
+    damage: Reason | None = None
     sensor_id: int | None = None
     notes: tuple[str, ...] = ()
 

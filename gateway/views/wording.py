@@ -146,6 +146,27 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     # Wheels, links and alarms
     # Security
     # Files and configuration
+    Code.RECORDING_CHANNEL_UNDECLARED: (
+        "'{recording}' has messages of the undeclared channel {channel:d}, which are skipped. `treadlink repair` may "
+        "recover them"
+    ),
+    Code.RECORDING_CHUNK_DAMAGED: (
+        "'{recording}' has a damaged chunk near byte {at_byte:d}; {skipped_bytes:d} bytes are skipped. `treadlink "
+        "repair` recovers what is left of them"
+    ),
+    Code.RECORDING_CUT_OFF: (
+        "'{recording}' is cut off at byte {at_byte:d}, inside a record. `treadlink repair` completes it"
+    ),
+    Code.RECORDING_DESCRIPTION_DAMAGED: (
+        "'{recording}' has a damaged description, which contains the vehicle configuration. `treadlink repair` "
+        "recovers the rest"
+    ),
+    Code.RECORDING_RECORD_DAMAGED: (
+        "'{recording}' has a damaged record near byte {at_byte:d}. `treadlink repair` recovers what is left of it"
+    ),
+    Code.RECORDING_RECORD_MISSING: (
+        "'{recording}' has no valid record at byte {at_byte:d}; the rest is not read. `treadlink repair` recovers it"
+    ),
 }
 
 # Printed unit: factor from SI.

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gateway.closure.group_making import CUT_OFF, FEW
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import RecordingError
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
@@ -19,7 +20,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.session.batch import estimate_items
 from gateway.session.campaign import MOST_GROUPS, SPARE, read_campaign
 from gateway.views.wording import text
-from tests.closure.campaign_recordings import START_NS, write_recording
+from tests.testkit.campaign_recordings import START_NS, write_recording
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 MAP = Path(__file__).parents[2] / "examples" / "innerliner_drum_80kmh.map.toml"
@@ -111,7 +112,7 @@ class TestOneRecording:
     def test_scatter_is_the_sensors_noise(self, campaign):
         """5 mg per root Hz: the variance of a coefficient is the density over the period."""
         (group,) = campaign.groups
-        density = (5e-3 * 9.80665) ** 2
+        density = (5e-3 * STANDARD_GRAVITY_MPS2) ** 2
         expected = density * group.conditions.omega_radps / (2 * math.pi)
         np.testing.assert_allclose(group.variance[:, 5:100].mean(axis=1), expected, rtol=0.1)
 
@@ -119,7 +120,7 @@ class TestOneRecording:
         (group,) = campaign.groups
         assert group.deviation_rate_hz == pytest.approx(4000.0)
         spread = np.std(np.concatenate(group.deviations_mps2, axis=1)[2])
-        assert spread == pytest.approx(5e-3 * 9.80665 * math.sqrt(0.45 * 4000), rel=0.05)
+        assert spread == pytest.approx(5e-3 * STANDARD_GRAVITY_MPS2 * math.sqrt(0.45 * 4000), rel=0.05)
 
     def test_the_hubs_clock_is_known(self, campaign):
         error, std = campaign.clock_error
@@ -167,7 +168,7 @@ class TestSeveral:
         assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
 
     def test_a_fault_in_a_process_is_told_whole(self, slow, folder):
-        with pytest.raises(RecordingError, match="no recording") as caught:
+        with pytest.raises(RecordingError, match="does not exist") as caught:
             read_campaign([slow, folder / "absent.mcap"], jobs=2)
         assert caught.value.remedy
 
@@ -322,7 +323,7 @@ class TestSensors:
     def test_a_range_that_is_left_now_and_then_only_leaves_those_out(self, folder):
         tables = "[motion]\nspeed_kmh = 60.0\n[road]\nrms_mps2 = 8.0"
         loud = read_campaign([write_recording(folder / "wide.mcap", tables)])
-        peaks = [one.axes_mps2[2].max() / 9.80665 for one in revolutions(folder / "wide.mcap")]
+        peaks = [one.axes_mps2[2].max() / STANDARD_GRAVITY_MPS2 for one in revolutions(folder / "wide.mcap")]
         edge = float(np.quantile(peaks, 0.85))
         path = write_recording(folder / "narrow.mcap", tables, wheels=(f"[wheel.sensor]\nrange_g = {edge}",))
         campaign = read_campaign([path])

@@ -10,7 +10,7 @@ from gateway.errors import OutputError
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.diagnosis_json import write_json
 from gateway.views.report.html import write_html
-from tests.closure.diagnosis_data import empty
+from tests.testkit.diagnosis_data import empty
 
 
 @pytest.mark.parametrize("write", [write_html, write_json])

@@ -11,7 +11,7 @@ from gateway.closure import likelihood
 from gateway.closure.diagnosis import Finding, Fitted, HeldOut, Verdict
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.signal.order_spectrum import order_coefficients as reference_coefficients
-from tests.closure.diagnosis_data import NASTY, curves, empty, nasty, ordinary, trends
+from tests.testkit.diagnosis_data import NASTY, curves, empty, nasty, ordinary, trends
 
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
 pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")

@@ -11,7 +11,7 @@ import pytest
 from gateway.closure.diagnosis import Diagnosis, Fitted
 from gateway.errors import OutputError
 from gateway.views.report.diagnosis_json import FORMAT, FORMAT_VERSION, diagnosis_json, write_json
-from tests.closure.diagnosis_data import NASTY, empty, nasty, ordinary
+from tests.testkit.diagnosis_data import NASTY, empty, nasty, ordinary
 
 
 def _strict(text: str) -> dict:

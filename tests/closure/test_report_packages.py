@@ -13,7 +13,7 @@ import pytest
 
 from gateway.errors import OutputError
 from gateway.views.report.html import diagnosis_html
-from tests.closure.diagnosis_data import empty
+from tests.testkit.diagnosis_data import empty
 
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
 pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")

@@ -11,7 +11,7 @@ from gateway.closure.findings import fitted_parameter
 from gateway.views.report.rows import printed, show_fitted, significant, span_text
 from gateway.views.report.terminal import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
-from tests.closure.diagnosis_data import empty, nasty, ordinary
+from tests.testkit.diagnosis_data import empty, nasty, ordinary
 
 
 @pytest.mark.parametrize("make", [ordinary, nasty, empty])

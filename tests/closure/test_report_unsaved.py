@@ -10,7 +10,7 @@ import pytest
 from gateway.closure.contribution import _MEASURED
 from gateway.closure.diagnosis import Finding, Verdict
 from gateway.views.report.unsaved import MEASURED, saved_text, why_unsaved
-from tests.closure.diagnosis_data import empty, ordinary
+from tests.testkit.diagnosis_data import empty, ordinary
 
 
 def named(*names: str, lock: str = "angle") -> tuple[Finding, ...]:

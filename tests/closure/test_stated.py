@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
 from gateway.session.provenance import GIVEN, stated
 from gateway.views.report.diagnosis_json import diagnosis_json
 from gateway.views.report.html import diagnosis_html
-from tests.closure.campaign_recordings import START_NS, write_recording
-from tests.closure.diagnosis_data import ordinary
+from tests.testkit.campaign_recordings import START_NS, write_recording
+from tests.testkit.diagnosis_data import ordinary
 
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 RECORDED = "(configuration recorded with it)"

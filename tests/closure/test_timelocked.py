@@ -20,6 +20,7 @@ from gateway.closure.timelocked_left import parts_left
 from gateway.closure.timelocked_model import Site
 from gateway.closure.timelocked_selection import place_of
 from gateway.closure.timelocked_spectra import group_spectra
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from tests.closure.timelocked_data import simulated_groups
 
 RATE_HZ = 4000.0
@@ -167,7 +168,7 @@ class TestNoNames:
         assert (line.axis, line.lock, line.scaling) == ("radial", "time", "constant")
         assert line.hz is not None
         assert line.hz[0] < 217.0 < line.hz[1]
-        assert line.rms_mps2 == pytest.approx(60e-3 * 9.80665 / math.sqrt(2.0), rel=0.25)
+        assert line.rms_mps2 == pytest.approx(60e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(2.0), rel=0.25)
 
     def test_edges_that_jitter_are_no_road(self) -> None:
         tables = "[road]\nleading_jitter_mm = 0.8\ntrailing_jitter_mm = 0.3\n[sensor]\noffset_mm = 5"

@@ -12,8 +12,8 @@ from gateway.errors import ConfigError
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
-from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 from tests.testkit.exact_ring import RADIUS_M, solution
+from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 
 GOOD = make_revolution(exact_wave(solution()))
 NAN = math.nan

@@ -23,8 +23,8 @@ from gateway.signal.angle_resampling import fit_phase, resample_revolution
 from gateway.signal.segmentation import find_contacts, refine_contact
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
-from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled, take
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, solution
+from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled, take
 
 OMEGA = omega_at(65.0)
 # 5 mg/rtHz after a hundred revolutions, over R omega^2.

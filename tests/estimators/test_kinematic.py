@@ -9,8 +9,8 @@ import pytest
 from gateway.estimators.base import Estimate, Revolution, Status
 from gateway.estimators.kinematic import KinematicEstimator
 from gateway.reasons import Code, Reason, codes_of
-from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 from tests.testkit.exact_ring import RADIUS_M, solution
+from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 
 WAVE = exact_wave(solution())
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Coupling
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Conditions, Estimate, Revolution, Status
 from gateway.estimators.lateral_shape import lateral_record, slopes
 from gateway.estimators.ply_steer import NAMES, ROLL_NAME, PlySteerEstimator, separate_plysteer_conicity
@@ -18,7 +19,7 @@ from gateway.estimators.registry import make_estimator
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution
 from gateway.physics.rolling_ring import RingSolution
 from gateway.reasons import Code, Reason, codes_of
-from tests.estimators.revolution_data import settled
+from tests.testkit.revolution_data import settled
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 CONDITIONS = Conditions(RADIUS_M)
@@ -140,7 +141,7 @@ def test_scatter_is_near_the_bound_and_the_stated_noise_is_honest() -> None:
     records = [lateral_record(r, 0.0) for r in revolutions]
     edges = (ring.leading_edge_rad, ring.trailing_edge_rad)
     rows = slopes(records[0], edges, RADIUS_M).rows
-    bound = 15e-3 * 9.80665 / math.sqrt(revolutions[0].period_s) / revolutions[0].omega_radps ** 2
+    bound = 15e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(revolutions[0].period_s) / revolutions[0].omega_radps ** 2
     scatter = np.std([rows @ record.lateral_m for record in records], axis=0, ddof=1)
     assert scatter == pytest.approx(np.linalg.norm(rows, axis=1) * bound, rel=0.25)
     # The estimate's own figure for it, apart from mounting and edges.

@@ -20,7 +20,7 @@ from gateway.estimators.slip_angle import (
 )
 from gateway.physics.lateral_belt import LateralBelt
 from gateway.reasons import Code, Reason, codes_of
-from tests.estimators.revolution_data import settled
+from tests.testkit.revolution_data import settled
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 SENSOR = Sensor(noise_mg=5.0, roll_rad=0.01)

@@ -17,9 +17,9 @@ from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters
 from gateway.reasons import Code, codes_of
-from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 from tests.testkit.damped_ring_modes import signal_orders
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, solution
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 
 ORDERS = np.arange(1.0, 61.0)
 LOAD_NUMBER = 5000.0 / (PRESSURE_PA * RADIUS_M**2)

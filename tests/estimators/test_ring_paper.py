@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Status
 from gateway.estimators.determination import NUMBERS, RATIOS, SETTLED_REVOLUTIONS
 from gateway.estimators.ring_fit import fit_ring_numbers
@@ -21,8 +22,8 @@ from gateway.reasons import Code, Reason, codes_of
 from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
-from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, solution
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 ORDERS = np.arange(1.0, 61.0)
@@ -289,7 +290,7 @@ def test_reset_and_replay_give_the_same_bits() -> None:
 def test_measured_tire_gives_ratios_with_honest_errors() -> None:
     if not MEASURED.exists():
         pytest.skip("the measured recording is not kept with the project")
-    radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3:] * 9.80665
+    radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3:] * STANDARD_GRAVITY_MPS2
     # Contact centres midway between the half-level crossings, read off the recording; 25.6 kHz and 0.30 m are assumed.
     contacts = [2528.5, 4803.5, 7076.5, 9344.5, 11610.5]
     average = RunningAverage()

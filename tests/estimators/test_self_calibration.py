@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Status
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason, codes_of
@@ -37,7 +38,7 @@ def test_two_speeds_part_gain_from_offset() -> None:
     assert within(gain, TRUE_GAIN)
     assert gain.std < 5e-4
     assert offset.status is Status.VALID
-    assert within(offset, 0.4 * 9.80665)
+    assert within(offset, 0.4 * STANDARD_GRAVITY_MPS2)
     assert offset.std < 0.2
 
 

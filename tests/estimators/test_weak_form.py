@@ -17,8 +17,8 @@ from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rol
 from gateway.physics.tread_pattern import EdgeWaves
 from gateway.reasons import Code, codes_of
 from gateway.signal.synchronous_average import RunningAverage
-from tests.estimators.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid, solution
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
 
 TRUTH = np.array(TABLE_3_NUMBERS)
 # 5 mg/rtHz over one revolution at 65 km/h, as a share of R omega^2, of a real order.

@@ -13,8 +13,8 @@ from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, Tire
 from gateway.estimators.wear import WearEstimator
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason, codes_of
-from tests.estimators.revolution_data import exact_wave, make_revolution, settled
 from tests.testkit.exact_ring import solution
+from tests.testkit.revolution_data import exact_wave, make_revolution, settled
 from tests.testkit.simulated_wheel import last, simulated
 
 # The simulator's new tire.

@@ -7,7 +7,7 @@ import pytest
 
 from firmware_protocol.codec import encode_raw
 from firmware_protocol.messages import MessageType
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter

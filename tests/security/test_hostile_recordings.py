@@ -167,7 +167,7 @@ def test_times_out_of_the_world_do_no_harm(tmp_path: Path) -> None:
 
 
 def test_a_recorded_configuration_is_as_strict_as_any(tmp_path: Path) -> None:
-    from gateway.config.vehicle_file import parse_vehicle
+    from gateway.config.vehicle import parse_vehicle
 
     with pytest.raises(ConfigError):
         parse_vehicle('[[wheel]]\nposition="../../x"\nhub=0\nwheel=0\n[tire]\nradius_mm=300.0\n', "recording")

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.clock import ManualClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import Chunk, open_source
 from gateway.recording.reader import RecordingReader

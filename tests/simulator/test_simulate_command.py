@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from firmware_protocol.decoder import FrameDecoder
 from gateway.cli.simulate import simulate
 from gateway.clock import ManualClock
-from gateway.config.vehicle_file import load_vehicle
+from gateway.config.vehicle import load_vehicle
 from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, open_source
 from gateway.recording.reader import RecordingReader

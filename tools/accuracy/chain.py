@@ -1,4 +1,4 @@
-"""Samples through the gateway's own pipeline: segmentation, resampling, gravity, edges. Out come revolutions."""
+"""Revolutions from samples by the gateway's own pipeline: segmentation, resampling, gravity, edges."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BLOCK = 36
 
 
 class Turn(NamedTuple):
-    """A revolution as the pipeline gave it, with the conditions that held."""
+    """A revolution from the pipeline, with its conditions."""
 
     revolution: Revolution
     conditions: Conditions
@@ -82,7 +82,7 @@ def turns_of(
 
 
 def take(average: RunningAverage, revolution: Revolution) -> AngleAverage:
-    """Take a revolution into an average, as the pipeline does."""
+    """Add a revolution to an average, as the pipeline does."""
     return average.update(
         revolution.radial_mps2,
         revolution.orders_mps2,

@@ -1,4 +1,4 @@
-"""Tables of what was measured: text for a terminal, or Markdown."""
+"""Tables of the results, as text for a terminal or as Markdown."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CONTACT, CONTACT_HEADS = QUANTITIES[:2], HEADS[:2]
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A title, heads and rows of text; `note` says how to read it."""
+    """A table of text: title, column heads and rows; `note` explains how to read it."""
 
     title: str
     note: str
@@ -31,7 +31,7 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
 
     def text(self, *, markdown: bool) -> str:
-        """Return it laid out in columns."""
+        """Return the table as text."""
         lines = [self.heads, *self.rows]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.heads))]
         if not markdown:
@@ -43,7 +43,7 @@ class Table:
 
 
 def percent(value: float, digits: int = 3) -> str:
-    """Return a share in percent, so many digits; a dash when there is none."""
+    """Return a share in percent with `digits` significant digits; a dash when it is not finite."""
     if not math.isfinite(value):
         return "-"
     size = abs(100.0 * value)
@@ -53,7 +53,7 @@ def percent(value: float, digits: int = 3) -> str:
 
 
 def grid_tables(outcomes: Sequence[Outcome], estimators: Sequence[str]) -> Iterable[Table]:
-    """Yield what holds over all conditions of the ring paper's Table 1."""
+    """Yield statistics over all conditions of the ring paper's Table 1."""
     grid = [outcome for outcome in outcomes if outcome.case.group == "grid"]
     if not grid:
         return
@@ -95,7 +95,7 @@ def grid_tables(outcomes: Sequence[Outcome], estimators: Sequence[str]) -> Itera
 
 
 def case_tables(outcomes: Sequence[Outcome], estimators: Sequence[str], group: str) -> Iterable[Table]:
-    """Yield one group's conditions, each by itself, estimators side by side."""
+    """Yield the tables of one group: a row for each condition, estimators side by side in the columns."""
     chosen = [outcome for outcome in outcomes if outcome.case.group == group]
     if not chosen:
         return
@@ -187,7 +187,7 @@ def _use_cell(outcome: Outcome, key: tuple[str, str]) -> str:
 
 
 def plain(value: float) -> str:
-    """Return a value with three digits; a dash when there is none."""
+    """Return a value with three digits; a dash when it is not finite."""
     return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
