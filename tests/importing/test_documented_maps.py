@@ -19,7 +19,13 @@ def test_documented_configuration_is_valid() -> None:
 
 
 def test_documented_map_is_valid() -> None:
-    assert parse_map(toml_of("how-to/import-measurements.md"), "map.md").columns() == ("acc x", "acc y", "acc z", "p", "T")
+    assert parse_map(toml_of("how-to/import-measurements.md"), "map.md").columns() == (
+        "acc x",
+        "acc y",
+        "acc z",
+        "p",
+        "T",
+    )
 
 
 def test_example_vehicle_is_valid() -> None:
