@@ -64,7 +64,7 @@ def _check(path: Path, *, force: bool) -> None:
     if path.exists() and not path.is_file():
         return  # a device or a pipe
     if path.exists() and not force:
-        raise OutputError(f"'{path}' exists already", "Choose another name, or overwrite it with --force.")
+        raise OutputError(f"'{path}' already exists", "Choose another name, or overwrite it with --force.")
     folder = path.resolve().parent
     if not folder.is_dir():
         raise OutputError(

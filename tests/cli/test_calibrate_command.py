@@ -65,7 +65,7 @@ def test_tables_are_printed_without_out(recordings: list[Path]) -> None:
 def test_existing_file_is_kept_without_force(recordings: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "tire.toml"
     out.write_text("mine")
-    with pytest.raises(TreadlinkError, match="exists already"):
+    with pytest.raises(TreadlinkError, match="already exists"):
         run("calibrate", recordings[0], "--out", out)
     assert out.read_text() == "mine"
     run("calibrate", recordings[0], "--out", out, "--force")

@@ -131,7 +131,7 @@ def test_invalid_arguments_are_reported_before_the_work(closed, recording, tmp_p
     asked, _ = closed
     there = tmp_path / "there.json"
     there.write_text("precious")
-    assert "exists already" in refused(recording, "--json", there)[0]
+    assert "already exists" in refused(recording, "--json", there)[0]
     assert "exact" in refused(recording, "--model", "paper", "--save-effects", tmp_path / "e.json")[0]
     assert "given twice" in refused(recording, recording)[0]
     assert "no folder" in refused(recording, "--html", tmp_path / "none" / "a.html")[0]

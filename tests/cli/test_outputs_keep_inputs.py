@@ -69,7 +69,7 @@ def test_input_is_never_overwritten(files: Path, line: str, force: str) -> None:
     before = contents(files)
     result = CliRunner().invoke(treadlink, line + force)
     assert isinstance(result.exception, TreadlinkError), result.output
-    assert "files that are read" in str(result.exception)
+    assert "is an input" in str(result.exception)
     assert result.exception.remedy
     assert contents(files) == before
 
@@ -87,7 +87,7 @@ def test_existing_files_are_never_overwritten(files: Path, line: str) -> None:
 def test_default_key_file_is_never_overwritten(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"gateway.cli.{command}.default_key_file", lambda: Path("keys").resolve())
     result = CliRunner().invoke(treadlink, f"{command} rec.mcap --json keys --force")
-    assert "files that are read" in str(result.exception)
+    assert "is an input" in str(result.exception)
     assert Path("keys").read_text() == "kept"
 
 

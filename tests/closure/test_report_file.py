@@ -73,7 +73,7 @@ def test_unwritable_target_is_refused_early(tmp_path, name):
 
 def test_existing_target_is_refused_early(tmp_path):
     (tmp_path / "out").write_text("mine")
-    with pytest.raises(OutputError, match="exists already"):
+    with pytest.raises(OutputError, match="already exists"):
         check_target(tmp_path / "out")
     check_target(tmp_path / "out", force=True)
     check_target(tmp_path / "new")

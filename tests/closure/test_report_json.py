@@ -130,7 +130,7 @@ def test_numpy_numbers_become_plain():
 def test_report_is_not_overwritten_without_force(tmp_path):
     path = tmp_path / "out.json"
     path.write_text("mine")
-    with pytest.raises(OutputError, match="exists already"):
+    with pytest.raises(OutputError, match="already exists"):
         write_json(ordinary(), path)
     assert path.read_text() == "mine"
     write_json(ordinary(), path, force=True)

@@ -175,7 +175,7 @@ def test_file_without_rows_is_valid(tmp_path: Path, table_format: TableFormat) -
 def test_nothing_is_overwritten_without_force(tmp_path: Path, table_format: TableFormat) -> None:
     path = tmp_path / "out"
     path.write_text("precious")
-    with pytest.raises(OutputError, match="exists already") as caught:
+    with pytest.raises(OutputError, match="already exists") as caught:
         open_table(path, table_format)
     assert "--force" in caught.value.remedy
     assert path.read_text() == "precious"

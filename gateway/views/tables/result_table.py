@@ -99,7 +99,7 @@ def open_table(
     try:
         file = path.open("wb" if force else "xb")
     except FileExistsError as error:
-        raise OutputError(f"{path} exists already", "Choose another name, or overwrite it with --force.") from error
+        raise OutputError(f"{path} already exists", "Choose another name, or overwrite it with --force.") from error
     except OSError as error:
         raise OutputError(
             f"{path} cannot be written: {error.strerror}", "Check the folder and its permissions."
