@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import open_source, parse_source_uri
+from gateway.views.wording import notice_text
 
 PYTHON_MIN: Final = (3, 11)
 TERMINAL_MIN_COLUMNS: Final = 80
@@ -111,9 +112,9 @@ def check_ports() -> Iterator[Check]:
 
 def check_bluetooth() -> Iterator[Check]:
     """Check whether Bluetooth LE can be used: adapter, service and permission."""
-    from gateway.io.ble import scan
+    from gateway.io.ble_source import scan_devices
 
-    fault = scan(_LISTEN_S).fault
+    fault = scan_devices(_LISTEN_S).fault
     if fault is None:
         yield Check("bluetooth", Level.OK, "can scan; `treadlink scan` lists the hubs in range")
     else:
@@ -209,7 +210,7 @@ def check_config(path: Path) -> Iterator[Check]:
             rest = "; a sensor that reports it will do" if what == "pressure" else ""
             text = f"{what} of {', '.join(unknown)} is unknown: only ratios of the numbers can be estimated"
             yield Check(name, Level.WARNING, text, f"State {key} if it is known{rest}.")
-    yield from (Check(name, Level.WARNING, notice, "Measure and state it.") for notice in config.notices())
+    yield from (Check(name, Level.WARNING, notice_text(notice), "Measure and state it.") for notice in config.notices())
 
 
 def check_source(uri: str, clock: Any) -> Iterator[Check]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final
 
+from gateway.closure.observation import Remark
 from gateway.signal.effect_correction import CorrectionTable
 from gateway.types import FloatArray
 
@@ -229,7 +230,7 @@ class Diagnosis:
     model: str
     wheel: str
     recordings: tuple[str, ...]
-    assumed: tuple[str, ...]
+    assumed: tuple[Remark, ...]
     revolutions: int
     rejected: int
     noise_floor_mps2: float
@@ -243,10 +244,10 @@ class Diagnosis:
     spectra: tuple[Spectra, ...] = ()
     trends: tuple[Trend, ...] = ()
     empirical_rms_mps2: float | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     folds_of: str = "blocks of revolutions"
     correction: CorrectionTable | None = None
-    stated: tuple[str, ...] = ()
+    stated: tuple[Remark, ...] = ()
 
     @property
     def named(self) -> tuple[Finding, ...]:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 from gateway.closure.effects.base import Conditions
+from gateway.reasons import Reason
 from gateway.types import ComplexArray, FloatArray
+
+Remark: TypeAlias = Reason | str
+"""A remark on the data: a reason, or text that a user wrote, as in a configuration."""
 
 ORDERS: Final = 111
 """Orders 0 to 110 are compared: on a measured tire nothing above repeats."""
@@ -141,10 +145,10 @@ class Campaign:
     states: int
     rejected: dict[str, int]
     clock_error: tuple[float, float] = (float("nan"), float("nan"))
-    assumed: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    assumed: tuple[Remark, ...] = ()
+    notes: tuple[Remark, ...] = ()
     sensor_id: int | None = None
-    stated: tuple[str, ...] = ()
+    stated: tuple[Remark, ...] = ()
 
     @property
     def folds(self) -> int:

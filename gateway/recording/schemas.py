@@ -2,7 +2,8 @@
 
 Only plain types are used (no unions, no null): Foxglove refuses schemas with more. A number that is not known is left
 out of the message. Fields beyond the listed ones are allowed; those of a revolution are the estimates, each as
-`<name>`, `<name>_std` and `<name>_status`.
+`<name>`, `<name>_std` and `<name>_status`. A link event may have `details`, a list of codes with their
+values, and a line of the log the `values` of its code.
 """
 
 from __future__ import annotations
@@ -148,7 +149,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         """
         link: s: name of the link
         kind: s: connected, lost, retrying, restored or ended
-        text: s: what happened, in plain words
+        text: s: message of the error behind the event, empty without one
         rssi_dbm: i: signal strength of a radio link when it was connected
         """,
     ),
@@ -171,6 +172,8 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         text: s: the line
         hub: i: hub that wrote it
         link: s: link it came by
+        subject: s: link, hub or wheel that a line of the gateway is about
+        code: s: code of a line of the gateway
         """,
     ),
 )

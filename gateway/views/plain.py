@@ -1,4 +1,4 @@
-"""The plain view: one line a revolution, for logs, pipes and terminals without a screen."""
+"""The plain view: one line per revolution, for logs, pipes and terminals without a screen."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from typing import Final
 
 from gateway.estimators.base import Status
 from gateway.pipeline.results import RevolutionResult
+from gateway.reasons import Notice
 from gateway.views.numbers import Shown, kpa
 from gateway.views.readout import Reading, read_result
 from gateway.views.text import clean, crop, crop_middle, pad, width
+from gateway.views.wording import notice_text
 
 LINE_WIDTH: Final = 160
 HEADER_EVERY: Final = 40
@@ -28,22 +30,22 @@ def _cell(number: Shown) -> str:
 
 
 class PlainView:
-    """Writes results as aligned lines of at most LINE_WIDTH columns without escape codes."""
+    """Results as aligned lines of at most LINE_WIDTH columns, without escape codes."""
 
     def __init__(self, write: Callable[[str], None]) -> None:
-        """Take the function that writes one line (it adds the line end)."""
+        """Set the function that writes a line and adds the line end."""
         self._write = write
         self._lines_until_header = 0
         self._name_width = _NAME_WIDTH_MIN
         self._number_widths = list(_NUMBER_WIDTHS)
         self._notes: dict[str, str] = {}
-        self._remarks: set[str] = set()
+        self._valid_remarks: set[str] = set()
 
     def result(self, result: RevolutionResult) -> None:
-        """Write one line for a revolution, and the header when it is due or a column had to grow."""
+        """Write the line of a revolution, after the header when it is due or a column has grown."""
         reading = read_result(result)
         name = crop_middle(clean(result.position), _NAME_WIDTH_MAX)
-        # One mark behind the line says it when all numbers share a status.
+        # One mark at the end of the line is enough when all numbers share a status.
         marked = any(number.status is not reading.status for number in reading.numbers)
         cells = [f"{shown.label} {shown.number.joined('±')}{shown.mark if marked else ''}" for shown in reading.numbers]
         self._make_room(width(name), cells)
@@ -55,20 +57,24 @@ class PlainView:
         note = clean(reading.note)
         valid = reading.status is Status.VALID and not reading.ratios_only and not result.revolution.faults
         self._write(crop((line if valid else line + note).rstrip(), LINE_WIDTH))
-        # What holds of valid numbers is said once; a reason that does not fit is said in full when it is new. It may
-        # count something, so only its words tell whether it is.
+        # A remark on valid numbers is written once; a reason that does not fit is written in full when it is new, apart
+        # from the numbers in it.
         words = note.translate(_NO_DIGITS)
         if valid:
-            if words and words not in self._remarks:
-                self._remarks.add(words)
-                self.notice(note)
+            if words and words not in self._valid_remarks:
+                self._valid_remarks.add(words)
+                self._remark(note)
         elif words != self._notes.get(result.position, ""):
             self._notes[result.position] = words
             if width(line) + width(note) > LINE_WIDTH:
-                self.notice(f"{name} rev {result.revolution.index}: {note}")
+                self._remark(f"{name} rev {result.revolution.index}: {note}")
 
-    def notice(self, text: str) -> None:
-        """Write something the user should know, marked so that a filter can tell it from results."""
+    def notice(self, notice: Notice) -> None:
+        """Write a notice."""
+        self._remark(notice_text(notice))
+
+    def _remark(self, text: str) -> None:
+        """Write text on lines that begin with `#`, so that a filter can separate them from results."""
         for line in text.splitlines():
             self._write(f"# {clean(line)}")
 

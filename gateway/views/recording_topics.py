@@ -10,14 +10,16 @@ import numpy as np
 from firmware_protocol.messages import Environment, Frame, Hello, HubStatus, LogLevel, LogText
 from gateway.estimators.base import Estimate
 from gateway.pipeline.results import RevolutionResult
+from gateway.reasons import Level, Notice
 from gateway.types import FloatArray
+from gateway.views.wording import as_json, notice_text
 
-# The waveform topic is for looking at, not for computing: the raw bytes beside it hold every sample.
+# The waveform topic is for plots: every sample is in the raw bytes.
 _WAVEFORM_POINTS: Final = 256
 
 
 def _finite(entries: dict[str, float | int | None]) -> dict[str, Any]:
-    """JSON knows no NaN; what is not known is left out."""
+    """Leave out unknown values: JSON has no NaN."""
     return {key: value for key, value in entries.items() if value is not None and math.isfinite(value)}
 
 
@@ -67,7 +69,7 @@ def waveform_payload(result: RevolutionResult, average_mps2: FloatArray) -> dict
 
 
 def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str, Any]] | None:
-    """Return topic and payload of a slow message, None for those that are not recorded beside the bytes."""
+    """Return topic and payload of a slow message, None for those recorded as bytes only."""
     message = frame.message
     if isinstance(message, Environment):
         return f"/wheel/{position}/environment", _finite(message._asdict())
@@ -95,7 +97,21 @@ def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str
     return None
 
 
+def notice_payload(notice: Notice, link: str) -> dict[str, Any]:
+    """Return a notice as an entry of the log."""
+    level = Level.WARNING if notice.level is Level.SECURITY else notice.level
+    reason = as_json(notice.reason)
+    return {
+        "level": str(level),
+        "text": notice_text(notice),
+        "link": link,
+        "subject": notice.subject,
+        "code": reason["code"],
+        "values": reason["values"],
+    }
+
+
 def log_level(message: LogText) -> str:
-    """Return the severity in words; a level that no version knows yet counts as info."""
+    """Return the name of a severity; an unknown level counts as info."""
     known = {level.value: level.name.lower() for level in LogLevel}
     return known.get(message.level, "info")

@@ -19,8 +19,8 @@ from bleak.exc import (
 )
 
 from gateway.clock import ManualClock
-from gateway.io.ble import scan
-from gateway.io.ble_errors import BLE_ERRORS, explain
+from gateway.io.ble_radio import BLE_ERRORS, explain
+from gateway.io.ble_source import scan_devices
 from gateway.io.source import LinkEventKind, Source, open_source
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
@@ -66,7 +66,7 @@ def test_no_d_bus(tmp_path: Path) -> None:
 
 
 def test_an_adapter_that_is_not_there(bluez: BluezStandIn) -> None:
-    fault = scan(0.1, "hci7").fault
+    fault = scan_devices(0.1, "hci7").fault
     assert fault is not None
     assert "adapter 'hci7' not found" in str(fault)
 

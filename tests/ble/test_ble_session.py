@@ -28,7 +28,7 @@ from firmware_protocol.messages import (
 from gateway.clock import ManualClock, SystemClock
 from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import SourceError
-from gateway.io.ble import BleSource
+from gateway.io.ble_source import BleSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, open_source
 from gateway.session.commands import TwoWaySource, carry_out, command_frame, refusal, with_commands
 from gateway.session.core import SessionCore

@@ -15,8 +15,8 @@ from firmware_protocol.messages import Frame, MessageType, SampleBlock
 from gateway.clock import ManualClock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io import ble_link
-from gateway.io.ble import BleSource, scan
 from gateway.io.ble_link import BleLink, BleSettings
+from gateway.io.ble_source import BleSource, scan_devices
 from gateway.io.source import LinkEventKind, Source, open_source
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.peripheral import UART_FROM_HUB, UART_TO_HUB, Peripheral
@@ -51,7 +51,7 @@ def send(bluez: BluezStandIn, hub: Peripheral, payloads: list[bytes]) -> None:
 
 def test_a_scan_tells_signal_and_battery(bluez: BluezStandIn, hub: Peripheral) -> None:
     bluez.add(Peripheral(ADDRESSES[1], "Headphones", rssi_dbm=-40, service="0000110b-0000-1000-8000-00805f9b34fb"))
-    around = scan(0.2)
+    around = scan_devices(0.2)
     assert around.fault is None
     assert [(s.name, s.rssi_dbm, s.battery_percent, s.is_hub) for s in around.sightings] == [
         ("Headphones", -40, None, False),

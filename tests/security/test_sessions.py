@@ -17,7 +17,7 @@ from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import Chunk, open_source
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
-from gateway.security.guard_setup import open_guard
+from gateway.security.guard import open_guard
 from gateway.security.key_file import KeyFile, counters_file
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore

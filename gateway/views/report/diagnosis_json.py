@@ -11,7 +11,7 @@ from typing import Any, Final
 from gateway import __version__
 from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Unexplained
 from gateway.views.output_file import write_whole
-from gateway.views.report.rows import residuals
+from gateway.views.report.rows import remark_words, residuals
 
 FORMAT: Final = "treadlink diagnosis"
 FORMAT_VERSION: Final = 1
@@ -28,9 +28,9 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "wheel": _text(diagnosis.wheel),
         "model": _text(diagnosis.model),
         "recordings": _texts(diagnosis.recordings),
-        "stated": _texts(diagnosis.stated),
-        "assumed": _texts(diagnosis.assumed),
-        "notes": _texts(diagnosis.notes),
+        "stated": [remark_words(one) for one in diagnosis.stated],
+        "assumed": [remark_words(one) for one in diagnosis.assumed],
+        "notes": [remark_words(one) for one in diagnosis.notes],
         "revolutions": {"used": int(diagnosis.revolutions), "rejected": int(diagnosis.rejected)},
         "held_out": {
             "rms_before_mps2": _number(held_out.rms_before_mps2),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.closure.diagnosis import FAR_OFF, Diagnosis
-from gateway.views.report.rows import listed, ratio
+from gateway.views.report.rows import listed, ratio, remark_words
 
 # A number that is known worse than this share of itself is not determined.
 _WORST_SHARE: Final = 0.3
@@ -22,7 +22,7 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     share = ratio(diagnosis.held_out.rms_after_mps2, diagnosis.noise_floor_mps2)
     if share > FAR_OFF:
         return "the model still lacks too much; explain what is left first"
-    assumed = [match[1] for text in diagnosis.assumed if (match := _ASSUMED.match(text))]
+    assumed = [match[1] for text in diagnosis.assumed if (match := _ASSUMED.match(remark_words(text)))]
     if assumed:
         return f"{listed(list(dict.fromkeys(assumed)))} assumed; state it"
     known = [diagnosis.estimates_after[name] for name in names if name in diagnosis.estimates_after]

@@ -38,8 +38,8 @@ from gateway.views.report.rows import (
     nothing_left,
     place_text,
     plain,
-    printed,
     ratio,
+    remark_words,
     significant,
     undecided_sets,
 )
@@ -137,9 +137,9 @@ def _page(diagnosis: Diagnosis) -> _Page:
         doubt=_doubt(diagnosis),
         step_names=step_names,
         steps=by_state(step_rows),
-        stated=[printed(text) for text in diagnosis.stated],
-        assumed=[printed(text) for text in diagnosis.assumed],
-        notes=[printed(text) for text in diagnosis.notes],
+        stated=[remark_words(one) for one in diagnosis.stated],
+        assumed=[remark_words(one) for one in diagnosis.assumed],
+        notes=[remark_words(one) for one in diagnosis.notes],
         recordings=[clean(path) for path in diagnosis.recordings],
         chapters=chapters(diagnosis),
     )

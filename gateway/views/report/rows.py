@@ -10,10 +10,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.closure.diagnosis import Curves, Diagnosis, Finding, Fitted, Unexplained, Verdict
+from gateway.closure.observation import Remark
 from gateway.constants import AXIS_NAMES
+from gateway.reasons import Reason
 from gateway.types import FloatArray
 from gateway.views.numbers import MISSING, UNITS, Unit, round_to_error, split_name
 from gateway.views.text import clean
+from gateway.views.wording import text as reason_text
 
 MODELS: Final = {
     "paper": "the ring paper's series as printed",
@@ -111,6 +114,11 @@ def _label(name: str) -> tuple[str, Unit]:
         if label.startswith(side):
             label = written + label.removeprefix(side)
     return _LABELS.get(label) or clean(label), unit
+
+
+def remark_words(remark: Remark) -> str:
+    """Return a remark as it is printed."""
+    return printed(reason_text(remark) if isinstance(remark, Reason) else remark)
 
 
 def printed(text: str) -> str:

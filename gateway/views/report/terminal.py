@@ -18,6 +18,7 @@ from gateway.views.report.rows import (
     plain,
     printed,
     ratio,
+    remark_words,
     show_fitted,
     significant,
     undecided_sets,
@@ -70,7 +71,7 @@ class _Lines:
         for index, note in enumerate(diagnosis.notes[:_MOST_NOTES]):
             more = len(diagnosis.notes) - _MOST_NOTES
             last = f" (and {more} more)" if more > 0 and index == _MOST_NOTES - 1 else ""
-            yield from self._rows("note", printed(note) + last)
+            yield from self._rows("note", remark_words(note) + last)
 
     def _named(self, named: tuple[Finding, ...], undecided: bool) -> Iterator[str]:
         if not named:
