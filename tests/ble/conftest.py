@@ -1,4 +1,4 @@
-"""Fixtures: a real D-Bus of one's own, BlueZ's stand-in on it, and hubs in range of the real bleak client."""
+"""Fixtures: a private D-Bus, a stand-in for BlueZ on it, and hubs in range of the bleak client."""
 
 from __future__ import annotations
 

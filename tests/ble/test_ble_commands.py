@@ -1,4 +1,4 @@
-"""The commands that deal with Bluetooth, as a user calls them."""
+"""Commands for Bluetooth, as a user calls them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_scan_lists_hubs_with_signal_and_battery(bluez: BluezStandIn, hub: Perip
 
 
 @pytest.mark.usefixtures("no_serial_ports")
-def test_scan_gives_addresses_where_names_are_not_enough(bluez: BluezStandIn, hub: Peripheral) -> None:
+def test_scan_gives_addresses_for_equal_names(bluez: BluezStandIn, hub: Peripheral) -> None:
     bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL", rssi_dbm=-70))
     output = CliRunner().invoke(scan, ["--timeout", "0.2"]).output
     assert f"ble://{ADDRESSES[0]} " in output
@@ -69,7 +69,7 @@ def test_scan_gives_addresses_where_names_are_not_enough(bluez: BluezStandIn, hu
 
 
 @pytest.mark.usefixtures("no_serial_ports")
-def test_scan_without_an_adapter_says_so_and_goes_on(bus: PrivateBus) -> None:
+def test_scan_without_adapter_continues(bus: PrivateBus) -> None:
     with BluezStandIn(bus.address, adapter=None):
         settle("this computer has no Bluetooth adapter")
         done = CliRunner().invoke(scan, ["--timeout", "0.1"])
@@ -78,7 +78,7 @@ def test_scan_without_an_adapter_says_so_and_goes_on(bus: PrivateBus) -> None:
     assert "No serial port is present." in done.output
 
 
-def test_doctor_looks_at_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
+def test_doctor_checks_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
     (found,) = check_bluetooth()
     assert found.level is Level.OK
     (seen,) = check_source("ble://Treadlink-FL?scan=0.2", ManualClock())
@@ -139,9 +139,7 @@ def run(environment: dict[str, str], *arguments: str) -> str:
     return done.stdout
 
 
-def test_the_simulator_as_a_hub_on_bluetooth(
-    demo: tuple[subprocess.Popen[str], dict[str, str]], tmp_path: Path
-) -> None:
+def test_simulator_as_a_hub_on_bluetooth(demo: tuple[subprocess.Popen[str], dict[str, str]], tmp_path: Path) -> None:
     process, environment = demo
     assert "ble://Treadlink-W1" in run(environment, "scan", "--timeout", "0.5")
     uri = "ble://Treadlink-W1?scan=0.5"
@@ -158,5 +156,5 @@ def test_the_simulator_as_a_hub_on_bluetooth(
 
 
 @pytest.mark.parametrize("arguments", [["--ble", "--pty"], ["--ble", "--fault", "flip:rate=0.01"], []])
-def test_simulate_takes_one_way_out(arguments: list[str]) -> None:
+def test_simulate_takes_one_output(arguments: list[str]) -> None:
     assert CliRunner().invoke(simulate, ["lab", *arguments]).exit_code == 2

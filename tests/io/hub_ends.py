@@ -1,4 +1,4 @@
-"""A serial port made of a real pseudo-terminal, a TCP hub on loopback, and a reader thread as the session has one."""
+"""A serial port on a pseudo-terminal, a TCP hub on loopback, and a reader thread like that of a session."""
 
 from __future__ import annotations
 

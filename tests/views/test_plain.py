@@ -3,6 +3,7 @@ import math
 import pytest
 
 from gateway.estimators.base import Estimate, Status
+from gateway.reasons import Code, Notice, Reason
 from gateway.views.plain import HEADER_EVERY, LINE_WIDTH, PlainView
 
 
@@ -17,7 +18,7 @@ def is_header(line):
     return line.startswith("wheel")
 
 
-def test_a_line_holds_what_was_measured(made, plain):
+def test_line_shows_the_measured_values(made, plain):
     view, lines = plain
     view.result(made.result("RL", index=7))
     header, line = lines
@@ -61,15 +62,15 @@ def test_no_escape_code_no_nan(made, plain):
     estimates = (Estimate("Cw", math.nan, math.nan, Status.VALID), Estimate("speed_mps", math.inf, 0.0, Status.VALID))
     view.result(made.result("\x1b[2Jevil", estimates=estimates))
     view.result(made.result(status=Status.INVALID, reason="bad\x07bell\nnext"))
-    view.notice("hub says \x1b]0;title\x07\nand a second line")
+    view.notice(Notice("hub 1", Reason(Code.QUOTED_TEXT, text="\x1b]0;title\x07\nand a second line")))
     text = "".join(lines)
     assert text.isprintable()
     assert "nan" not in text
     assert "inf" not in text
-    assert lines[-2:] == ["# hub says  ]0;title ", "# and a second line"]
+    assert lines[-2:] == ["# hub 1:  ]0;title ", "# and a second line"]
 
 
-def test_a_reason_that_does_not_fit_is_told_in_full_once(made, plain):
+def test_long_reason_is_written_in_full_once(made, plain):
     view, lines = plain
     for count in range(3):
         reason = f"average of {count} revolutions, settles at 8 and some more words"
@@ -79,7 +80,7 @@ def test_a_reason_that_does_not_fit_is_told_in_full_once(made, plain):
     assert all(" ~  average of" in line for line in lines if line.startswith("FL"))
 
 
-def test_what_holds_of_valid_numbers_is_said_once(made, plain):
+def test_remark_on_valid_numbers_is_written_once(made, plain):
     view, lines = plain
     for position in ("FL", "FR", "FL"):
         view.result(made.result(position, reason="linear ring: model error is not in the standard error"))
@@ -97,7 +98,7 @@ def test_ratios_are_named_as_such(made, plain):
     assert made.needs_load in lines[2]
 
 
-def test_marks_stand_at_the_numbers_when_they_differ(made, plain):
+def test_differing_marks_are_at_the_numbers(made, plain):
     view, lines = plain
     estimates = (
         Estimate("Cw", 0.1953, 0.0012, Status.VALID),
