@@ -117,15 +117,15 @@ def demo(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], dict[str, str]
         assert process.stdout is not None
         impatience = threading.Timer(60, process.kill)
         impatience.start()
-        told = ""
-        while "Ctrl-C" not in told:
+        printed = ""
+        while "Ctrl-C" not in printed:
             line = process.stdout.readline()
-            assert line, told
-            told += line
+            assert line, printed
+            printed += line
         impatience.cancel()
-        address = re.search(r"export DBUS_SYSTEM_BUS_ADDRESS=(\S+)", told)
+        address = re.search(r"export DBUS_SYSTEM_BUS_ADDRESS=(\S+)", printed)
         assert address is not None
-        assert "treadlink live ble://Treadlink-W1 --config" in told
+        assert "treadlink live ble://Treadlink-W1 --config" in printed
         yield process, {**os.environ, "DBUS_SYSTEM_BUS_ADDRESS": address[1].strip("'")}
         if process.poll() is None:
             process.kill()
@@ -143,11 +143,11 @@ def test_simulator_as_a_hub_on_bluetooth(demo: tuple[subprocess.Popen[str], dict
     process, environment = demo
     assert "ble://Treadlink-W1" in run(environment, "scan", "--timeout", "0.5")
     uri = "ble://Treadlink-W1?scan=0.5"
-    assert "hub 0 has done it" in run(environment, "command", "time", uri)
-    told = run(environment, "live", uri, "--config", str(tmp_path / "lab.toml"), "--plain", "--duration", "4")
-    assert "Treadlink-W1 at 00:00:5E:00:53:00 (-58 dBm), MTU 247" in told
-    assert re.search(r"^W1 +\d+ +[\d.]+ 6[45]\.", told, re.MULTILINE), told
-    assert re.search(r"ble:Treadlink-W1: \d+ frames, 0 lost", told)
+    assert "hub 0 executed the command" in run(environment, "command", "time", uri)
+    printed = run(environment, "live", uri, "--config", str(tmp_path / "lab.toml"), "--plain", "--duration", "4")
+    assert "Treadlink-W1 at 00:00:5E:00:53:00 (-58 dBm), MTU 247" in printed
+    assert re.search(r"^W1 +\d+ +[\d.]+ 6[45]\.", printed, re.MULTILINE), printed
+    assert re.search(r"ble:Treadlink-W1: \d+ frames, 0 lost", printed)
     process.send_signal(signal.SIGINT)
     assert process.stdout is not None
     rest = process.stdout.read()

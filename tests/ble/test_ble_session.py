@@ -126,15 +126,15 @@ def test_one_hub_per_wheel_gives_estimates(bluez: BluezStandIn) -> None:
 def test_commands_are_executed_with_a_reply(bluez: BluezStandIn) -> None:
     with broadcasting(bluez):
 
-        def tell(command: SetStream | SetRate | SetTime) -> str:
+        def send(command: SetStream | SetRate | SetTime) -> int:
             source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
             assert isinstance(source, TwoWaySource)
             return execute(source, command, TIMEOUT_S)
 
-        assert tell(SetStream(False)) == "hub 1 has done it"
-        assert tell(SetRate(4790.0)) == "hub 1 has done it"
-        with pytest.raises(SourceError, match="SET_RATE: it refuses the value"):
-            tell(SetRate(9600.0))
+        assert send(SetStream(False)) == 1
+        assert send(SetRate(4790.0)) == 1
+        with pytest.raises(SourceError, match="hub 1 did not execute SET_RATE: value refused"):
+            send(SetRate(9600.0))
         types = set()
         source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
         stop, decoder = threading.Event(), FrameDecoder()
@@ -144,8 +144,8 @@ def test_commands_are_executed_with_a_reply(bluez: BluezStandIn) -> None:
             if MessageType.TIME_SYNC in types and MessageType.ENVIRONMENT in types:
                 stop.set()
         assert MessageType.SAMPLES not in types
-        assert decoder.counters.lost == 0, "what is not sent must not count as lost"
-        assert tell(SetStream(True)) == "hub 1 has done it"
+        assert decoder.counters.lost == 0, "frames that are not sent must not count as lost"
+        assert send(SetStream(True)) == 1
 
 
 class RecordingHub:

@@ -13,10 +13,11 @@ from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import RecordingError
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
+from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.session.batch import estimate_items
-from gateway.session.campaign import MOST_GROUPS, SPARE, read_campaign
+from gateway.session.campaign import MAX_GROUPS, SPARE, read_campaign
 from gateway.signal.clipping import SATURATED_FAULT
 from tests.closure.campaign_recordings import START_NS, write_recording
 
@@ -161,7 +162,7 @@ class TestSeveral:
     def test_recordings_that_seem_simultaneous_are_put_one_after_another(self, slow, folder):
         again = write_recording(folder / "again.mcap", AT_60, seed=5)
         campaign = read_campaign([slow, again], jobs=1)
-        assert "one after another" in campaign.notes[0]
+        assert campaign.notes[0] == Reason(Code.RECORDING_ORDER_UNKNOWN)
         assert campaign.states == 1
         assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
 
@@ -179,13 +180,13 @@ class TestWheels:
         assert read_campaign([pair], wheel="W1").groups[0].conditions.load_n == 4000
 
     def test_one_that_is_not_there_is_told(self, pair, fast):
-        with pytest.raises(RecordingError, match=r"fast.mcap' holds no revolution of wheel W1") as caught:
+        with pytest.raises(RecordingError, match=r"fast.mcap' contains no revolution of wheel W1") as caught:
             read_campaign([pair, fast], wheel="W1", jobs=1)
-        assert "it holds W0" in str(caught.value)
+        assert "it contains W0" in str(caught.value)
         assert caught.value.remedy == "Choose another wheel: --wheel W0. Or leave this recording out."
 
     def test_one_that_no_recording_holds_leads_to_those_that_there_are(self, pair):
-        with pytest.raises(RecordingError, match="no revolution of wheel fl; it holds W0, W1") as caught:
+        with pytest.raises(RecordingError, match="no revolution of wheel fl; it contains W0, W1") as caught:
             read_campaign([pair], wheel="fl")
         assert caught.value.remedy == "Choose another wheel: --wheel W0 or --wheel W1."
 
@@ -193,8 +194,8 @@ class TestWheels:
         path = write_recording(folder / "bare.mcap", AT_60, configured=False, duration_s=16.0)
         campaign = read_campaign([path])
         assert campaign.wheel == "hub0.wheel0"
-        assert any("320 mm" in text for text in campaign.assumed)
-        assert any("load 4000 N" in text for text in campaign.assumed)
+        assert Reason(Code.ASSUMED_RADIUS, radius_m=0.32) in campaign.assumed
+        assert Reason(Code.ASSUMED_LOAD, load_n=4000.0) in campaign.assumed
         assert not campaign.groups[0].load_known
         assert campaign.groups[0].pressure_known  # the sensor tells it
         assert math.isfinite(campaign.clock_error[0])
@@ -214,7 +215,7 @@ class TestConditions:
         assert min(counts) >= 4
         assert len(counts) > 5
         assert campaign.rejected.get(FEW, 0) > 0
-        assert any(FEW in note for note in campaign.notes)
+        assert Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=campaign.rejected[FEW], reason=FEW) in campaign.notes
         for group in campaign.groups:
             speeds = [block.conditions.omega_radps for block in group.blocks]
             assert max(speeds) / min(speeds) < 1.031
@@ -225,9 +226,9 @@ class TestConditions:
     def test_a_drive_over_many_speeds_is_cut_down_to_those_that_tell_the_most(self, folder):
         tables = "[motion]\nspeed_kmh = [[0.0, 40.0], [4.0, 40.0], [28.0, 100.0]]"
         campaign = read_campaign([write_recording(folder / "drive.mcap", tables, duration_s=28.0)])
-        assert len(campaign.groups) == MOST_GROUPS
+        assert len(campaign.groups) == MAX_GROUPS
         assert campaign.rejected[SPARE] > 20
-        assert any(SPARE in note for note in campaign.notes)
+        assert Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=campaign.rejected[SPARE], reason=SPARE) in campaign.notes
         speeds = [3.6 * 0.32 * group.conditions.omega_radps for group in campaign.groups]
         assert min(speeds) < 45
         assert max(speeds) > 88
@@ -309,7 +310,9 @@ class TestSensors:
         campaign = read_campaign([path])
         assert np.isnan(campaign.groups[0].blocks[0].orders_mps2[1]).all()
         assert np.isfinite(campaign.groups[0].blocks[0].orders_mps2[[0, 2]]).all()
-        assert any("lateral axis" in note and "dead.mcap" in note for note in campaign.notes)
+        assert any(
+            note["recording"] == "dead.mcap" and note["reason"].code is Code.AXIS_CONSTANT for note in campaign.notes
+        )
 
     def test_clipped_revolutions_are_used_where_all_are(self, folder):
         """Up to 140 g at 60 km/h are cut at 95 g."""
@@ -340,5 +343,5 @@ def test_the_measured_recording_gives_five_revolutions_and_tells_what_is_assumed
     assert all(map(math.isnan, campaign.clock_error))
     assert not group.load_known
     assert group.conditions.ac_coupled
-    assert any("radius" in text for text in campaign.assumed)
+    assert any("radius" in remark for remark in campaign.assumed if isinstance(remark, str))
     assert len(campaign.assumed) >= 6

@@ -177,7 +177,7 @@ def test_swapped_wheels(ride) -> None:
 
     swapped = ride(change=swap)
     assert swapped.flags("W1") == swapped.flags("W2") == {"wrong sensor"}
-    assert swapped.notices[0].reason == Reason(Code.SENSOR_SWAPPED, sensor="0000a002", owner="W2", position="W1")
+    assert swapped.notices[0].reason == Reason(Code.SENSOR_SWAPPED, sensor="0000a001", owner="W2", position="W1")
     assert len(swapped.notices) == 2
     assert swapped.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
 
