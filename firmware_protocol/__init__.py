@@ -1,1 +1,1 @@
-"""The treadlink wire protocol, owned together with the hub firmware."""
+"""The treadlink wire protocol, shared with the hub firmware."""

@@ -1,4 +1,4 @@
-"""Decodes recorded streams a block at a time: frames and counters of the streaming decoder, many times faster."""
+"""Block decoder for recorded streams: the frames and counters of the streaming decoder, many times faster."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ class BatchDecoder:
     a CRC misses. Memory is a fixed number of bytes per byte of the largest block.
 
     Attributes:
-        counters: what arrived so far; a live object.
+        counters: counters of the stream so far; updated in place.
     """
 
     def __init__(self, block_bytes: int = 1 << 21, gate: Gate | None = None) -> None:
@@ -165,7 +165,7 @@ class BatchDecoder:
         self._gate = gate
         self._buffer: Bytes = np.zeros(0, np.uint8)
         self._block_bytes = block_bytes
-        # glibc hands freed memory above a threshold back to the system, and every block would fault it in anew: up to
+        # glibc hands freed memory above a threshold back to the system, and every block would fault it in again: up to
         # half of the time. Freeing one large piece, never touched, raises the threshold.
         np.empty(_RAISES_THRESHOLD_BYTES, np.uint8)
         self._held = slice(0, 0)
@@ -199,7 +199,7 @@ class BatchDecoder:
         return self.commit(size)
 
     def finish(self) -> FrameBatch:
-        """End the stream: what was held back is searched as it stands. The decoder can be fed again afterwards."""
+        """End the stream: search the bytes held back as they are. The decoder can be fed again afterwards."""
         self.writable(0)
         return self._decode(self._held.stop, final=True)
 

@@ -1,4 +1,4 @@
-"""Applies the counter rules to a whole block of frames; equal to asking `tracking.SourceTracker` frame by frame."""
+"""Counter rules for a whole block of frames, equal to `source_tracking.SourceTracker` frame by frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class BootNotice(NamedTuple):
 
     Attributes:
         place: index of its frame in the block.
-        boot_count: what it says.
+        boot_count: boot count in the hello.
     """
 
     place: int

@@ -1,4 +1,4 @@
-"""Finds the frames of a whole block at once: the same parse as the streaming decoder's, with numpy across frames.
+"""Frame search in a whole block at once: the parse of the streaming decoder, with numpy across frames.
 
 Most candidates (sync bytes and a possible length) of a stream follow each other without a gap. Runs of frames of one
 length are checked by a single CRC over several of them: an intact frame leaves the CRC in a state that depends on its
@@ -25,7 +25,7 @@ from firmware_protocol.framing import next_frame
 MAX_GROUP: Final = 64
 """Most frames checked by one CRC."""
 LOOKAHEAD_BYTES: Final = wire.MAX_FRAME_BYTES
-"""Bytes after the end of the block that must be addressable; what they hold does not matter."""
+"""Bytes after the end of the block that must be addressable; their content does not matter."""
 
 _BAD: Final = 0
 _GOOD: Final = 1

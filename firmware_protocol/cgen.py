@@ -1,4 +1,4 @@
-"""Writes the firmware's C11 header and reference encoder from the declaration."""
+"""Generator of the firmware's C11 header and reference encoder, from the declaration."""
 
 from __future__ import annotations
 
@@ -6,12 +6,244 @@ from collections.abc import Iterator
 from typing import Final
 
 from firmware_protocol import wire
-from firmware_protocol.cgen_decoders import decoder_declarations, decoder_definitions
-from firmware_protocol.cgen_signing import SIGNING_DECLARATION, signing_definitions
-from firmware_protocol.cgen_values import limits, literal
+from firmware_protocol.checks import MAX_F32
 from firmware_protocol.declaration import MAX_SAMPLES, PAYLOADS, PURPOSES
 from firmware_protocol.field_table import Field, fields
-from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Axis, Coupling, LogLevel, MessageType, Outcome
+from firmware_protocol.messages import COMMANDS, EVERY_HUB, HUB_ITSELF, Axis, Coupling, LogLevel, MessageType, Outcome
+from firmware_protocol.reference_cmac import s_box
+
+_TOP: Final = {"uint8_t": 0xFF, "uint16_t": 0xFFFF, "uint32_t": 0xFFFF_FFFF}
+
+
+def limits(field: Field) -> Iterator[str]:
+    """Yield the conditions on a field that its C type does not hold already."""
+    for index in range(field.elements or 0):
+        value = f"message->{field.name}" + ("" if field.elements == 1 else f"[{index}]")
+        checks = []
+        if field.low is not None and not (field.low == 0 and field.c_type in _TOP):
+            checks.append(f"{value} >= {literal(field.low, field)}")
+        if field.high is not None and field.high != _TOP.get(field.c_type):
+            checks.append(f"{value} <= {literal(field.high, field)}")
+        if checks:
+            inside = " && ".join(checks)
+            none = "" if field.none is None else f" || {value} == {literal(field.none, field)}"
+            yield f"({inside}{none})" if none else inside
+
+
+def literal(value: float, field: Field) -> str:
+    """Return a value in the C type of a field."""
+    if field.c_type == "float":
+        return {MAX_F32: "TL_F32_MAX", -MAX_F32: "-TL_F32_MAX"}.get(value, f"{value:.1f}f")
+    if field.c_type.startswith("u"):
+        return f"{value:d}u" if isinstance(value, int) else f"{int(value)}u"
+    # The least value of a type has no literal of its own in C.
+    return f"({int(value) + 1} - 1)"
+
+
+_GET: Final = {"uint8_t": "at[{}]", "uint64_t": "get_u64(at + {})", "float": "get_f32(at + {})"}
+
+
+def decoder_declarations() -> Iterator[str]:
+    """Yield the declarations of the command decoders."""
+    yield "/* Each reads a command from an intact frame (tl_check). Returns 1, or 0 when the frame is no such command"
+    yield "   of this version or holds a value out of range; do not use the message then. */"
+    yield from (f"{_decoder_prototype(type_)};" for type_ in COMMANDS)
+    yield ""
+
+
+def decoder_definitions() -> Iterator[str]:
+    """Yield the definitions of the command decoders."""
+    yield _DECODER_SUPPORT
+    for type_ in COMMANDS:
+        declared = list(fields(PAYLOADS[type_]))
+        size = sum(field.size for field in declared)
+        yield f"{_decoder_prototype(type_)} {{"
+        yield f"    const uint8_t *at = payload(frame, TL_TYPE_{type_.name}, {size}u);"
+        yield "    if (at == NULL) {"
+        yield "        return 0;"
+        yield "    }"
+        yield from (f"    message->{field.name} = {_GET[field.c_type].format(field.offset)};" for field in declared)
+        yield f"    return {_in_range(declared)};"
+        yield "}"
+        yield ""
+
+
+def _decoder_prototype(type_: MessageType) -> str:
+    name = type_.name.lower()
+    return f"int tl_decode_{name}(const uint8_t *frame, tl_{name} *message)"
+
+
+def _in_range(declared: list[Field]) -> str:
+    return " && ".join(check for field in declared for check in limits(field)) or "1"
+
+
+_DECODER_SUPPORT: Final = """\
+static const uint8_t *payload(const uint8_t *frame, uint8_t type, uint8_t size) {
+    int known = frame[2] == TL_VERSION_BYTE && frame[3] == type && frame[4] == size && frame[7] == 0;
+    return known ? frame + TL_HEADER_BYTES : NULL;
+}
+
+static uint32_t get_u32(const uint8_t *at) {
+    return (uint32_t)at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
+}
+
+static uint64_t get_u64(const uint8_t *at) {
+    return (uint64_t)get_u32(at) | (uint64_t)get_u32(at + 4) << 32;
+}
+
+static float get_f32(const uint8_t *at) {
+    uint32_t bits = get_u32(at);
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+"""
+
+
+SIGNING_DECLARATION: Final = """\
+/* Signer for one sensor, or for the hub itself. Make one from each key after every start. It holds the key: keep it
+   private. Where the chip has AES hardware, use that in place of this AES. */
+typedef struct {
+    uint8_t round_keys[176];
+    uint8_t whole[16];
+    uint8_t part[16];
+    uint64_t identity;
+    uint32_t boot_count;
+} tl_signer;
+
+/* `identity` is sensor_id of HELLO, or hub_id for frames of wheel TL_WHEEL_HUB_ITSELF; `boot_count` that of HELLO. It
+   must never repeat under the same key: increment it at every start, and when seq would wrap. */
+void tl_signer_init(tl_signer *signer, const uint8_t key[16], uint64_t identity, uint32_t boot_count);
+
+/* Signs a frame that an encoder has just written to a buffer of TL_MAX_FRAME_BYTES, and returns its new size. Returns 0
+   and changes nothing when the frame is signed already or its payload is above TL_MAX_SIGNED_PAYLOAD_BYTES. */
+size_t tl_sign(uint8_t *frame, const tl_signer *signer);
+
+/* AES-128-CMAC (RFC 4493) of `size` bytes. */
+void tl_cmac(const tl_signer *signer, const uint8_t *data, size_t size, uint8_t mac[16]);
+"""
+
+_SIGNING_CODE: Final = """\
+static uint8_t times_x(uint8_t value) {{
+    return (uint8_t)((value << 1) ^ ((value >> 7) * 0x1B));
+}}
+
+static const uint8_t s_box[256] = {{
+{s_box}}};
+
+static void aes_expand(uint8_t round_keys[176], const uint8_t key[16]) {{
+    uint8_t constant = 1;
+    memcpy(round_keys, key, 16);
+    for (size_t i = 16; i < 176; i += 4) {{
+        uint8_t word[4];
+        memcpy(word, round_keys + i - 4, 4);
+        if (i % 16 == 0) {{
+            uint8_t first = word[0];
+            word[0] = s_box[word[1]] ^ constant;
+            word[1] = s_box[word[2]];
+            word[2] = s_box[word[3]];
+            word[3] = s_box[first];
+            constant = times_x(constant);
+        }}
+        for (size_t k = 0; k < 4; k++) {{
+            round_keys[i + k] = round_keys[i + k - 16] ^ word[k];
+        }}
+    }}
+}}
+
+static void aes_encrypt(const uint8_t round_keys[176], uint8_t block[16]) {{
+    for (size_t k = 0; k < 16; k++) {{
+        block[k] ^= round_keys[k];
+    }}
+    for (size_t round = 1; round <= 10; round++) {{
+        uint8_t state[16];
+        for (size_t k = 0; k < 16; k++) {{
+            state[k] = s_box[block[(k + 4 * (k % 4)) % 16]];
+        }}
+        if (round < 10) {{
+            for (size_t c = 0; c < 16; c += 4) {{
+                uint8_t first = state[c];
+                uint8_t all = state[c] ^ state[c + 1] ^ state[c + 2] ^ state[c + 3];
+                state[c] ^= all ^ times_x(state[c] ^ state[c + 1]);
+                state[c + 1] ^= all ^ times_x(state[c + 1] ^ state[c + 2]);
+                state[c + 2] ^= all ^ times_x(state[c + 2] ^ state[c + 3]);
+                state[c + 3] ^= all ^ times_x(state[c + 3] ^ first);
+            }}
+        }}
+        for (size_t k = 0; k < 16; k++) {{
+            block[k] = state[k] ^ round_keys[16 * round + k];
+        }}
+    }}
+}}
+
+static void doubled(uint8_t out[16], const uint8_t in[16]) {{
+    for (size_t k = 0; k < 15; k++) {{
+        out[k] = (uint8_t)((in[k] << 1) | (in[k + 1] >> 7));
+    }}
+    out[15] = (uint8_t)((in[15] << 1) ^ ((in[0] >> 7) * 0x87));
+}}
+
+/* CMAC over a head of fewer than 16 bytes and the bytes after it. */
+static void cmac(const tl_signer *signer, const uint8_t *head, size_t head_size, const uint8_t *data, size_t size,
+                 uint8_t mac[16]) {{
+    size_t total = head_size + size;
+    size_t held = 0;
+    memset(mac, 0, 16);
+    for (size_t i = 0; i < total; i++) {{
+        if (held == 16) {{
+            aes_encrypt(signer->round_keys, mac);
+            held = 0;
+        }}
+        mac[held++] ^= i < head_size ? head[i] : data[i - head_size];
+    }}
+    if (held < 16) {{
+        mac[held] ^= 0x80;
+    }}
+    for (size_t k = 0; k < 16; k++) {{
+        mac[k] ^= held == 16 ? signer->whole[k] : signer->part[k];
+    }}
+    aes_encrypt(signer->round_keys, mac);
+}}
+
+void tl_signer_init(tl_signer *signer, const uint8_t key[16], uint64_t identity, uint32_t boot_count) {{
+    uint8_t zero[16] = {{0}};
+    aes_expand(signer->round_keys, key);
+    aes_encrypt(signer->round_keys, zero);
+    doubled(signer->whole, zero);
+    doubled(signer->part, signer->whole);
+    signer->identity = identity;
+    signer->boot_count = boot_count;
+}}
+
+void tl_cmac(const tl_signer *signer, const uint8_t *data, size_t size, uint8_t mac[16]) {{
+    cmac(signer, data, 0, data, size, mac);
+}}
+
+size_t tl_sign(uint8_t *frame, const tl_signer *signer) {{
+    if ((frame[7] & TL_FLAG_SIGNED) != 0 || frame[4] > TL_MAX_SIGNED_PAYLOAD_BYTES) {{
+        return 0;
+    }}
+    uint8_t head[12];
+    uint8_t mac[16];
+    size_t size = TL_HEADER_BYTES + (size_t)frame[4];
+    (void)put_u32(put_u64(head, signer->identity), signer->boot_count);
+    frame[4] = (uint8_t)(frame[4] + TL_TAG_BYTES);
+    frame[7] |= TL_FLAG_SIGNED;
+    cmac(signer, head, sizeof head, frame, size, mac);
+    memcpy(frame + size, mac, TL_TAG_BYTES);
+    size += TL_TAG_BYTES;
+    (void)put_u32(frame + size, crc32(frame, size));
+    return size + TL_CRC_BYTES;
+}}
+"""
+
+
+def signing_definitions() -> str:
+    """Return the source's part."""
+    box = s_box()
+    rows = [", ".join(f"0x{value:02X}" for value in box[first : first + 16]) for first in range(0, 256, 16)]
+    return _SIGNING_CODE.format(s_box="".join(f"    {row},\n" for row in rows))
+
 
 HEADER_NAME: Final = "treadlink_protocol.h"
 ENCODER_NAME: Final = "treadlink_protocol.c"
@@ -40,7 +272,7 @@ def c_header() -> str:
             "",
             *_constants(),
             "",
-            "/* Where frames come from. Set seq to 0 when the hub starts; the encoder counts it up. */",
+            "/* Source of frames. Set seq to 0 when the hub starts; the encoder increments it. */",
             "typedef struct {",
             "    uint8_t hub;",
             "    uint8_t wheel;",
@@ -48,8 +280,8 @@ def c_header() -> str:
             "} tl_source;",
             "",
             *(line for type_ in PAYLOADS for line in _struct(type_)),
-            "/* Each writes one frame of at most TL_MAX_FRAME_BYTES to `frame` and returns its size. Where a value is",
-            "   outside its range it returns 0, writes nothing, and the counter stays. */",
+            "/* Each writes one frame of at most TL_MAX_FRAME_BYTES to `frame` and returns its size. With a",
+            "   value out of range it returns 0, writes nothing and leaves the counter unchanged. */",
             *(f"{_prototype(type_)};" for type_ in PAYLOADS),
             "",
             _CHECK_DECLARATION,
@@ -72,7 +304,9 @@ def c_encoder() -> str:
     encoders = "\n".join("\n".join(_encoder(type_)) for type_ in PAYLOADS)
     decoders = "\n".join(decoder_definitions())
     includes = f'#include "{HEADER_NAME}"\n\n#include <string.h>\n'
-    return "\n".join([_NOTICE, includes, _SUPPORT.format(table=table), encoders, decoders, signing_definitions()])
+    return "\n".join(
+        [_NOTICE, includes, _ENCODER_SUPPORT.format(table=table), encoders, decoders, signing_definitions()]
+    )
 
 
 def _constants() -> Iterator[str]:
@@ -187,14 +421,14 @@ def _crc_nibble(value: int) -> int:
 _CHECK_DECLARATION: Final = """\
 typedef enum { TL_INTACT, TL_INCOMPLETE, TL_BAD_CRC, TL_NO_FRAME } tl_verdict;
 
-/* Looks at the frame that starts at `data`; sets *frame_size when it is intact. In a stream go on after an intact
-   frame, and one byte further after TL_BAD_CRC or TL_NO_FRAME. */
+/* Checks the frame that starts at `data`; sets *frame_size when it is intact. In a stream, continue after an intact
+   frame, or one byte further after TL_BAD_CRC or TL_NO_FRAME. */
 tl_verdict tl_check(const uint8_t *data, size_t size, size_t *frame_size);
 """
 
 _CHANNELS: Final = "    return (size_t)((axes & 1u) + ((axes >> 1) & 1u) + ((axes >> 2) & 1u));"
 
-_SUPPORT: Final = """\
+_ENCODER_SUPPORT: Final = """\
 #define TL_F32_MAX 3.40282346638528859812e+38f
 
 static uint32_t crc32(const uint8_t *data, size_t size) {{

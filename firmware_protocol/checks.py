@@ -1,4 +1,4 @@
-"""Range checks of encoded values; what they raise names the field."""
+"""Range checks of encoded values. Errors name the field."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def reject(name: str, value: object, allowed: str) -> NoReturn:
 
 
 def integer(name: str, value: int, low: int, high: int) -> int:
-    """Return `value` if it is a whole number in range."""
+    """Return `value`, a whole number in range; raise ValueError otherwise."""
     if not low <= value <= high or value != int(value):
         reject(name, value, f"whole numbers {low} to {high}")
     return int(value)
@@ -46,6 +46,6 @@ def fixed(name: str, value: float | None, per_unit: int, low: int, high: int, no
 
 
 def require_length(what: str, payload: bytes, length: int) -> None:
-    """Raise when a payload has another length than its layout."""
+    """Raise ValueError when the length of a payload differs from its layout."""
     if len(payload) != length:
         raise ValueError(f"{what} payload has {len(payload)} bytes, its layout {length}")

@@ -1,4 +1,4 @@
-"""Encodes and decodes frames and payloads with `struct`; held byte for byte against `declaration.py` by the tests."""
+"""Encoder and decoder of frames and payloads with `struct`. Tests compare them byte for byte with `declaration.py`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 
 from firmware_protocol import wire
 from firmware_protocol.checks import fixed, integer, real, reject, require_length, triple
-from firmware_protocol.command_codec import COMMAND_DECODERS, COMMAND_ENCODERS, COMMAND_FIXED_LENGTHS
 from firmware_protocol.messages import (
+    CommandResult,
     Coupling,
     Environment,
     Frame,
@@ -23,6 +23,9 @@ from firmware_protocol.messages import (
     Message,
     MessageType,
     SampleBlock,
+    SetRate,
+    SetStream,
+    SetTime,
     TimeSync,
 )
 
@@ -50,6 +53,9 @@ _SAMPLES: Final = struct.Struct(wire.SAMPLES_FORMAT)
 _ENVIRONMENT: Final = struct.Struct("<ihH")
 _HUB_STATUS: Final = struct.Struct("<IIIIIIHBb")
 _TIME_SYNC: Final = struct.Struct("<QQ")
+_RESULT: Final = struct.Struct("<IBB")
+_RATE: Final = struct.Struct("<f")
+_TIME: Final = struct.Struct("<Q")
 
 _U8: Final = 0xFF
 _U16: Final = 0xFFFF
@@ -282,6 +288,51 @@ def _decode_log_text(payload: bytes) -> LogText:
     return LogText(payload[0], payload[1:].decode(errors="replace"))
 
 
+def _encode_result(message: CommandResult) -> bytes:
+    return _RESULT.pack(
+        integer("seq", message.seq, 0, _U32),
+        integer("command", message.command, 0, _U8),
+        integer("outcome", message.outcome, 0, _U8),
+    )
+
+
+def _decode_result(payload: bytes) -> CommandResult:
+    require_length("command result", payload, _RESULT.size)
+    return CommandResult(*_RESULT.unpack(payload))
+
+
+def _encode_stream(message: SetStream) -> bytes:
+    return bytes((integer("running", message.running, 0, 1),))
+
+
+def _decode_stream(payload: bytes) -> SetStream:
+    require_length("set stream", payload, 1)
+    if payload[0] > 1:
+        raise ValueError(f"set stream holds {payload[0]}, neither 0 nor 1")
+    return SetStream(bool(payload[0]))
+
+
+def _encode_rate(message: SetRate) -> bytes:
+    return _RATE.pack(real("rate_hz", message.rate_hz, wire.MIN_RATE_HZ, wire.MAX_RATE_HZ))
+
+
+def _decode_rate(payload: bytes) -> SetRate:
+    require_length("set rate", payload, _RATE.size)
+    (rate_hz,) = _RATE.unpack(payload)
+    if not wire.MIN_RATE_HZ <= rate_hz <= wire.MAX_RATE_HZ:
+        raise ValueError(f"set rate asks for {rate_hz:g} Hz")
+    return SetRate(rate_hz)
+
+
+def _encode_time(message: SetTime) -> bytes:
+    return _TIME.pack(integer("host_ns", message.host_ns, 0, _U64))
+
+
+def _decode_time(payload: bytes) -> SetTime:
+    require_length("set time", payload, _TIME.size)
+    return SetTime(*_TIME.unpack(payload))
+
+
 _ENCODERS: Final[dict[type, tuple[MessageType, Callable[..., bytes]]]] = {
     Hello: (MessageType.HELLO, _encode_hello),
     SampleBlock: (MessageType.SAMPLES, _encode_samples),
@@ -289,7 +340,10 @@ _ENCODERS: Final[dict[type, tuple[MessageType, Callable[..., bytes]]]] = {
     HubStatus: (MessageType.HUB_STATUS, _encode_hub_status),
     TimeSync: (MessageType.TIME_SYNC, _encode_time_sync),
     LogText: (MessageType.LOG_TEXT, _encode_log_text),
-    **COMMAND_ENCODERS,
+    CommandResult: (MessageType.COMMAND_RESULT, _encode_result),
+    SetStream: (MessageType.SET_STREAM, _encode_stream),
+    SetRate: (MessageType.SET_RATE, _encode_rate),
+    SetTime: (MessageType.SET_TIME, _encode_time),
 }
 
 DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
@@ -299,13 +353,17 @@ DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
     MessageType.HUB_STATUS: _decode_hub_status,
     MessageType.TIME_SYNC: _decode_time_sync,
     MessageType.LOG_TEXT: _decode_log_text,
-    **COMMAND_DECODERS,
+    MessageType.COMMAND_RESULT: _decode_result,
+    MessageType.SET_STREAM: _decode_stream,
+    MessageType.SET_RATE: _decode_rate,
+    MessageType.SET_TIME: _decode_time,
 }
 """Payload decoder per type byte; each raises ValueError when the payload breaks its layout."""
 
 FIXED_LENGTHS: Final[dict[int, int]] = {
     MessageType.ENVIRONMENT: _ENVIRONMENT.size,
     MessageType.TIME_SYNC: _TIME_SYNC.size,
-    **COMMAND_FIXED_LENGTHS,
+    MessageType.COMMAND_RESULT: _RESULT.size,
+    MessageType.SET_TIME: _TIME.size,
 }
 """Types of which every payload of this length is valid, whatever it holds."""

@@ -1,12 +1,13 @@
-"""Test vectors: frames with their fields, and streams with what a decoder must find in them.
+"""Test vectors: frames with their fields, and streams with the frames and counters that a decoder must find.
 
-Built from the declaration, not from the codec that they test. What a stream must give is stated by hand.
+Built from the declaration, not from the codec that they test. The expected result of a stream is stated by hand.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +15,77 @@ import numpy as np
 from firmware_protocol import wire
 from firmware_protocol.declaration import PAYLOADS, WireFrame, build, build_raw
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, MessageType
-from firmware_protocol.signed_vectors import signed_vectors
+from firmware_protocol.reference_cmac import aes_cmac
+from firmware_protocol.signing import sign
+
+# RFC 4493, section 4: one key, one message whose prefixes are the four examples, and their codes.
+_RFC_KEY: Final = "2b7e151628aed2a6abf7158809cf4f3c"
+_RFC_MESSAGE: Final = (
+    "6bc1bee22e409f96e93d7e117393172aae2d8a571e03ac9c9eb76fac45af8e51"
+    "30c81c46a35ce411e5fbc1191a0a52eff69f2445df4f9b17ad2b417be66c3710"
+)
+_RFC_MACS: Final = {
+    0: "bb1d6929e95937287fa37d129b756746",
+    16: "070a16b46b4d4144f79bdd9dd04a287c",
+    40: "dfa66747de9ae63030ca32611497c827",
+    64: "51f0bebf7e3b9d92fc49741779363cfe",
+}
+
+_SENSOR_KEY: Final = bytes(range(16))
+_HUB_KEY: Final = bytes(range(0xF0, 0x100))
+_SENSOR: Final = 0x0000A001
+_HUB: Final = 0x0123456789ABCDEF
+
+
+def _three_axes(n: int) -> dict[str, Any]:
+    counts = [(7919 * index) % 65536 - 32768 for index in range(3 * n)]
+    return {"first_sample": 9600, "axes": 0b111, "n": n, "counts": counts}
+
+
+def signed_vectors() -> dict[str, list[dict[str, Any]]]:
+    """Return CMACs by key and message, and unsigned and signed frames with the identity of each key."""
+    macs = [
+        {"name": f"RFC 4493, {size} bytes", "key": _RFC_KEY, "message": _RFC_MESSAGE[: 2 * size], "mac": mac}
+        for size, mac in _RFC_MACS.items()
+    ]
+    environment = {"pressure_pa": 235_000, "temperature_cdegc": 3150, "supply_mv": 2987}
+    sensor = (_SENSOR_KEY, _SENSOR)
+    frames = [
+        _signed_frame("one sample", WireFrame(MessageType.SAMPLES, 0, 1, 7, 1_000_000, _three_axes(1)), *sensor, 41),
+        _signed_frame(
+            "full of samples", WireFrame(MessageType.SAMPLES, 0, 1, 8, 1_003_646, _three_axes(35)), *sensor, 41
+        ),
+        _signed_frame("environment", WireFrame(MessageType.ENVIRONMENT, 0, 1, 9, 9, environment), *sensor, 41),
+        _signed_frame(
+            "counters at their maximum",
+            WireFrame(MessageType.ENVIRONMENT, 255, 254, 2**32 - 1, 2**32 - 1, environment),
+            _SENSOR_KEY,
+            2**32 - 1,
+            2**32 - 1,
+        ),
+        _signed_frame(
+            "the hub itself",
+            WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 80, 7, {"level": 1, "text": b"awake"}),
+            _HUB_KEY,
+            _HUB,
+            41,
+        ),
+    ]
+    return {"macs": macs, "signed": frames}
+
+
+def _signed_frame(name: str, frame: WireFrame, key: bytes, identity: int, boot_count: int) -> dict[str, Any]:
+    unsigned = build(frame)
+    return {
+        "name": name,
+        "key": key.hex(),
+        "identity": f"{identity:016x}",
+        "boot_count": boot_count,
+        "unsigned": unsigned.hex(),
+        "signed": sign(unsigned, identity, boot_count, partial(aes_cmac, key)).hex(),
+        "tag_bytes": wire.TAG_BYTES,
+    }
+
 
 _F32: Final = np.float32
 
@@ -85,10 +156,8 @@ _FRAMES: Final[dict[str, WireFrame]] = {
         2,
         _hello(axes=0b100, coupling=1, highpass_hz=2.5, rate_hz=25600.0, saturation_counts=32768),
     ),
-    "samples, three axes, as many as fit": WireFrame(
-        MessageType.SAMPLES, 0, 1, 12345, 67890, _samples(444_384, 0b111, 36)
-    ),
-    "samples, radial axis, as many as fit": WireFrame(MessageType.SAMPLES, 0, 2, 5, 6, _samples(7, 0b100, 109)),
+    "samples, three axes, full": WireFrame(MessageType.SAMPLES, 0, 1, 12345, 67890, _samples(444_384, 0b111, 36)),
+    "samples, radial axis, full": WireFrame(MessageType.SAMPLES, 0, 2, 5, 6, _samples(7, 0b100, 109)),
     "samples, two axes, one sample": WireFrame(MessageType.SAMPLES, 1, 0, 5, 6, _samples(1, 0b101, 1)),
     "samples, extreme counts": WireFrame(
         MessageType.SAMPLES, 0, 0, 9, 9, _samples(2**32 - 2, 0b010, 4, [-32768, 32767, -1, 0])
@@ -107,7 +176,7 @@ _FRAMES: Final[dict[str, WireFrame]] = {
     ),
     "log text": WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 80, 7, {"level": 2, "text": "Sensor zu heiß".encode()}),
     "log text, empty": WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 81, 8, {"level": 0, "text": b""}),
-    "log text, as long as fits": WireFrame(MessageType.LOG_TEXT, 0, 0, 82, 8, {"level": 3, "text": b"x" * 223}),
+    "log text, full": WireFrame(MessageType.LOG_TEXT, 0, 0, 82, 8, {"level": 3, "text": b"x" * 223}),
     "command result": WireFrame(
         MessageType.COMMAND_RESULT, 0, HUB_ITSELF, 83, 9, {"seq": 4, "command": MessageType.SET_RATE, "outcome": 0}
     ),
@@ -180,37 +249,35 @@ def _streams() -> list[dict[str, Any]]:
         _stream("frames back to back", [hello, _at(1), _at(2), _at(3)]),
         _stream("noise between frames", [b"\x00\xff noise", _at(1), b"\xa5", _at(2), b"\x5a\xa5\xa5"], noise_bytes=12),
         _stream(
-            "one bit wrong: only this frame is lost",
+            "one bit flipped: only this frame is lost",
             [_at(1), _flip(build(_at(2)), 18), _at(3)],
             crc_errors=1,
             noise_bytes=size,
             lost=1,
         ),
         _stream(
-            "a byte missing: the next frame is found inside the length claimed",
+            "a byte missing: the next frame lies within the claimed length",
             [_at(1), build(_at(2))[:-1], _at(3)],
             crc_errors=1,
             noise_bytes=size - 1,
             lost=1,
         ),
         _stream(
-            "a false header whose length reaches over a frame",
+            "a false header whose length covers a frame",
             [bytes.fromhex("a55a100210"), _at(1), bytes(40)],
             crc_errors=1,
             noise_bytes=45,
         ),
-        _stream("a length that no frame has", [bytes.fromhex("a55a1002e1"), _at(1)], noise_bytes=5),
+        _stream("an impossible length", [bytes.fromhex("a55a1002e1"), _at(1)], noise_bytes=5),
+        _stream("unknown type, skipped", [_at(1), _raw(2, b"\xa5\x5a?"), _at(3)], intact=3, unknown_type=1),
         _stream(
-            "unknown type, skipped by its length", [_at(1), _raw(2, b"\xa5\x5a?"), _at(3)], intact=3, unknown_type=1
-        ),
-        _stream(
-            "newer minor version, skipped by its length",
+            "newer minor version, skipped",
             [_at(1), _raw(2, inner, MessageType.SAMPLES, version=0x11), _at(3)],
             intact=3,
             newer_minor=1,
         ),
         _stream(
-            "other major version: its counter is not looked at",
+            "other major version: counter ignored",
             [_at(1), _raw(900, b"?", MessageType.SAMPLES, version=0x20), _at(2)],
             intact=3,
             other_major=1,
@@ -219,12 +286,12 @@ def _streams() -> list[dict[str, Any]]:
             "unknown flag", [_at(1), _raw(2, b"?", MessageType.SAMPLES, flags=2), _at(3)], intact=3, unknown_flags=1
         ),
         _stream(
-            "a signed frame, its tag not looked at",
+            "a signed frame, tag ignored",
             [_at(1), build_raw(PAYLOADS[MessageType.SAMPLES].build(_SMALL) + bytes(8), _at(2), flags=1)],
             [_at(2)],
         ),
         _stream(
-            "a signed frame without room for its tag",
+            "a signed frame too short for its tag",
             [_at(1), _raw(2, bytes(7), MessageType.SAMPLES, flags=1), _at(3)],
             intact=3,
             bad_payload=1,
@@ -256,17 +323,17 @@ def _streams() -> list[dict[str, Any]]:
             intact=5,
             duplicates=2,
         ),
-        _stream("a late frame is not lost", [_at(1), _at(4), _at(3)], lost=1, reordered=1),
+        _stream("a late frame is not counted as lost", [_at(1), _at(4), _at(3)], lost=1, reordered=1),
         _stream("late across the wrap", [_at(2**32 - 1), _at(1), _at(0)], reordered=1),
         _stream("a counter far back is a restart", [_at(1000), _at(1001), _at(0), _at(1)], restarts=1),
         _stream(
-            "another boot count restarts every source of the hub, however few frames it sent",
+            "a new boot count restarts every source of the hub",
             [hello, environment, _at(0, wheel=1), rebooted, _at(0, wheel=1)],
             lost=4,
             restarts=2,
         ),
-        _stream("the end cuts a frame off", [_at(1), build(_at(2))[:-3]], truncated=1, noise_bytes=size - 3),
-        _stream("a frame behind a header cut off", [b"\xa5\x5a\x10\x02\xe0", _at(1)], truncated=1, noise_bytes=5),
+        _stream("a frame cut off by the end", [_at(1), build(_at(2))[:-3]], truncated=1, noise_bytes=size - 3),
+        _stream("a frame after a truncated header", [b"\xa5\x5a\x10\x02\xe0", _at(1)], truncated=1, noise_bytes=5),
     ]
 
 
@@ -289,16 +356,16 @@ def _refused_payloads() -> list[tuple[str, MessageType, bytes]]:
     status = bytearray(PAYLOADS[MessageType.HUB_STATUS].build(_status(87, -71)))
     return [
         ("hello without axes", MessageType.HELLO, bytes(hello[:6] + b"\0" + hello[7:])),
-        ("hello with a rate that is no number", MessageType.HELLO, bytes(hello[:24] + b"\0\0\xc0\x7f" + hello[28:])),
+        ("hello with a rate that is not a number", MessageType.HELLO, bytes(hello[:24] + b"\0\0\xc0\x7f" + hello[28:])),
         ("samples without samples", MessageType.SAMPLES, bytes.fromhex("000000000700")),
-        ("samples with more samples than announced", MessageType.SAMPLES, bytes.fromhex("00000000040100000000")),
+        ("samples with more samples than n", MessageType.SAMPLES, bytes.fromhex("00000000040100000000")),
         ("samples of a fourth axis", MessageType.SAMPLES, bytes.fromhex("0000000008010000")),
         ("battery at 101 %", MessageType.HUB_STATUS, bytes(status[:26] + b"\x65" + status[27:])),
         ("log text without a level", MessageType.LOG_TEXT, b""),
         ("command result cut short", MessageType.COMMAND_RESULT, bytes(5)),
-        ("stream neither started nor stopped", MessageType.SET_STREAM, b"\x02"),
-        ("rate below what there is", MessageType.SET_RATE, bytes.fromhex("00e0f944")),
-        ("rate that is no number", MessageType.SET_RATE, bytes.fromhex("0000c07f")),
+        ("stream flag out of range", MessageType.SET_STREAM, b"\x02"),
+        ("rate below the minimum", MessageType.SET_RATE, bytes.fromhex("00e0f944")),
+        ("rate not a number", MessageType.SET_RATE, bytes.fromhex("0000c07f")),
         ("time too long", MessageType.SET_TIME, bytes(9)),
     ]
 

@@ -1,4 +1,4 @@
-"""Counters of a link: what arrived, what did not, and why."""
+"""Counters of a link: frames delivered, lost and skipped, by cause."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class SourceCounters:
         lost: frames missing by their counters; a late one is taken off again.
         duplicates: frames that had arrived before; not delivered.
         reordered: frames that came late; delivered.
-        restarts: how often the counter began anew.
+        restarts: number of times that the counter restarted.
     """
 
     frames: int = 0

@@ -1,4 +1,4 @@
-"""The packets, declared once. The specification's tables, the firmware's C code and the test vectors come from here.
+"""Declaration of the packets, the source of the specification's tables, the C code and the test vectors.
 
 Slow and readable on purpose: `codec.py` does the work at run time and is held byte for byte against this. Field names
 and units are those of the wire; `to_message` relates them to the values in `messages.py`.
@@ -58,7 +58,7 @@ MAX_SAMPLES: Final = (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // 2
 HEADER: Final = c.Struct(
     "sync" / c.Const(wire.SYNC) * "A5 5A",
     "version" / c.Int8ul * "16 * major + minor; minor is the version in which the layout of this frame appeared",
-    "type" / c.Int8ul * "what the payload is",
+    "type" / c.Int8ul * "message type",
     "length" / Limited(c.Int8ul, 0, wire.MAX_PAYLOAD_BYTES) * "bytes of the payload",
     "hub" / c.Int8ul * "number of the hub on its link",
     "wheel" / c.Int8ul * "number of the wheel at the hub; 255: the hub itself",
@@ -73,16 +73,16 @@ FRAME: Final = c.Struct(
 )
 
 HELLO: Final = c.Struct(
-    "protocol_major" / c.Int8ul * "major version the firmware speaks",
-    "protocol_minor" / c.Int8ul * "minor version the firmware speaks",
-    "firmware_major" / c.Int8ul * "version of the firmware, for people to read",
+    "protocol_major" / c.Int8ul * "major protocol version of the firmware",
+    "protocol_minor" / c.Int8ul * "minor protocol version of the firmware",
+    "firmware_major" / c.Int8ul * "version of the firmware, for display",
     "firmware_minor" / c.Int8ul * "",
     "firmware_patch" / c.Int16ul * "",
     "axes" / AXES * "axis mask: bit 0 circumferential, 1 lateral, 2 radial",
     "coupling" / Limited(c.Int8ul, min(Coupling), max(Coupling)) * "0 DC, 1 AC",
     "hub_id" / c.Int64ul * "serial number of the hub",
     "sensor_id" / c.Int32ul * "serial number of the sensor",
-    "boot_count" / c.Int32ul * "how often the hub has started",
+    "boot_count" / c.Int32ul * "number of starts of the hub",
     "rate_hz" / _real(wire.MIN_RATE_HZ, wire.MAX_RATE_HZ) * "sampling rate in Hz",
     "highpass_hz" / _real(0.0) * "corner of the AC coupling in Hz, 0 when DC",
     "range_mps2" / c.Array(3, _real(0.0)) * "full scale in m/s² of axes 0, 1, 2; 0 where absent",
@@ -90,12 +90,12 @@ HELLO: Final = c.Struct(
     "offset_counts" / c.Array(3, _real()) * "counts at zero acceleration",
     "saturation_counts"
     / Limited(c.Int16ul, 1, wire.MAX_SATURATION_COUNTS)
-    * "abs(count) from which a sample is saturated",
+    * "abs(count) at or above which a sample is saturated",
     c.Terminated,
 )
 
 SAMPLES: Final = c.Struct(
-    "first_sample" / c.Int32ul * "running number of the first sample, wraps; samples never sent are counted too",
+    "first_sample" / c.Int32ul * "running number of the first sample, wraps; includes samples never sent",
     "axes" / AXES * "axis mask",
     "n" / Limited(c.Int8ul, 1, MAX_SAMPLES) * "samples in this block; 109, 54 or 36 fit with 1, 2 or 3 axes",
     "counts"
@@ -126,7 +126,7 @@ HUB_STATUS: Final = c.Struct(
 
 TIME_SYNC: Final = c.Struct(
     "hub_us" / c.Int64ul * "µs since the hub's start; its low 32 bits are the frame's tick_us",
-    "host_ns" / c.Int64ul * "host time last told to the hub, ns since 1970; 0 when never told",
+    "host_ns" / c.Int64ul * "latest host time received by the hub, ns since 1970; 0 when none",
     c.Terminated,
 )
 
@@ -143,14 +143,14 @@ COMMAND_RESULT: Final = c.Struct(
 )
 
 SET_STREAM: Final = c.Struct(
-    "running" / Limited(c.Int8ul, 0, 1) * "1: send samples, 0: send none; everything else goes on",
+    "running" / Limited(c.Int8ul, 0, 1) * "1: send samples, 0: send none; all other messages continue",
     c.Terminated,
 )
 
 SET_RATE: Final = c.Struct(
     "rate_hz"
     / _real(wire.MIN_RATE_HZ, wire.MAX_RATE_HZ)
-    * "wanted sampling rate in Hz; the nearest that the sensor can is taken",
+    * "requested sampling rate in Hz; the sensor takes the nearest that it supports",
     c.Terminated,
 )
 
@@ -173,16 +173,16 @@ PAYLOADS: Final[dict[MessageType, c.Struct]] = {
 }
 
 PURPOSES: Final[dict[MessageType, str]] = {
-    MessageType.HELLO: "who speaks and how to read its samples",
+    MessageType.HELLO: "identity of the sender and scale of its samples",
     MessageType.SAMPLES: "consecutive samples of one wheel",
-    MessageType.ENVIRONMENT: "slow quantities at the inner liner",
+    MessageType.ENVIRONMENT: "slow quantities measured at the inner liner",
     MessageType.HUB_STATUS: "health of the hub",
-    MessageType.TIME_SYNC: "the hub's clock in full",
+    MessageType.TIME_SYNC: "full count of the hub's clock",
     MessageType.LOG_TEXT: "a line of the hub's log",
-    MessageType.COMMAND_RESULT: "the hub's answer to a command; tick_us is when it was carried out",
+    MessageType.COMMAND_RESULT: "the hub's answer to a command; tick_us is the time of execution",
     MessageType.SET_STREAM: "command: start or stop sending samples",
     MessageType.SET_RATE: "command: sample at another rate",
-    MessageType.SET_TIME: "command: the host's time, for TIME_SYNC to echo",
+    MessageType.SET_TIME: "command: the host's time, echoed by TIME_SYNC",
 }
 
 

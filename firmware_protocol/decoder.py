@@ -1,4 +1,4 @@
-"""Finds frames in a byte stream, chunk by chunk. No I/O, no clock; the same frames however the stream is cut."""
+"""Streaming frame decoder. Sans-io: no I/O and no clock; the frames do not depend on how the stream is split."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MAX_FRAME: Final = wire.MAX_FRAME_BYTES
 _LENGTH_OFFSET: Final = wire.LENGTH_OFFSET
 _RESIDUE: Final = wire.CRC_RESIDUE
 _unpack_start: Final = _SAMPLES_START.unpack_from
-# What a named tuple's own constructor calls, at half the time.
+# Called directly: a named tuple's own constructor takes twice the time.
 _new_tuple: Final[Any] = tuple.__new__
 _new_array: Final[Any] = np.ndarray
 
@@ -44,18 +44,18 @@ class FrameDecoder:
     Never raises on any bytes. Holds at most one incomplete frame (243 bytes) and counters of at most 65,536 sources.
 
     Attributes:
-        counters: what arrived so far; a live object.
+        counters: counters of the stream so far; updated in place.
     """
 
     def __init__(self, gate: Gate | None = None) -> None:
         """Start at the beginning of a stream.
 
         Args:
-            gate: asked for every intact frame of this major version; what it refuses is counted and leaves no other
-                trace. Without one, signed frames are read unverified.
+            gate: called with every intact frame of this major version. Frames that it rejects are counted and dropped.
+                Without a gate, signed frames are read unverified.
         """
         self._gate = gate
-        # No frame may go past a gate, so none is long enough for the short way.
+        # Every frame must pass the gate, so none takes the fast path.
         self._quick_from = _SAMPLES_LEAST if gate is None else _NEVER
         self._tail = b""
         self._wanted = 0
@@ -79,7 +79,7 @@ class FrameDecoder:
         sources = self._sources
         quick_from = self._quick_from
         start = wanted = 0
-        # Sample frames of a known source, back to back and in order, are settled here, all others below.
+        # Fast path: sample frames of a known source, contiguous and in order. All other frames go through _read.
         while start < size:
             left = size - start
             if left >= quick_from:
@@ -114,7 +114,7 @@ class FrameDecoder:
         return frames
 
     def finish(self) -> list[Frame]:
-        """End the stream: what was held back is searched as it stands. The decoder can be fed again afterwards."""
+        """End the stream: search the bytes held back as they are. The decoder can be fed again afterwards."""
         frames: list[Frame] = []
         while self._tail:
             rest, self._tail, self._wanted = self._tail[1:], b"", 0
@@ -141,7 +141,7 @@ class FrameDecoder:
                 message = decode_payload(type_, buffer[at + wire.HEADER_BYTES : end - behind])
         if isinstance(message, Hello):
             self._tracker.hello(key, message.boot_count)
-        # Whatever it says, the frame arrived: its counter is looked at first.
+        # The counter comes first: it counts even when the content cannot be read.
         source = self._tracker.source(key)
         if not source.accept(seq):
             return

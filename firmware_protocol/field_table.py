@@ -1,4 +1,4 @@
-"""Reads the declaration as a table: offset, type and meaning of every field, for the specification and the C code."""
+"""Table of the declared fields: offset, type and meaning of each, for the specification and the C code."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Field(NamedTuple):
         docs: meaning.
         low: least value, None where the type alone limits it.
         high: greatest value, likewise.
-        none: value that says "not available", None where there is no such value.
+        none: value that means "not available", None where there is no such value.
     """
 
     name: str

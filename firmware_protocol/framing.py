@@ -1,4 +1,4 @@
-"""The rule by which frames are found in bytes, in its plain form."""
+"""Reference form of the framing rule."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def next_frame(buffer: bytes, start: int) -> tuple[int, int, int]:
     """Find the next intact frame at or after `start`.
 
     Returns:
-        Its start; its end, or 0 when what begins at the start returned, if anything, needs more bytes; and the number
-        of candidates passed over because of a bad CRC.
+        Its start; its end, or 0 when a frame may begin at the start but needs more bytes; and the number of candidates
+        skipped because of a bad CRC.
     """
     size = len(buffer)
     crc_errors = 0

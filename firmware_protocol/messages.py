@@ -1,4 +1,4 @@
-"""The messages between a hub and the gateway, as values. Their bytes are declared in `declaration.py`."""
+"""Messages between a hub and the gateway, as values. `declaration.py` declares their bytes."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ class TimeSync(NamedTuple):
 
     Attributes:
         hub_us: microseconds since the hub's start, 64 bit; its low 32 bits are the frame's time stamp.
-        host_ns: host time last told to the hub, echoed; 0 when never told.
+        host_ns: latest host time received by the hub, echoed; 0 when none.
     """
 
     hub_us: int
@@ -197,7 +197,10 @@ class SetStream(NamedTuple):
 
 
 class SetRate(NamedTuple):
-    """Command: sample at this rate, 2000 to 25600 Hz, or at the nearest that the sensor can; a hello tells which."""
+    """Command: sample at this rate, 2000 to 25600 Hz, or at the nearest that the sensor supports.
+
+    The next hello reports the rate.
+    """
 
     rate_hz: float
 

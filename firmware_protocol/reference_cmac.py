@@ -1,4 +1,4 @@
-"""AES-128-CMAC (RFC 4493, FIPS 197) in plain Python: slow, for test vectors only, nothing else to be installed.
+"""AES-128-CMAC (RFC 4493, FIPS 197) in plain Python: slow, for test vectors only, without dependencies.
 
 Its running time depends on the key, so it must not sign or check anything that an attacker can time.
 """

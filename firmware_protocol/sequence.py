@@ -1,4 +1,4 @@
-"""What a counter that wraps says about its frame. Pure: values in, verdict out."""
+"""Classification of frames by their wrapping counters. Pure functions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _HALF: Final = 1 << (COUNTER_BITS - 1)
 
 
 class Arrival(Enum):
-    """How a frame stands to those of its source before it."""
+    """Position of a frame relative to the earlier frames of its source."""
 
     FIRST = "first"
     IN_ORDER = "in order"
@@ -24,12 +24,12 @@ class Arrival(Enum):
 
 
 class Window(NamedTuple):
-    """What a source's counters did so far.
+    """History of a source's counters.
 
     Attributes:
         last: highest counter since the start.
         seen: bit i is set when `last - i` has arrived.
-        span: how many counters of the window lie at or after the first one seen, at most WINDOW_FRAMES.
+        span: number of counters in the window at or after the first one seen, at most WINDOW_FRAMES.
     """
 
     last: int
@@ -43,7 +43,7 @@ class Window(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What one counter means.
+    """Meaning of one counter.
 
     Attributes:
         arrival: kind of arrival.
@@ -63,7 +63,7 @@ def classify(window: Window | None, seq: int) -> Verdict:
     a restart of the source.
 
     Args:
-        window: what the source did so far, None for its first frame.
+        window: history of the source, None for its first frame.
         seq: counter of the frame, 32 bit.
     """
     if window is None:

@@ -1,4 +1,4 @@
-"""What of a frame is signed and where the tag is. The cryptography itself is the caller's."""
+"""Signed part of a frame and position of its tag. The caller supplies the cryptography."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from firmware_protocol.checks import integer, reject
 from firmware_protocol.messages import HUB_ITSELF
 
 Gate = Callable[[bytes], bool]
-"""Asked by a decoder for every intact frame, in the order of the stream and before its counter is looked at: may it?"""
+"""Called by a decoder with every intact frame, in stream order and before its counter is read; returns acceptance."""
 
 Mac = Callable[[bytes], bytes]
-"""AES-128-CMAC of some bytes under the key of one sensor; 16 bytes, of which the first are the tag."""
+"""AES-128-CMAC of some bytes under the key of one sensor: 16 bytes; the first TAG_BYTES are the tag."""
 
 _FRESHNESS: Final = struct.Struct("<QI")
 _CRC: Final = struct.Struct("<I")
@@ -27,8 +27,8 @@ def freshness(identity: int, boot_count: int) -> bytes:
     """Return the 12 bytes that are signed before the frame and never sent with it.
 
     Args:
-        identity: serial number of the sensor, or of the hub for what the hub itself says.
-        boot_count: how often the hub has started; with the frame's own counter the full freshness counter.
+        identity: serial number of the sensor, or of the hub for frames of the hub itself.
+        boot_count: number of starts of the hub; with the frame's own counter the full freshness counter.
     """
     return _FRESHNESS.pack(integer("identity", identity, 0, _U64), integer("boot_count", boot_count, 0, _U32))
 
@@ -44,12 +44,12 @@ def tag_of(frame: bytes) -> bytes:
 
 
 def is_signed(frame: bytes) -> bool:
-    """Tell whether an intact frame claims a tag and has room for one."""
+    """Return whether an intact frame is flagged as signed and long enough for a tag."""
     return bool(frame[wire.FLAGS_OFFSET] & wire.SIGNED_FLAG) and frame[wire.LENGTH_OFFSET] >= wire.TAG_BYTES
 
 
 def is_of_hub(frame: bytes) -> bool:
-    """Tell whether the hub itself speaks, with its own key."""
+    """Return whether the frame is from the hub itself, which has its own key."""
     return frame[wire.WHEEL_OFFSET] == HUB_ITSELF
 
 

@@ -1,4 +1,4 @@
-"""Applies the counter rules to every source of a link; shared by the streaming and the batch decoder."""
+"""Counter rules for every source of a link, shared by the streaming and the block decoder."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class SourceTracker:
 
     Attributes:
         counters: its public counters.
-        expected: counter that continues the last one, -1 before the first frame. A decoder that meets it may just
-            advance it: the window catches up when a frame out of order asks for it.
+        expected: the next counter in sequence, -1 before the first frame. A decoder may advance it directly; the window
+            is brought up to date when a frame arrives out of order.
     """
 
     __slots__ = ("_window", "counters", "expected", "restarted_alone")
@@ -30,7 +30,7 @@ class SourceTracker:
 
     @property
     def window(self) -> Window | None:
-        """What the counters did so far."""
+        """History of the counters."""
         if self._window is None:
             return None
         return advance(self._window, (self.expected - 1 - self._window.last) & COUNTER_MASK)
@@ -59,7 +59,7 @@ class SourceTracker:
         return True
 
     def hub_restarted(self) -> None:
-        """Start anew because the hub did, unless the counter has shown this restart already."""
+        """Restart with the hub, unless the counter has shown this restart already."""
         if not self.restarted_alone:
             self.counters.restarts += 1
             self.window = None
@@ -67,7 +67,7 @@ class SourceTracker:
 
 
 class LinkTracker:
-    """Counter state of all sources of a link: 65,536 sources and 256 hubs at the very worst, 25 MB."""
+    """Counter state of all sources of a link: at most 65,536 sources and 256 hubs, 25 MB."""
 
     def __init__(self) -> None:
         self.counters = LinkCounters()
@@ -83,7 +83,7 @@ class LinkTracker:
         return tracker
 
     def restarts_within(self, hellos: Iterable[tuple[int, int]]) -> bool:
-        """Return whether hellos to come, as (hub, boot count) in order, tell of a restart of a hub."""
+        """Return whether upcoming hellos, as (hub, boot count) in order, announce a restart of a hub."""
         boot_counts = dict(self._boot_counts)
         return any(boot_counts.setdefault(hub, boot_count) != boot_count for hub, boot_count in hellos)
 

@@ -1,4 +1,4 @@
-"""Writes the parts of `docs/protocol.md` that repeat the declaration, so that they cannot drift from it."""
+"""Generated parts of the protocol specification: the tables and the worked example, from the declaration."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ _BLOCK = re.compile(r"(?P<begin><!-- generated: (?P<name>\w+) -->)\n.*?(?P<end><
 
 
 def updated(specification: str) -> str:
-    """Return the text with every block between `<!-- generated: NAME -->` and `<!-- end -->` written anew.
+    """Return the text with every block between `<!-- generated: NAME -->` and `<!-- end -->` regenerated.
 
     Raises:
         KeyError: a block has a name that nothing generates.
     """
     blocks = {"frame": _frame, "payloads": _payloads, "example": _example}
 
-    def anew(match: re.Match[str]) -> str:
+    def regenerated(match: re.Match[str]) -> str:
         return "\n".join((match["begin"], *blocks[match["name"]](), match["end"]))
 
-    return _BLOCK.sub(anew, specification)
+    return _BLOCK.sub(regenerated, specification)
 
 
 def _frame() -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Every number of the wire format that is not a payload layout. Protocol 1.0; see `docs/protocol.md`."""
+"""Constants of the wire format other than payload layouts. Protocol 1.0."""
 
 from __future__ import annotations
 

@@ -84,7 +84,11 @@ def forbidden_imports(name: str, path: Path) -> Iterator[str]:
 
 
 def test_imports_run_in_one_direction():
-    assert [line for name, path in modules() for line in forbidden_imports(name, path)] == []
+    found = [line for name, path in modules() for line in forbidden_imports(name, path)]
+    for path in sorted((ROOT / "tools").rglob("*.py")):
+        tests = [other for other in imports(path) if other.split(".")[0] == "tests"]
+        found += [f"{path.relative_to(ROOT)} imports {other}: tools may not import tests" for other in tests]
+    assert found == []
 
 
 def test_one_clock_and_no_unseeded_randomness():

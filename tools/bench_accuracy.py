@@ -1,4 +1,4 @@
-"""What every registered estimator is worth: bias and spread, beside the Cramer-Rao bound; docs/accuracy.md explains.
+"""Bias and spread of every registered estimator, with the Cramer-Rao bound.
 
 Samples in time of the exact ring, with noise, 16 bit and disturbances, go through the gateway's own segmentation,
 resampling and averaging. Run: python tools/bench_accuracy.py [--quick] [--markdown] [--only GROUP]

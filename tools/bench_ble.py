@@ -1,6 +1,6 @@
-"""What Bluetooth LE carries: notifications of 244 bytes through D-Bus and bleak into a source, and what each costs.
+"""Throughput and CPU of Bluetooth LE: notifications of 244 bytes through D-Bus and bleak into a source.
 
-The hubs are BlueZ's stand-in in a process of its own, the bus is a real dbus-daemon; no radio is in it. CPU is that of
+The hubs are the BlueZ emulation in a separate process on a real dbus-daemon, without a radio. CPU is that of
 the receiving process alone: bleak, the radio's thread and the reader.
 """
 

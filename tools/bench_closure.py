@@ -1,6 +1,6 @@
-"""How often `treadlink diagnose` is right about effects that nobody declared.
+"""Blind test of `treadlink diagnose` on undeclared effects.
 
-Seeds draw tires, sensors and what is wrong with them; the exact ring writes recordings; labels are sealed until the
+Seeds draw tires, sensors and undeclared effects. The exact ring makes the recordings. Labels stay sealed until the
 diagnosis is made. Run: python tools/bench_closure.py [--quick] [--seeds N] [--only EFFECT] [--jobs N] [--figure FILE]
 """
 
@@ -33,18 +33,18 @@ def main() -> None:
         judgements = [trial.judgement for trial in trials]
         faults.update(trial.fault for trial in trials if trial.fault)
         seconds = sum(trial.seconds for trial in trials) / len(trials)
-        print(f"start model {options.model}, {len(trials)} cases, {seconds:.1f} s each")
+        print(f"baseline model {options.model}, {len(trials)} cases, {seconds:.1f} s each")
     print("\n".join(summary(judgements)))
-    print("\nright at " + ", ".join(SIZES) + f"; the smallest size found in {100 * ENOUGH:.0f} % of the cases")
+    print("\nshare correct at " + ", ".join(SIZES) + f"; the smallest size found in {100 * ENOUGH:.0f} % of the cases")
     print("\n".join(by_effect(judgements)))
     pairs = [judgement for judgement in judgements if len(judgement.truth) > 1]
     for judgement in pairs:
         if not judgement.outcome.right:
-            named = " + ".join(judgement.named) or "no name"
+            named = " + ".join(judgement.named) or "nothing named"
             print(f"pair {' + '.join(judgement.truth)} (seed {judgement.seed}): {judgement.outcome}; named {named}")
     for fault, count in faults.most_common():
         print(f"failed {count} times: {fault}")
-    print("\ncounted as right when left open between:")
+    print("\ncounted as correct when left open between:")
     for names, reason in CANNOT_TELL.items():
         print(f"  {' / '.join(sorted(names))}: {reason}")
     if options.figure is not None:
@@ -81,13 +81,13 @@ def _options() -> argparse.Namespace:
     names = sorted(entry.name for entry in (*CAUSES, *STRANGERS))
     parser.add_argument("--seeds", type=int, default=None, help="cases of each effect and size; 10, quick 1")
     parser.add_argument("--first", type=int, default=1, help="first seed")
-    parser.add_argument("--only", action="append", choices=names, metavar="EFFECT", help="this one alone")
+    parser.add_argument("--only", action="append", choices=names, metavar="EFFECT", help="only this effect; repeatable")
     parser.add_argument("--quick", action="store_true", help="one seed, middle and large sizes")
     parser.add_argument("--effects", action="store_const", const=0, help="single effects")
-    parser.add_argument("--pairs", type=int, nargs="?", const=0, help="pairs of effects; so many")
-    parser.add_argument("--outside", action="store_const", const=0, help="what is not in the catalogue")
-    parser.add_argument("--nothing", type=int, nargs="?", const=0, help="nothing at all; so many")
-    parser.add_argument("--model", choices=("paper", "series", "exact"), default="exact", help="starting model")
+    parser.add_argument("--pairs", type=int, nargs="?", const=0, help="pairs of effects, and their number")
+    parser.add_argument("--outside", action="store_const", const=0, help="effects outside the catalogue")
+    parser.add_argument("--nothing", type=int, nargs="?", const=0, help="cases without effects, and their number")
+    parser.add_argument("--model", choices=("paper", "series", "exact"), default="exact", help="baseline model")
     parser.add_argument("--jobs", type=int, default=default_jobs())
     parser.add_argument("--keep", type=Path, help="folder for diagnoses and opened labels")
     parser.add_argument(
@@ -95,7 +95,7 @@ def _options() -> argparse.Namespace:
         type=Path,
         action="append",
         metavar="DIR",
-        help="run nothing, judge what --keep left there; repeatable",
+        help="only judge the cases kept there by --keep; repeatable",
     )
     parser.add_argument("--figure", type=Path, help="draw the confusion matrix, as docs/figures/closure-confusion.svg")
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""What the views cost: the live console on a pseudo-terminal, the waveform, a plain line.
+"""CPU of the views: the live console on a pseudo-terminal, the waveform, a plain line.
 
 The console shows four wheels at 65 km/h on 120 x 40; every one of its ten drawings a second has a new revolution of
 every wheel. Its figure is the whole process's CPU time over wall time after two seconds, so it holds the toolkit's
@@ -73,7 +73,7 @@ def make_result(position: str, index: int, rng: np.random.Generator) -> Revoluti
         ("Ts/Cw", 12.95, 0.6),
     )
     estimates = tuple(
-        Estimate(name, value + std * rng.standard_normal(), std, Status.VALID, "linear ring: model error left out")
+        Estimate(name, value + std * rng.standard_normal(), std, Status.VALID, (Reason(Code.LINEAR_RING),))
         for name, value, std in known
     )
     return RevolutionResult(position, 0, revolution, Conditions(RADIUS_M, 5000.0, 210e3, 31.5), estimates)

@@ -1,4 +1,4 @@
-"""How fast frames are decoded, in times the duration of zlib.crc32 over the same bytes, measured beside each other.
+"""Decoding time as a multiple of zlib.crc32 over the same bytes, measured in the same run.
 
 Prints one table: the machine, batch and streaming decoding, damage, hostile streams, the live path, and other decoders.
 Run `python tools/bench_decode.py`; it takes about a minute.

@@ -1,7 +1,7 @@
 # ruff: noqa: E402 - the number of threads must be set before numpy is imported
-"""What one revolution costs, stage by stage and estimator by estimator, and what a dump costs a revolution.
+"""CPU time per revolution by stage and estimator, and per revolution of a dump.
 
-scipy's general least squares on the ring paper's problem stands beside. Run: python tools/bench_estimators.py
+For comparison: scipy's general least squares on the ring paper's problem. Run: python tools/bench_estimators.py
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from gateway.signal.synchronous_average import RunningAverage
 LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
 REVOLUTIONS = 64
 WAVEFORMS = 512
-# What the estimators of load and wear need, so that they work and do not merely say what is missing.
+# Inputs of the load and wear estimators, without which they return invalid estimates at once.
 CONDITIONS = Conditions(
     RADIUS_M,
     LOAD_N,
@@ -52,7 +52,7 @@ CONDITIONS = Conditions(
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """A revolution with the average that it went into."""
+    """A revolution and the average that includes it."""
 
     revolution: Revolution
     average: AngleAverage

@@ -1,6 +1,6 @@
-"""What goes wrong and what comes of it: the figures of docs/reliability.md.
+"""Injected faults and their consequences.
 
-`--full` runs the sizes told there (hours); without it everything is run small (minutes). `--only` picks sections.
+`--full` runs the documented sizes (hours); without it everything runs small (minutes). `--only` picks sections.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a live session costs: CPU of the whole process on a serial link, and work from samples to estimate.
+"""CPU of a live session on a serial link, and processing time from samples to estimate.
 
 Prints two tables:
   * share of one core that `treadlink live serial://... --plain --record` takes for 4 wheels x 3 axes x 9600 Hz, fed

@@ -19,6 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Conditions, Revolution
 from gateway.estimators.lateral_shape import DEFINITIONS, lateral_record, slopes
 from gateway.estimators.ply_steer import PlySteerEstimator
@@ -28,7 +31,7 @@ from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lat
 from gateway.physics.rolling_ring import RingSolution
 from gateway.signal.synchronous_average import AngleAverage, RunningAverage
 from gateway.types import FloatArray
-from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
+from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 VARIANTS = {
     "car tire": LateralBelt(),
@@ -149,7 +152,7 @@ def noise_table() -> None:
         blocks = np.array([estimate(revolutions[i : i + 100])[0] for i in range(0, 1600, 100)])
         stated = estimate(revolutions[:100])[1]
         omega = speed / 3.6 / RADIUS_M
-        bound = sensor.noise_mg * 9.80665e-3 / math.sqrt(2 * math.pi / omega) / omega**2
+        bound = sensor.noise_mg * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(2 * math.pi / omega) / omega**2
         print(f"{name:36s} bound   {columns(np.degrees(np.linalg.norm(rows, axis=1) * bound))}")
         print(f"{'':36s} 1 rev   {columns(one.std(axis=0, ddof=1))}   target 0.008")
         print(f"{'':36s} 100 rev {columns(blocks.std(axis=0, ddof=1))}   target 0.0015, with road 0.003")
@@ -187,7 +190,7 @@ def mounting_table() -> None:
     raw = run(ring, shape, replace(quiet, roll_rad=tilt), 3)[0]
     leak = slopes(lateral_record(raw, 0.0), _edges(ring), RADIUS_M).values_rad
     clean = slopes(lateral_record(raw, tilt), _edges(ring), RADIUS_M).values_rad
-    print(f"{'roll tilt 1 deg if it were left uncorrected':44s}{columns(np.degrees(leak - clean))}")
+    print(f"{'roll tilt 1 deg, uncorrected':44s}{columns(np.degrees(leak - clean))}")
 
 
 def slip_table() -> None:
@@ -221,17 +224,17 @@ def paper_tables() -> None:
             f"{r.name:42s} {len(r.constants):6d} {100 * r.fit_rms:10.1f} {100 * r.left_out_rms:12.1f}"
             f" {100 * r.left_out_max:12.1f}"
         )
-    print("target: left-out rms <= 4 % (Eq. 18: 18 %); with this many laws on six points the best is partly luck")
+    print("target: left-out rms <= 4 % (Eq. 18: 18 %); with this many laws on six points the best is partly chance")
     best = next(r for r in results if r.name == "K a / sqrt(p)")
     print(f"K a / sqrt(p): K = {math.degrees(best.constants[0]) / math.sqrt(1e5):.2f} deg sqrt(bar) / m")
-    print("\nThe lateral belt model itself, one constant coupling length, deg (measured beside it)")
+    print("\nThe lateral belt model itself, one constant coupling length, deg (with measured values)")
     print("   kg   bar  measured    peak  first half  adhesion line  side force N  measured N")
     forces = dict(zip((300, 400, 500), TABLE_FORCE_N, strict=True))
     for load, pressure, measured in sorted(zip(points.load_n, points.pressure_pa, np.degrees(angle), strict=True)):
         ring = roll_car_tire(load, pressure)
         shape = solve_lateral_belt(ring, LateralBelt())
         peak, half, line = truth(ring, shape)
-        kg = round(load / 9.80665)
+        kg = round(load / STANDARD_GRAVITY_MPS2)
         force = f"{forces[kg]:9.1f}" if abs(pressure - 2.1e5) < 1.0 else ""
         print(
             f"{kg:5d} {pressure / 1e5:5.1f} {measured:9.4f} {peak:7.3f} {half:11.3f} {line:14.3f}"
@@ -291,7 +294,7 @@ def main() -> None:
     slip_table()
     paper_tables()
     if arguments.measured is not None:
-        print("\nTire property files at zero slip angle (truck tire, ply steer and conicity not told apart)")
+        print("\nTire property files at zero slip angle (truck tire, ply steer and conicity not separated)")
         print("\n".join(tir_lines(arguments.measured / "tir")))
     cost()
 

@@ -1,4 +1,4 @@
-"""What the ring paper's estimator and the contact edges are worth on the geometrically exact ring.
+"""Accuracy of the ring paper's estimator and of the contact edges on the geometrically exact ring.
 
 Prints the tables of docs/ring-paper-estimator.md. Run: python tools/bench_ring_paper.py
 """

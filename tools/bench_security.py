@@ -17,7 +17,7 @@ import cryptography
 
 from firmware_protocol.batch import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
-from tests.security.attacks import Sender, attacks, guard
+from tools.generators.security_attacks import Sender, attacks, guard
 
 FRAMES = 1_000_000
 KINDS = 8

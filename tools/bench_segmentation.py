@@ -1,6 +1,6 @@
 """Contacts found in wheels made by independent formulas: missed and false ones, exactness, cost.
 
-Run as `python -m tools.bench_segmentation`; `--count 100` takes some minutes and gives the figures of
+Run `python tools/bench_segmentation.py`; `--count 100` takes some minutes and gives the figures of
 docs/segmentation.md. Every row is a family of wheels drawn at random: radius 0.25 to 0.55 m, contact half angle 0.08 to
 0.5 rad, 2 to 25.6 kHz, either sign, AC- or DC-coupled, gain, offset, bandwidth, noise to 15 mg/sqrt(Hz) unless told.
 """
@@ -8,14 +8,18 @@ docs/segmentation.md. Every row is a family of wheels drawn at random: radius 0.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from gateway.signal.segmentation import find_contacts
 from gateway.types import FloatArray
-from tests.segmentation_signals import MEASURED, Case, judge, make_signal, segment
+from tools.generators.segmentation_signals import MEASURED, Case, judge, make_signal, segment
 
 Rng = np.random.Generator
 Draw = Callable[[Rng], dict[str, object]]

@@ -1,4 +1,4 @@
-"""What the simulator costs: a ring solve, start-up of the demo, and CPU per simulated second."""
+"""CPU of the simulator: one ring solution, start of the demo, and per simulated second."""
 
 from __future__ import annotations
 

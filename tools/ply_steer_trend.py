@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from gateway.estimators.ply_steer_models import TABLE_FORCE_N, Points, compare, roll_car_tire, table_points
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
-from gateway.simulator.lateral_truth import slopes_of
+from gateway.simulator.truth import slopes_of
 from gateway.types import FloatArray
 from tools.bench_ply_steer import tir_values
 
@@ -97,7 +97,7 @@ def whole_patch(at: Points, bending_nm2: float, share: float) -> FloatArray:
 
 
 def string_laws(at: Points, stiffness_npm2: float, share: float) -> Iterator[tuple[str, FloatArray]]:
-    """What a side force does to a string on the sidewall; the relaxation length is sqrt(T / ky)."""
+    """Response of a string on the sidewall to a side force; the relaxation length is sqrt(T / ky)."""
     ky = sidewall(at.pressure_pa, stiffness_npm2, share)
     x = 2.0 * at.half_length_m * np.sqrt(ky / at.tension_n)
     yield "slope at the edge, even force", (1.0 - np.exp(-x)) / np.sqrt(ky * at.tension_n)
@@ -123,7 +123,7 @@ def derived_laws(at: Points, angle_rad: FloatArray) -> list[Law]:
 
 
 def groups(at: Points) -> Iterator[tuple[str, FloatArray]]:
-    """What the angle may be a function of."""
+    """Variables of which the angle may be a function."""
     yield "a / sqrt(p)", at.half_length_m / np.sqrt(at.pressure_pa)
     yield "a / p", at.half_length_m / at.pressure_pa
     yield "Q / p", at.load_n / at.pressure_pa
@@ -182,7 +182,7 @@ class PropertyFile:
         return self.cornering_stiffness(load_n) * shift + load_n * (v["PVY1"] + v["PVY2"] * df)
 
     def angle_at_zero(self, load_n: float) -> float:
-        """Return the slip angle that the force at zero slip is worth, positive, rad."""
+        """Return the slip angle equivalent to the force at zero slip, positive, rad."""
         return self.force_at_zero(load_n) / self.cornering_stiffness(load_n)
 
     def half_length_m(self, load_n: float) -> float:

@@ -26,7 +26,7 @@ NODES = 1440
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """What a solution says of the contact.
+    """Contact quantities of a solution.
 
     Attributes:
         half_angle_rad: of the contact.
@@ -50,7 +50,7 @@ class Contact:
 
 
 def contact(solution: RingSolution) -> Contact:
-    """Return what a solution says of its contact."""
+    """Return the contact quantities of a solution."""
     ring, half = solution.ring, solution.half_angle_rad
     length = 2.0 * ring.radius_m * half
     mean = solution.load_n / length
@@ -81,7 +81,7 @@ def wave_change(solution: RingSolution, base: RingSolution) -> float:
 
 
 def open_changes() -> dict[str, RingSolution]:
-    """Return solutions with Table 3's numbers that differ in what the numbers do not say."""
+    """Return solutions with Table 3's numbers that differ in the quantities the numbers leave open."""
     return {
         "tread kt / 3": solve(replace(BASE, tread_stiffness_npm2=BASE.tread_stiffness_npm2 / 3.0)),
         "tread kt x 3": solve(replace(BASE, tread_stiffness_npm2=BASE.tread_stiffness_npm2 * 3.0)),

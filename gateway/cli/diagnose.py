@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import sys
@@ -28,6 +29,28 @@ MODELS: Final = ("exact", "series", "paper")
 
 _STEPS: Final = 1000
 _LABEL: Final = 36
+_ALL_EFFECTS: Final = "all"
+
+
+def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None) -> None:
+    """Print the effects of the catalogue and exit."""
+    if chosen is None or context.resilient_parsing:
+        return
+    from gateway.views.effect_catalogue import effect_lines, effects_json, effects_markdown, find_effects
+
+    if chosen == "markdown":
+        click.echo(effects_markdown(), nl=False)
+    elif chosen == "json":
+        click.echo(json.dumps(effects_json(find_effects()), indent=2, ensure_ascii=False))
+    else:
+        effects = find_effects("" if chosen == _ALL_EFFECTS else chosen)
+        if not effects:
+            raise TreadlinkError(
+                f"no effect has '{clean(chosen)}' in its name", "List all: treadlink diagnose --list-effects"
+            )
+        for line in effect_lines(effects, shutil.get_terminal_size().columns):
+            click.echo(line)
+    context.exit()
 
 
 @click.command()
@@ -73,6 +96,16 @@ _LABEL: Final = 36
 )
 @click.option("--jobs", type=click.IntRange(1, 64), help="Processes at most.  [default: 2, or 1 on one processor]")
 @click.option("--force", is_flag=True, help="Overwrite existing output files.")
+@click.option(
+    "--list-effects",
+    is_flag=False,
+    flag_value=_ALL_EFFECTS,
+    is_eager=True,
+    expose_value=False,
+    callback=_list_effects,
+    metavar="[NAME|json|markdown]",
+    help="List the effects of the catalogue and exit: all, those with NAME in their name, or all as JSON or Markdown.",
+)
 @keys_option
 def diagnose(
     recordings: tuple[Path, ...],
@@ -101,6 +134,8 @@ def diagnose(
     effects that look alike at one speed differ at another. Each recording's load, pressure and mounting are those of
     the configuration recorded with it, unless --config gives one for all.
 
+    --list-effects prints the catalogue: physics, equation, parameters and confounders of each effect.
+
     \b
       treadlink diagnose 40kmh.mcap 80kmh.mcap 120kmh.mcap --html report.html
       treadlink diagnose drive.mcap --wheel FL --save-effects fl.effects.json
@@ -122,7 +157,7 @@ def diagnose(
 
         require_report_packages()
     vehicle = load_vehicle(config_path) if config_path is not None else None
-    from gateway.closure.effects.base import StartModel
+    from gateway.closure.effects.base import BaselineModel
     from gateway.session.campaign_diagnosis import diagnose_recordings
     from gateway.views.report.terminal import closure_summary_lines
 
@@ -131,7 +166,7 @@ def diagnose(
             _distinct(recordings),
             vehicle=vehicle,
             wheel=wheel,
-            model=StartModel(model),
+            model=BaselineModel(model),
             empirical=empirical,
             folds=folds,
             jobs=jobs or min(2, os.cpu_count() or 1),

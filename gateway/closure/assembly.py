@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.cores import Core, Shape
-from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, Conditions, Here
+from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, GroupConditions, ModelledBlock
 from gateway.closure.observation import ORDERS
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import ComplexArray, FloatArray
@@ -36,7 +36,7 @@ def orders_field(orders: ComplexArray) -> FloatArray:
     return field
 
 
-def base_signal(core: Core, shape: Shape, conditions: Conditions) -> Here:
+def base_signal(core: Core, shape: Shape, conditions: GroupConditions) -> ModelledBlock:
     """Return what the starting model alone has a block read along the belt's own directions.
 
     omega^2 shape + g gravity + domega/dt (spin + 2 theta' shape), theta' from mid revolution: omega^2 at theta' is
@@ -56,10 +56,10 @@ def base_signal(core: Core, shape: Shape, conditions: Conditions) -> Here:
         signal[CIRCUMFERENTIAL] += (
             drift * wave.circumferential_m + conditions.omega_dot_radps2 * wave.spin_circumferential_m
         )
-    return Here(conditions, THETA, signal, wave, shape.leading_edge_rad, shape.trailing_edge_rad)
+    return ModelledBlock(conditions, THETA, signal, wave, shape.leading_edge_rad, shape.trailing_edge_rad)
 
 
-def with_signal(here: Here, signal_mps2: FloatArray) -> Here:
+def with_signal(here: ModelledBlock, signal_mps2: FloatArray) -> ModelledBlock:
     """Return the same block with another signal."""
     return replace(here, signal_mps2=signal_mps2)
 

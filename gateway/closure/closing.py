@@ -10,7 +10,7 @@ from typing import Final
 from gateway.closure.cores import Core
 from gateway.closure.diagnosis import Finding
 from gateway.closure.direction import turned_round
-from gateway.closure.effects.base import StartModel
+from gateway.closure.effects.base import BaselineModel
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.findings import findings_of, refused
 from gateway.closure.fit import Fit, FitFailedError, fit_model
@@ -53,7 +53,7 @@ def close_loop(
     campaign: Campaign,
     core: Core,
     data: Whitened,
-    model: StartModel,
+    model: BaselineModel,
     on_progress: Callable[[float, str], None],
     jobs: int,
 ) -> Closed:
@@ -95,7 +95,7 @@ def close_loop(
     return Closed(selection, errors, [*findings, *unsteady.values()], undecided)
 
 
-def _cannot_be_fitted(model: StartModel, error: FitFailedError) -> TreadlinkError:
+def _cannot_be_fitted(model: BaselineModel, error: FitFailedError) -> TreadlinkError:
     return TreadlinkError(
         f"the starting model '{model}' cannot be fitted to these recordings: {error}",
         "Check belt radius, load and pressure in the configuration.",

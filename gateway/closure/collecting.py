@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from gateway.closure.observation import ORDERS
 from gateway.estimators.base import Conditions, Revolution
 from gateway.reasons import Code, Reason
-from gateway.signal.clipping import CLIPPED_FAULT, SATURATED_FAULT
 from gateway.types import ComplexArray, FloatArray
 
 MOST_REVOLUTIONS: Final = 20_000
@@ -29,7 +28,7 @@ _SPEED_STEP: Final = 0.03
 _AXES: Final = ("circumferential", "lateral")
 # An axis that does not move by as much in a revolution does not measure.
 _DEAD_MPS2: Final = 1e-6
-_CUT_OFF: Final = frozenset({SATURATED_FAULT, CLIPPED_FAULT})
+_CUT_OFF: Final = frozenset({Code.RADIAL_SATURATED, Code.RADIAL_CLIPPED})
 _SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
 
 
@@ -63,7 +62,7 @@ class RevolutionStore:
             reverse: the wheel rolls the other way round than the sensor was glued for; its circumferential axis is
                 turned, so that it points along the rolling direction as the model's does.
         """
-        self.rejected: dict[str, int] = {}
+        self.rejected: dict[str | Reason, int] = {}
         self._sign = np.array([-1.0 if reverse else 1.0, 1.0, 1.0])[:, None]
         self._rows: list[tuple[float, ...]] = []
         self._orders: list[NDArray[np.complex64]] = []
@@ -78,7 +77,7 @@ class RevolutionStore:
 
     def take(self, revolution: Revolution, conditions: Conditions, host_ns: int) -> None:
         """Keep a revolution, or count why not."""
-        faults = [fault for fault in revolution.faults if fault not in _CUT_OFF]
+        faults = [fault for fault in revolution.faults if fault.code not in _CUT_OFF]
         if faults:
             self.reject(faults[0])
             return
@@ -113,7 +112,7 @@ class RevolutionStore:
             )
         )
 
-    def reject(self, reason: str, count: int = 1) -> None:
+    def reject(self, reason: str | Reason, count: int = 1) -> None:
         """Count revolutions that are left out."""
         self.rejected[reason] = self.rejected.get(reason, 0) + count
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from gateway.closure.effects.base import Conditions, StartModel
+from gateway.closure.effects.base import BaselineModel, GroupConditions
 from gateway.closure.ring_options import RingOptions
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
 
@@ -45,7 +45,7 @@ class Core(Protocol):
         mean: whether it says anything of order 0 of the radial axis.
     """
 
-    model: StartModel
+    model: BaselineModel
     names: tuple[str, ...]
     prior_mean: FloatArray
     prior_std: FloatArray
@@ -55,7 +55,7 @@ class Core(Protocol):
     mean: bool
 
     def shape(
-        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> Shape:
         """Return the shape of a state's parameters (K,).
 
@@ -72,7 +72,7 @@ class Core(Protocol):
         ...
 
     def tangent(
-        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters, K of them, of here or of very near."""
         ...
@@ -80,7 +80,7 @@ class Core(Protocol):
     def change(
         self,
         parameters: FloatArray,
-        conditions: Conditions,
+        conditions: GroupConditions,
         before: RingOptions,
         after: RingOptions,
         half_angle_rad: float,
@@ -88,11 +88,11 @@ class Core(Protocol):
         """Return what another option does to the shape, good enough to see what is worth a fit."""
         ...
 
-    def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
+    def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
         """Measure the error of the grid at these parameters; `shape` takes it off from now on. Nothing where exact."""
         ...
 
-    def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
+    def numbers(self, parameters: FloatArray, conditions: GroupConditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts and what else the parameters stand for, at the load and pressure of `conditions`."""
         ...
 
@@ -107,7 +107,7 @@ def moved(shape: Shape, tangent: Shape, step: float) -> Shape:
 
 
 def differences(
-    core: Core, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+    core: Core, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
 ) -> tuple[Shape, ...]:
     """Return the derivatives of a core's shape by the state's parameters, by one-sided differences."""
     base = core.shape(parameters, conditions, options, half_angle_rad)

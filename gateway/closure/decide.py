@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.cores import NoShapeError
-from gateway.closure.effects.base import Conditions
-from gateway.closure.equation_doubt import equation_share
+from gateway.closure.effects.base import GroupConditions
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.model import AngleEffect, ClosureModel
@@ -30,7 +29,7 @@ _AT_REST: Final = {
 }
 NOTHING: Final = "no recording at another speed, load, temperature or direction tried here would decide"
 
-_OTHERS: Final[tuple[tuple[str, Callable[[Conditions], Conditions]], ...]] = (
+_OTHERS: Final[tuple[tuple[str, Callable[[GroupConditions], GroupConditions]], ...]] = (
     ("at 1.5 times the speed", lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
     ("at a quarter of the speed", lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
     ("at 0.6 times the speed", lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
@@ -74,7 +73,7 @@ def _clock_decides(campaign: Campaign) -> str:
 
 
 def _told_apart(
-    final: Fit, effects: tuple[AngleEffect, ...], change: Callable[[Conditions], Conditions], data: Whitened
+    final: Fit, effects: tuple[AngleEffect, ...], change: Callable[[GroupConditions], GroupConditions], data: Whitened
 ) -> float | None:
     campaign, size = final.model.campaign, len(final.model.campaign.groups)
     reference = int(np.argmax([sum(block.count for block in group.blocks) for group in campaign.groups]))
@@ -132,7 +131,7 @@ def _as_recorded(
     for effect in truth.effects:
         without = vector.copy()
         without[truth.layout.effect(effect.name)] = 0.0
-        left.append([equation_share(effect) * np.abs(predicted[0] - truth.predict_group(without, last)[0])])
+        left.append([effect.equation_share * np.abs(predicted[0] - truth.predict_group(without, last)[0])])
     doubted = recorded.doubting(left)
     return doubted.weights[0], doubted.variance[0]
 

@@ -11,7 +11,7 @@ from gateway.closure.closing import close_loop
 from gateway.closure.contribution import contribution_table
 from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Unexplained, Verdict
 from gateway.closure.edge_finding import beside_edges, edge_findings
-from gateway.closure.effects.base import StartModel
+from gateway.closure.effects.base import BaselineModel
 from gateway.closure.estimates import estimates_of, state_name
 from gateway.closure.held_out import over_noise, summary
 from gateway.closure.likelihood import whiten
@@ -35,7 +35,7 @@ _MOST_STATES: Final = 3
 def diagnose(
     campaign: Campaign,
     *,
-    model: StartModel = StartModel.EXACT,
+    model: BaselineModel = BaselineModel.EXACT,
     empirical: bool = False,
     on_progress: Callable[[float, str], None] = lambda _share, _text: None,
     jobs: int = 1,

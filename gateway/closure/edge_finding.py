@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.diagnosis import Finding, Fitted, Verdict
-from gateway.closure.effects.edge_scatter import EFFECT
+from gateway.closure.effects.contact import CONTACT_EDGE_JITTER
 from gateway.closure.findings import fitted_parameter
 from gateway.closure.observation import Group
 from gateway.types import FloatArray
@@ -47,7 +47,7 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     explained = sum(group.edges.explained_m2ps4 for group in seen)
     return (
         Finding(
-            name=EFFECT.name,
+            name=CONTACT_EDGE_JITTER.name,
             verdict=Verdict.REFUSED if reason else Verdict.NAMED,
             parameters=_parameters(seen, mean, mean_std),
             chi2=chi2,
@@ -55,8 +55,8 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
             held_out_std=spread,
             rms_mps2=math.sqrt(max(0.0, explained) / len(seen)),
             reason=reason,
-            summary=EFFECT.summary,
-            equation=EFFECT.equation,
+            summary=CONTACT_EDGE_JITTER.summary,
+            equation=CONTACT_EDGE_JITTER.equation,
             lock="contact",
         ),
     )
@@ -111,7 +111,7 @@ def _objection(groups: Sequence[Group], square: FloatArray, std: FloatArray, mea
     for group, own, error in zip(groups, square.tolist(), std.tolist(), strict=True):
         if own + _SIGMAS * error < mean / _ALIKE**2 or own - _SIGMAS * error > mean * _ALIKE**2:
             return f"it would have to be of another size in other recordings (most so in {group.label})"
-    for parameter, value in zip(EFFECT.parameters, _sizes(groups, mean), strict=True):
+    for parameter, value in zip(CONTACT_EDGE_JITTER.parameters, _sizes(groups, mean), strict=True):
         if value > parameter.high:
             high = 1e3 * parameter.high
             return f"{parameter.name} would be {1e3 * value:.3g} mm, which is not plausible (0 to {high:g})"
@@ -133,7 +133,8 @@ def _sizes(groups: Sequence[Group], mean: float) -> tuple[float, float]:
 def _parameters(groups: Sequence[Group], mean: float, mean_std: float) -> dict[str, Fitted]:
     share, share_std = _leading_share(groups)
     found = {}
-    for parameter, value, part in zip(EFFECT.parameters, _sizes(groups, mean), (share, 1.0 - share), strict=True):
+    shares = (share, 1.0 - share)
+    for parameter, value, part in zip(CONTACT_EDGE_JITTER.parameters, _sizes(groups, mean), shares, strict=True):
         # Of the square: share times mean.
         error = math.hypot(part * mean_std, mean * share_std)
         std = error / (2.0 * max(value, math.sqrt(error)))

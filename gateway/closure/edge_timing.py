@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter1d
 
-from gateway.closure.effects.edge_scatter import EFFECT, REACH_RAD
+from gateway.closure.effects.contact import CONTACT_EDGE_JITTER, EDGE_REACH_RAD
 from gateway.closure.grouping import folded
 from gateway.closure.observation import ORDERS, EdgeTiming
 from gateway.closure.scatter import regress, regressors, robust_variance
@@ -69,13 +69,13 @@ def bent_back(waveforms: FloatArray, theta_rad: FloatArray, early_rad: FloatArra
         half_angle_rad: of the contact.
     """
     points = len(theta_rad)
-    near = np.flatnonzero(np.abs(theta_rad) < half_angle_rad + 1.2 * REACH_RAD)
+    near = np.flatnonzero(np.abs(theta_rad) < half_angle_rad + 1.2 * EDGE_REACH_RAD)
     result = waveforms.copy()
     for at in np.flatnonzero(early_rad.any(axis=1)).tolist():
         # s(theta) = measured(phi) with phi + early window(phi) = theta.
         place = theta_rad[near]
         for _ in range(_BENDS):
-            place = theta_rad[near] - early_rad[at] @ EFFECT.windows(place, half_angle_rad)
+            place = theta_rad[near] - early_rad[at] @ CONTACT_EDGE_JITTER.windows(place, half_angle_rad)
         index = ((place - theta_rad[0]) * (_FINER * points / (2.0 * math.pi)))[None]
         fine = np.fft.irfft(_FINER * np.fft.rfft(waveforms[at].astype(np.float64)), n=_FINER * points)
         spline = spline_filter1d(fine.reshape(-1, _FINER * points), order=_SPLINE, mode="grid-wrap")
@@ -185,7 +185,7 @@ _INDEPENDENT: Final = 2.0 / 3.0
 def _shapes(mean: ComplexArray, half_angle_rad: float) -> ComplexArray:
     """Return what an edge that comes 1 rad early adds, (2, 3, ORDERS)."""
     slope = _field(1j * _ORDER * mean)
-    return _orders(EFFECT.windows(_THETA, half_angle_rad)[:, None] * slope)
+    return _orders(CONTACT_EDGE_JITTER.windows(_THETA, half_angle_rad)[:, None] * slope)
 
 
 def _amplitudes(left: ComplexArray, shapes: ComplexArray, weight: FloatArray) -> FloatArray:
@@ -258,8 +258,8 @@ def _detrended(values: FloatArray) -> FloatArray:
 def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_angle_rad: float) -> tuple[float, float]:
     """Return the mean square over the revolution that bending back takes off, and that still stands out there."""
     usual = np.ones(len(raw), dtype=bool)
-    near = np.abs(_THETA) < half_angle_rad + REACH_RAD
-    far = np.abs(_THETA) > 2.0 * (half_angle_rad + REACH_RAD)
+    near = np.abs(_THETA) < half_angle_rad + EDGE_REACH_RAD
+    far = np.abs(_THETA) > 2.0 * (half_angle_rad + EDGE_REACH_RAD)
     powers = []
     for orders in (raw, bent):
         fitted, _ = regress(orders, rows, usual)

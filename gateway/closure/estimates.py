@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.diagnosis import Fitted
-from gateway.closure.effects.base import Conditions
-from gateway.closure.effects.rolling_radius import EFFECT as ROLLING_RADIUS
+from gateway.closure.effects.base import GroupConditions
+from gateway.closure.effects.wheel_nonuniformity import ROLLING_RADIUS
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import ORDERS
@@ -118,7 +118,7 @@ def estimates_of(
     return found, determined
 
 
-def state_name(conditions: Conditions) -> str:
+def state_name(conditions: GroupConditions) -> str:
     """Return what a state of the tire is called: load and pressure."""
     return f"{conditions.load_n:.0f} N, {conditions.pressure_pa / 1e3:.0f} kPa"
 
@@ -148,7 +148,7 @@ def _values(fit: Fit, vector: FloatArray, index: int) -> dict[str, float]:
     return values
 
 
-def _in_earnest(fit: Fit, vector: FloatArray, conditions: Conditions) -> Conditions:
+def _in_earnest(fit: Fit, vector: FloatArray, conditions: GroupConditions) -> GroupConditions:
     """Return the conditions with the radius that the belt has if the one stated is wrong.
 
     The waveform over R omega^2 tells every stiffness over the load: EI / (Q R^2), p0 b R / Q, kw R^2 / Q, kv R^2 / Q,

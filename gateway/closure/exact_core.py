@@ -12,13 +12,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.closure.cores import Shape, moved
-from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
+from gateway.closure.effects.base import FIELD_SIZE, BaselineModel, GroupConditions
 from gateway.closure.out_of_round import LoadedShape, load_step, out_of_round
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
 # Of Table 3's tire, whose stiffnesses over its load are where a fit begins whatever the load is.
@@ -60,7 +60,7 @@ class _Solved:
 class ExactCore:
     """The geometrically exact ring: Bs, Cw, Rs, Ts and the tread's stiffness are a state's parameters."""
 
-    model = StartModel.EXACT
+    model = BaselineModel.EXACT
     names: tuple[str, ...] = ("Bs", "Cw", "Rs", "Ts", "tread_stiffness_npm2")
     gravity = True
     drift = True
@@ -81,7 +81,7 @@ class ExactCore:
     def shape(
         self,
         parameters: FloatArray,
-        conditions: Conditions,
+        conditions: GroupConditions,
         options: RingOptions,
         half_angle_rad: float,  # noqa: ARG002 - the interface's; the exact ring finds its contact itself
     ) -> Shape:
@@ -102,7 +102,7 @@ class ExactCore:
         return out_of_round(lighter, middle, heavier, conditions.radius_m, *heights)
 
     def tangent(
-        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters, of a point near by where one is known."""
         # A tire out of round by a millimetre answers them as a round one does, which takes a third of the solutions.
@@ -114,7 +114,7 @@ class ExactCore:
     def change(
         self,
         parameters: FloatArray,
-        conditions: Conditions,
+        conditions: GroupConditions,
         before: RingOptions,
         after: RingOptions,
         half_angle_rad: float,  # noqa: ARG002 - as above
@@ -123,7 +123,7 @@ class ExactCore:
         near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
         return moved(_coarse_shape(near, conditions, after), _coarse_shape(near, conditions, before), -1.0)
 
-    def _round(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> Shape:
+    def _round(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> Shape:
         """Return the shape of a round tire."""
         coarse = self._solve(parameters, conditions, options, self._grid(conditions)).shape
         correction = self._corrections.get(_place(conditions))
@@ -136,7 +136,7 @@ class ExactCore:
             coarse.trailing_edge_rad + correction[2],
         )
 
-    def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
+    def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
         """Measure the grid's error at these parameters; `shape` takes it off from now on, for these conditions."""
         layer_rad = math.sqrt(
             TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(float(parameters[0]) - float(parameters[1]))
@@ -154,20 +154,20 @@ class ExactCore:
             _EXTRAPOLATION * (fine.trailing_edge_rad - coarse.trailing_edge_rad),
         )
 
-    def _grid(self, conditions: Conditions) -> int:
+    def _grid(self, conditions: GroupConditions) -> int:
         return self._nodes.get(_place(conditions), self._grids[0])
 
-    def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
+    def numbers(self, parameters: FloatArray, conditions: GroupConditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts and the tread's stiffness at the load and pressure of `conditions`."""
         ring = ring_parameters(parameters, conditions, RingOptions())
         numbers = ring.numbers(conditions.pressure_pa)
         return {**numbers._asdict(), "tread_stiffness_npm2": ring.tread_stiffness_npm2}
 
-    def solution(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> RingSolution:
+    def solution(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> RingSolution:
         """Return the solved ring behind a shape, its grid's error in it."""
         return self._solve(parameters, conditions, options, self._grid(conditions)).ring
 
-    def _solve(self, parameters: FloatArray, conditions: Conditions, options: RingOptions, nodes: int) -> _Solved:
+    def _solve(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int) -> _Solved:
         omega = conditions.omega_radps if options.depends_on_speed else _ANY_OMEGA_RADPS
         key = _Key(
             parameters.tobytes(),
@@ -203,7 +203,7 @@ class ExactCore:
         return solved
 
     def _torque_nm(
-        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, nodes: int
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int
     ) -> float | None:
         """Return the axle's torque: what the losses take, and traction beyond it; None rolls freely."""
         if not options.traction:
@@ -219,11 +219,11 @@ def _coarse_core() -> ExactCore:
 
 
 @lru_cache(maxsize=_KEPT_COARSE)
-def _coarse_shape(parameters: tuple[float, ...], conditions: Conditions, options: RingOptions) -> Shape:
+def _coarse_shape(parameters: tuple[float, ...], conditions: GroupConditions, options: RingOptions) -> Shape:
     return _coarse_core().shape(np.array(parameters), conditions, options, 0.0)
 
 
-def ring_parameters(parameters: FloatArray, conditions: Conditions, options: RingOptions) -> RingParameters:
+def ring_parameters(parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> RingParameters:
     """Return the ring of a state's parameters in SI units, at its load and pressure.
 
     Stiffnesses start in proportion to the load, so that the same parameters give the same shape at any load.
@@ -251,7 +251,7 @@ def ring_parameters(parameters: FloatArray, conditions: Conditions, options: Rin
     )
 
 
-def _place(conditions: Conditions) -> tuple[float, float, float]:
+def _place(conditions: GroupConditions) -> tuple[float, float, float]:
     return conditions.load_n, conditions.pressure_pa, conditions.omega_radps
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Checked, SignalEffect
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, SignalEffect
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
@@ -69,7 +69,7 @@ def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = 
                 f"{parameter.name} would be {value * parameter.factor:.3g} {unit}".rstrip()
                 + f", which is not plausible ({low:.3g} to {high:.3g})"
             )
-    return effect.reason_against(fit.vector[where], std) if isinstance(effect, Checked) else ""
+    return effect.reason_against(fit.vector[where], std)
 
 
 def uneven(fit: Fit, effect: AngleEffect, scale: float) -> str:

@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter
 from gateway.closure.collecting import RevolutionTable, carried_order
 from gateway.closure.deviations import deviation_rate_hz, deviations
 from gateway.closure.edge_timing import TERMS, bent_back, compare_edges, orders_bent_back
-from gateway.closure.effects.base import Conditions
+from gateway.closure.effects.base import GroupConditions
 from gateway.closure.grouping import alike, folded
 from gateway.closure.observation import ORDERS, Block, Group
 from gateway.closure.scatter import settle
@@ -167,7 +167,7 @@ def _group(
     )
 
 
-def label(name: str, conditions: Conditions) -> str:
+def label(name: str, conditions: GroupConditions) -> str:
     """Return what a group is called: recording, speed, load and pressure."""
     speed_kmh = 3.6 * conditions.omega_radps * conditions.radius_m
     way = ", reverse" if conditions.reverse else ""
@@ -179,13 +179,13 @@ def label(name: str, conditions: Conditions) -> str:
     )
 
 
-def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) -> Conditions:
+def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) -> GroupConditions:
     def mean(name: str, otherwise: float = math.nan) -> float:
         values = table[name][places]
         known = values[np.isfinite(values)]
         return float(known.mean()) if len(known) else otherwise
 
-    return Conditions(
+    return GroupConditions(
         omega_radps=math.sqrt(float(np.square(table["omega_radps"][places]).mean())),
         omega_dot_radps2=mean("omega_dot_radps2"),
         radius_m=declared.radius_m,

@@ -12,7 +12,7 @@ from types import TracebackType
 import numpy as np
 
 from gateway.closure.diagnosis import HeldOut
-from gateway.closure.effects.base import StartModel
+from gateway.closure.effects.base import BaselineModel
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.fit import Fit, FitFailedError
 from gateway.closure.likelihood import Whitened, whiten
@@ -58,7 +58,7 @@ class HoldOut:
     def __init__(
         self,
         campaign: Campaign,
-        model: StartModel,
+        model: BaselineModel,
         start: FloatArray,
         folds: Sequence[int],
         *,
@@ -118,7 +118,7 @@ class HoldOut:
 
 def hold_out(
     campaign: Campaign,
-    model: StartModel,
+    model: BaselineModel,
     start: FloatArray,
     folds: Sequence[int],
     *,
@@ -132,7 +132,7 @@ def hold_out(
 
 
 def hold_out_fold(
-    campaign: Campaign, model: StartModel, start: FloatArray, fold: int, without: frozenset[str] = frozenset()
+    campaign: Campaign, model: BaselineModel, start: FloatArray, fold: int, without: frozenset[str] = frozenset()
 ) -> FoldError | None:
     """Return the error of one fold under what all others ask for; None where nothing can be fitted without it.
 

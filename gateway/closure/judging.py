@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.closure import gates
-from gateway.closure.effects.base import Form
 from gateway.closure.fit import Fit, FitFailedError
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect
@@ -53,7 +52,7 @@ def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
     """Return whether an effect, or another form of it, is among those taken."""
     if any(effect.name == other.name for other in taken):
         return True
-    return isinstance(effect, Form) and any(isinstance(o, Form) and o.form_of == effect.form_of for o in taken)
+    return bool(effect.form_of) and any(other.form_of == effect.form_of for other in taken)
 
 
 def judged(fit: Fit, data: Whitened, left: list[AngleEffect]) -> tuple[list[Step], list[Step]]:

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.closure.effects.base import Here
+from gateway.closure.effects.base import ModelledBlock
 from gateway.types import ComplexArray, FloatArray
 
 # A 205/55R16 car tire's belt; `Stiffness` fits what differs from it. Only ratios of them matter for the shape.
@@ -171,7 +171,7 @@ class Response:
         return field
 
 
-def unit_response(here: Here, load: Load, stiffness: Stiffness) -> Response:
+def unit_response(here: ModelledBlock, load: Load, stiffness: Stiffness) -> Response:
     """Return the response on the belt's shape at `here`; quick when the shape was seen before.
 
     The curvature comes from the radial waveform, kappa - 1/R = (s - mean s) / R^2: exact for a sensor on the neutral

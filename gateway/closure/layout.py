@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gateway.closure.cores import Core
-from gateway.closure.effects.base import Described
+from gateway.closure.effects.base import Effect
 from gateway.types import FloatArray
 
 # The contact's centre as the pipeline found it may lie this far from the road normal, one standard deviation.
@@ -17,7 +17,7 @@ _CENTRE_STD_RAD = 0.05
 class Layout:
     """Places in the vector of parameters."""
 
-    def __init__(self, core_size: int, states: int, groups: int, effects: Sequence[Described]) -> None:
+    def __init__(self, core_size: int, states: int, groups: int, effects: Sequence[Effect]) -> None:
         """Lay out the states' parameters, a centre a group, then the effects'."""
         self._core_size = core_size
         self._state_count = states
@@ -51,7 +51,7 @@ class Layout:
         """Number of parameters before the first effect's."""
         return self._state_count * self._core_size + self._groups
 
-    def priors(self, core: Core, effects: Sequence[Described]) -> tuple[FloatArray, FloatArray]:
+    def priors(self, core: Core, effects: Sequence[Effect]) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of every parameter before the data are seen, (size,) each."""
         mean, std = np.zeros(self.size), np.full(self.size, _CENTRE_STD_RAD)
         for state in range(self._state_count):

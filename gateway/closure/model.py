@@ -12,7 +12,7 @@ import numpy as np
 
 from gateway.closure.assembly import base_signal, field_orders, mounting_matrix, with_signal
 from gateway.closure.cores import Core, NoShapeError, Shape, moved
-from gateway.closure.effects.base import Conditions, Here, RingEffect, SignalEffect, Stage
+from gateway.closure.effects.base import GroupConditions, ModelledBlock, RingEffect, SignalEffect, Stage
 from gateway.closure.layout import Layout
 from gateway.closure.observation import ORDERS, Campaign, Group
 from gateway.closure.ring_options import RingOptions
@@ -158,7 +158,7 @@ class ClosureModel:
         with _standing():
             return self.core.tangent(self.tire(vector, index), group.conditions, options, group.half_angle_rad)
 
-    def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: Conditions) -> ComplexArray:
+    def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: GroupConditions) -> ComplexArray:
         here = base_signal(self.core, shape, conditions)
         here, _ = self._chain(vector, here, _declared(self.campaign.groups[index]))
         return field_orders(here.signal_mps2) * self._turn(vector, index)
@@ -215,7 +215,7 @@ class ClosureModel:
     def _signal_rows(
         self,
         vector: FloatArray,
-        seen: Sequence[tuple[Here, FloatArray]],
+        seen: Sequence[tuple[ModelledBlock, FloatArray]],
         mount: FloatArray | None,
         wanted: Sequence[str],
     ) -> FloatArray:
@@ -235,7 +235,7 @@ class ClosureModel:
         return np.stack(rows)
 
     def _response(
-        self, vector: FloatArray, here: Here, added: FloatArray, effect: SignalEffect, change: FloatArray
+        self, vector: FloatArray, here: ModelledBlock, added: FloatArray, effect: SignalEffect, change: FloatArray
     ) -> FloatArray:
         """Return how an effect's contribution, `added`, answers a change of the signal before it."""
         size = float(np.abs(change).max())
@@ -248,8 +248,8 @@ class ClosureModel:
         return result
 
     def _chain(
-        self, vector: FloatArray, here: Here, mount: FloatArray | None
-    ) -> tuple[Here, list[tuple[Here, FloatArray]]]:
+        self, vector: FloatArray, here: ModelledBlock, mount: FloatArray | None
+    ) -> tuple[ModelledBlock, list[tuple[ModelledBlock, FloatArray]]]:
         """Return the signal with every effect in, and what each effect saw and added."""
         seen = []
         for effect in self._signal:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from gateway.closure.effects.base import Conditions
+from gateway.closure.effects.base import GroupConditions
 from gateway.reasons import Reason
 from gateway.types import ComplexArray, FloatArray
 
@@ -29,7 +29,7 @@ class Block:
     """
 
     count: int
-    conditions: Conditions
+    conditions: GroupConditions
     orders_mps2: ComplexArray
 
 
@@ -108,7 +108,7 @@ class Group:
     label: str
     recording: int
     state: int
-    conditions: Conditions
+    conditions: GroupConditions
     blocks: tuple[Block, ...]
     variance: FloatArray
     half_angle_rad: float

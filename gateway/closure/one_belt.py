@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from gateway.closure.effects.lateral_load import STIFFNESSES, LateralLoad
+from gateway.closure.effects.lateral_loads import STIFFNESSES, LateralLoad
 from gateway.closure.fit import Fit
 from gateway.closure.model import AngleEffect
 from gateway.types import FloatArray, IntArray

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from gateway.closure.diagnosis import Finding, Verdict
-from gateway.closure.effects.base import Described
+from gateway.closure.effects.base import Effect
 from gateway.closure.observation import Campaign
 
 # Speeds that differ by less are one.
@@ -24,7 +24,7 @@ def is_one_speed(campaign: Campaign) -> bool:
 
 
 def doubted(
-    findings: Sequence[Finding], effects: Sequence[Described], campaign: Campaign, over_noise: float
+    findings: Sequence[Finding], effects: Sequence[Effect], campaign: Campaign, over_noise: float
 ) -> list[Finding]:
     """Leave open what is named for its order, where much is left and there is one speed: a loose sensor rings as well.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.closure.cores import Shape
 from gateway.closure.effects.base import FIELD_SIZE
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
 # Shares of the load by which the shapes beside the middle one differ from it, and the height from which on it is the

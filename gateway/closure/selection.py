@@ -10,7 +10,6 @@ import numpy as np
 
 from gateway.closure import gates
 from gateway.closure.cores import Core
-from gateway.closure.equation_doubt import equation_share
 from gateway.closure.fit import Fit, FitFailedError, fit_model
 from gateway.closure.judging import AT_NOISE, Step, is_taken, judged, price, stands
 from gateway.closure.likelihood import Whitened
@@ -96,7 +95,7 @@ def _doubt(selection: Selection, data: Whitened) -> None:
     """Count what the effects' equations leave as uncertain from now on, where the fit stands that."""
     final = selection.final
     errors = [
-        [equation_share(effect) * np.abs(added[0]) for added in added_by(final, effect)]
+        [effect.equation_share * np.abs(added[0]) for added in added_by(final, effect)]
         for effect in final.model.effects
     ]
     judged = data.doubting(errors)

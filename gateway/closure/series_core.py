@@ -15,11 +15,10 @@ import numpy as np
 from scipy.special import spherical_jn
 
 from gateway.closure.cores import Shape, moved
-from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
+from gateway.closure.effects.base import FIELD_SIZE, BaselineModel, GroupConditions
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.tangents import Tangents
-from gateway.physics.bound import waveform_orders
 from gateway.physics.reference_tire import (
     TABLE_3_LOAD_N,
     TABLE_3_LOAD_NUMBER,
@@ -28,11 +27,11 @@ from gateway.physics.reference_tire import (
     TABLE_3_RADIUS_M,
 )
 from gateway.physics.ring_series import stiffness_terms
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, waveform_orders
 from gateway.types import FloatArray
 
 # Table 3's tire. Its stiffnesses over its load are where a fit begins whatever the load is.
-_NOMINAL: Final = Conditions(
+_NOMINAL: Final = GroupConditions(
     omega_radps=56.0,
     omega_dot_radps2=0.0,
     radius_m=TABLE_3_RADIUS_M,
@@ -66,10 +65,10 @@ _TO_SPECTRUM: Final[FloatArray] = 0.5 * FIELD_SIZE * np.where(_ORDER % 2.0, -1.0
 class SeriesCore:
     """The linear ring: Bs, Cw, Rs, Ts and, when corrected, the contact's half angle are a state's parameters."""
 
-    def __init__(self, model: StartModel) -> None:
-        """Take StartModel.PAPER or StartModel.SERIES."""
+    def __init__(self, model: BaselineModel) -> None:
+        """Take BaselineModel.PAPER or BaselineModel.SERIES."""
         self.model = model
-        self._corrected = corrected = model is StartModel.SERIES
+        self._corrected = corrected = model is BaselineModel.SERIES
         self.gravity = self.drift = self.mean = corrected
         numbers = ("Bs", "Cw", "Rs", "Ts")
         self.names: tuple[str, ...] = (*numbers, "half_angle") if corrected else numbers
@@ -80,7 +79,7 @@ class SeriesCore:
         self._tangents = Tangents()
 
     def shape(
-        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> Shape:
         """Return the shape; the exact ring is solved only where `options.tension_loss` asks for it."""
         half_angle = half_angle_rad * math.exp(parameters[4]) if self._corrected else half_angle_rad
@@ -90,7 +89,7 @@ class SeriesCore:
         return Shape(self._waveform(orders, conditions.radius_m, options.sensor_offset_m), -half_angle, half_angle)
 
     def tangent(
-        self, parameters: FloatArray, conditions: Conditions, options: RingOptions, half_angle_rad: float
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters."""
         # Nothing of the conditions matters to the shape but these and the half angle.
@@ -100,7 +99,7 @@ class SeriesCore:
     def change(
         self,
         parameters: FloatArray,
-        conditions: Conditions,
+        conditions: GroupConditions,
         before: RingOptions,
         after: RingOptions,
         half_angle_rad: float,
@@ -109,10 +108,10 @@ class SeriesCore:
         base = self.shape(parameters, conditions, before, half_angle_rad)
         return moved(self.shape(parameters, conditions, after, half_angle_rad), base, -1.0)
 
-    def refine(self, parameters: FloatArray, conditions: Conditions, options: RingOptions) -> None:
+    def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
         """Do nothing: a series has no grid."""
 
-    def numbers(self, parameters: FloatArray, conditions: Conditions) -> Mapping[str, float]:
+    def numbers(self, parameters: FloatArray, conditions: GroupConditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts at the load and pressure of `conditions`; corrected, the half angle's correction."""
         load_number = conditions.load_n / (conditions.pressure_pa * conditions.radius_m**2)
         values = _nominal_numbers(parameters) * (load_number / TABLE_3_LOAD_NUMBER)

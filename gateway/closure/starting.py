@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gateway.closure.cores import Core
-from gateway.closure.effects.base import Effect, RingEffect, SignalEffect, StartModel
+from gateway.closure.effects.base import BaselineModel, Effect, RingEffect, SignalEffect
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.model import AngleEffect
 from gateway.closure.series_core import SeriesCore
 
 
-def make_core(model: StartModel) -> Core:
+def make_core(model: BaselineModel) -> Core:
     """Return a fresh starting model."""
-    if model is StartModel.EXACT:
+    if model is BaselineModel.EXACT:
         return ExactCore()
     return SeriesCore(model)
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.closure.cores import Core, Shape, differences
-from gateway.closure.effects.base import Conditions
+from gateway.closure.effects.base import GroupConditions
 from gateway.closure.ring_options import RingOptions
 from gateway.types import FloatArray
 
@@ -36,7 +36,7 @@ class Tangents:
         core: Core,
         place: Hashable,
         parameters: FloatArray,
-        conditions: Conditions,
+        conditions: GroupConditions,
         options: RingOptions,
         half_angle_rad: float,
     ) -> tuple[Shape, ...]:

@@ -9,7 +9,7 @@ from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions, Parameter, SpectrumEffect
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, GroupConditions, Parameter, SpectrumEffect
 from gateway.closure.timelocked_fit import Observed, SpectrumFit
 from gateway.closure.timelocked_lines import envelope_moment
 from gateway.closure.timelocked_model import Site, wide_density
@@ -36,7 +36,7 @@ _QUADRATURE: Final = 0.35
 class Rotating(Protocol):
     """An effect that stands still in space: radial and circumferential axis feel it in quadrature."""
 
-    def quadrature(self, conditions: Conditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
+    def quadrature(self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the imaginary part of the cross density, (m,)."""
         ...
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, GroupConditions
 from gateway.closure.observation import Group
 from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
 
@@ -46,7 +46,7 @@ class GroupSpectra:
     """
 
     label: str
-    conditions: Conditions
+    conditions: GroupConditions
     half_angle_rad: float
     present: BoolArray
     frequency_hz: FloatArray

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import Conditions
+from gateway.closure.effects.base import GroupConditions
 from gateway.closure.observation import Campaign
 from gateway.types import FloatArray
 
@@ -31,15 +31,15 @@ _STIFFNESSES: Final = ("Bs", *_SIDEWALL, "tread_stiffness_npm2")
 _SAME: Final = 1e-9
 
 
-def references(campaign: Campaign) -> list[Conditions]:
+def references(campaign: Campaign) -> list[GroupConditions]:
     """Return the conditions at which each state's parameters hold: those of its first group."""
-    first: dict[int, Conditions] = {}
+    first: dict[int, GroupConditions] = {}
     for group in campaign.groups:
         first.setdefault(group.state, group.conditions)
     return [first[state] for state in range(campaign.states)]
 
 
-def shift(names: Sequence[str], there: Conditions, reference: Conditions) -> FloatArray:
+def shift(names: Sequence[str], there: GroupConditions, reference: GroupConditions) -> FloatArray:
     """Return by how much a state's parameters (K,) differ at other conditions; the tire is the same."""
     load, pressure = _log(there.load_n, reference.load_n), _log(there.pressure_pa, reference.pressure_pa)
     sidewall = math.log1p(_PRESSURE_SHARE * math.expm1(pressure))

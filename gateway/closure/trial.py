@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.cores import NoShapeError
-from gateway.closure.effects.base import Scanned, SignalEffect
+from gateway.closure.effects.base import SignalEffect
 from gateway.closure.fit import Fit, fit_model, held_out_misfit, linearised, misfit_of
 from gateway.closure.likelihood import Normal, Whitened, as_real
 from gateway.closure.model import AngleEffect, ClosureModel
@@ -61,7 +61,7 @@ def try_effect(fit: Fit, data: Whitened, effect: AngleEffect) -> Trial | None:
     best = min(_trials(fit, data, effect, starts), key=_unseen, default=None)
     if best is None:
         return None
-    if isinstance(effect, Scanned):
+    if effect.scan:
         for place, values in effect.scan:
             near = best.start.tolist()
             varied = [(*near[:place], value, *near[place + 1 :]) for value in values]

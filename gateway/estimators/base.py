@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, Self
 
 from gateway.estimators.tire_data import TireData
+from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import (
     AngleAverage as AngleAverage,  # what the average hands out is what estimators see
 )
@@ -31,14 +33,19 @@ class Estimate:
         value: in the unit the name tells; NaN when invalid.
         std: one standard error, same unit; NaN when not known.
         status: valid, provisional or invalid.
-        reason: why it is not valid, or what it rests on; empty when there is nothing to say.
+        reasons: why it is not valid, or what it rests on.
     """
 
     name: str
     value: float
     std: float
     status: Status
-    reason: str = ""
+    reasons: tuple[Reason, ...] = ()
+
+    @classmethod
+    def invalid(cls, name: str, *reasons: Reason) -> Self:
+        """Return an estimate without a value, and why there is none."""
+        return cls(name, math.nan, math.nan, Status.INVALID, reasons)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +106,11 @@ class Revolution:
         missing_fraction: share of the revolution's samples that were lost on the link and interpolated.
         saturated: True when any radial sample was at the end of the sensor's range.
         ac_coupled: True when the sensor does not pass the steady value.
-        faults: why this revolution must not be used for estimates; empty when it may.
+        faults: why this revolution must not be used for estimates; empty when it may be used.
         period_std_s: one standard error of `period_s` from the timing of its two contacts; NaN when not known.
         rate_hz: sampling rate as measured against the hub's clock; NaN when not known.
-        uncorrected: why the known effects of an effects file were not taken off `axes_mps2` and what is made of them;
-            empty when they were, or when there is no such file.
+        uncorrected: why the known effects of an effects file were not subtracted from `axes_mps2` and what is made of
+            them; None when they were, or when there is no such file.
     """
 
     index: int
@@ -123,10 +130,15 @@ class Revolution:
     missing_fraction: float
     saturated: bool
     ac_coupled: bool
-    faults: tuple[str, ...] = ()
+    faults: tuple[Reason, ...] = ()
     period_std_s: float = float("nan")
     rate_hz: float = float("nan")
-    uncorrected: str = ""
+    uncorrected: Reason | None = None
+
+
+def not_used(faults: Iterable[Reason]) -> Reason:
+    """Return the reason of an estimate that a revolution with these faults did not change."""
+    return Reason(Code.REVOLUTION_NOT_USED, faults=tuple(faults))
 
 
 class Estimator(Protocol):

@@ -14,7 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status, not_used
+from gateway.reasons import Code, Reason
 from gateway.types import BoolArray, FloatArray
 
 NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
@@ -32,9 +33,7 @@ DETERMINED: Final = 3.0
 # its own: it must be determined this many times better.
 _WEAK_BENDING: Final = 1e-3
 _WEAK_FACTOR: Final = 2.0
-# A relative error above this has no digits worth telling.
-_TELLING: Final = 10.0
-# Correlations above this are told.
+# Correlations above this are reported.
 _CONFOUNDED: Final = 0.95
 
 
@@ -73,20 +72,20 @@ class Determination:
     condition: float
     determined: BoolArray
 
-    def why_not(self, index: int, relative_error: float | None = None) -> str:
-        """Return why a number, or its ratio to Cw of that relative error, is not determined, in words."""
-        error = self.relative_error[index] if relative_error is None else relative_error
+    def why_not(self, index: int, relative_error: float | None = None) -> tuple[Reason, ...]:
+        """Return why a number, or its ratio to Cw of that relative error, is not determined."""
+        error = float(self.relative_error[index] if relative_error is None else relative_error)
         if not math.isfinite(error):
-            return "not determined: the fit puts it at zero"
-        size = f"{error:.0%} of" if error < _TELLING else f"over {_TELLING:.0f} times"
-        text = f"not determined: standard error {size} the value"
+            return (Reason(Code.FIT_AT_ZERO, number=NUMBERS[index]),)
+        reasons = [Reason(Code.NOT_DETERMINED, relative_error=error)]
         if self.model_share.any():
-            text += ", most of it model error" if self.model_share[index] > 0.5 else ", most of it noise"
+            reasons.append(Reason(Code.MODEL_ERROR_SHARE, share=float(self.model_share[index])))
         others = np.abs(self.correlation[index]) - np.eye(4)[index]
         other = int(np.argmax(others))
         if others[other] > _CONFOUNDED:
-            text += f"; correlated {self.correlation[index, other]:+.2f} with {NUMBERS[other]}"
-        return text
+            correlation = float(self.correlation[index, other])
+            reasons.append(Reason(Code.CORRELATED, correlation=correlation, number=NUMBERS[other]))
+        return tuple(reasons)
 
 
 def determination(fitted: FittedNumbers) -> Determination:
@@ -111,7 +110,9 @@ def determination(fitted: FittedNumbers) -> Determination:
     )
 
 
-def number_estimates(fitted: FittedNumbers, conditions: Conditions, doubt: str, note: str = "") -> tuple[Estimate, ...]:
+def number_estimates(
+    fitted: FittedNumbers, conditions: Conditions, doubts: tuple[Reason, ...], notes: tuple[Reason, ...] = ()
+) -> tuple[Estimate, ...]:
     """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
 
     Without load or pressure the four are invalid and the ratios stand, for all four are proportional to
@@ -120,8 +121,8 @@ def number_estimates(fitted: FittedNumbers, conditions: Conditions, doubt: str, 
     Args:
         fitted: the numbers; those of any load number when `conditions` lack load or pressure.
         conditions: with their standard errors.
-        doubt: why the estimates are provisional, or empty.
-        note: what valid estimates rest on.
+        doubts: why the estimates are provisional; empty when they are not.
+        notes: what valid estimates rest on.
     """
     found = determination(fitted)
     std = np.sqrt(np.maximum(np.diagonal(fitted.noise + fitted.model), 0.0))
@@ -129,39 +130,48 @@ def number_estimates(fitted: FittedNumbers, conditions: Conditions, doubt: str, 
     estimates = []
     for i, name in enumerate(NUMBERS):
         if missing:
-            estimates.append(invalid_estimate(name, missing))
+            estimates.append(Estimate.invalid(name, *missing))
             continue
         error = math.hypot(float(std[i]), fitted.values[i] * scale_error(conditions))
-        why_not = "" if found.determined[i] else found.why_not(i)
-        estimates.append(_estimate(name, fitted.values[i], error, why_not, doubt, note))
-    return (*estimates, *_ratios(fitted, found, doubt, note))
+        why_not = () if found.determined[i] else found.why_not(i)
+        estimates.append(_estimate(name, fitted.values[i], error, why_not, doubts, notes))
+    return (*estimates, *_ratios(fitted, found, doubts, notes))
 
 
-def _ratios(fitted: FittedNumbers, found: Determination, doubt: str, note: str) -> list[Estimate]:
+def _ratios(
+    fitted: FittedNumbers, found: Determination, doubts: tuple[Reason, ...], notes: tuple[Reason, ...]
+) -> list[Estimate]:
     """Return the ratios to Cw with errors to first order."""
     covariance = fitted.noise + fitted.model
     cw = float(fitted.values[_CW])
     estimates = []
     for name, i in zip(RATIOS, (0, 2, 3), strict=True):
         if not fitted.free[_CW] or not cw > 0.0:
-            estimates.append(invalid_estimate(name, "not determined: the fit puts Cw at zero"))
+            estimates.append(Estimate.invalid(name, Reason(Code.FIT_AT_ZERO, number=NUMBERS[_CW])))
             continue
         ratio = fitted.values[i] / cw
         gradient = np.zeros(4)
         gradient[i], gradient[_CW] = 1.0 / cw, -ratio / cw
         std = math.sqrt(max(0.0, float(gradient @ covariance @ gradient)))
         fits = found.determined[i] if i == 0 else std * DETERMINED <= ratio
-        why_not = "" if fits else found.why_not(i, std / ratio if fitted.free[i] else math.inf)
-        estimates.append(_estimate(name, ratio, std, why_not, doubt, note))
+        why_not = () if fits else found.why_not(i, std / ratio if fitted.free[i] else math.inf)
+        estimates.append(_estimate(name, ratio, std, why_not, doubts, notes))
     return estimates
 
 
-def _estimate(name: str, value: float, std: float, why_not: str, doubt: str, note: str) -> Estimate:
+def _estimate(
+    name: str,
+    value: float,
+    std: float,
+    why_not: tuple[Reason, ...],
+    doubts: tuple[Reason, ...],
+    notes: tuple[Reason, ...],
+) -> Estimate:
     if not (value > 0.0 and math.isfinite(std)):
-        return invalid_estimate(name, why_not or "not determined: the fit puts it at zero")
-    if why_not or doubt:
-        return Estimate(name, float(value), float(std), Status.PROVISIONAL, why_not or doubt)
-    return Estimate(name, float(value), float(std), Status.VALID, note)
+        return Estimate.invalid(name, *(why_not or (Reason(Code.FIT_AT_ZERO, number=name.removesuffix("/Cw")),)))
+    if why_not or doubts:
+        return Estimate(name, float(value), float(std), Status.PROVISIONAL, why_not or doubts)
+    return Estimate(name, float(value), float(std), Status.VALID, notes)
 
 
 def load_number(conditions: Conditions) -> float:
@@ -184,45 +194,40 @@ def scale_error(conditions: Conditions) -> float:
     )
 
 
-def missing_conditions(conditions: Conditions) -> str:
-    """Return what is missing for absolute numbers and how to supply it, or an empty string."""
+def missing_conditions(conditions: Conditions) -> tuple[Reason, ...]:
+    """Return what is missing for absolute numbers; empty when nothing is."""
     missing = []
     if not positive(conditions.load_n):
-        missing.append("load (set load_n of the wheel, or weight_kg of its axle, in the vehicle file)")
+        missing.append(Reason(Code.NEEDS_LOAD))
     if not positive(conditions.pressure_pa):
-        missing.append("pressure (set pressure_kpa of the tire in the vehicle file, or let the sensor report it)")
-    return f"needs {' and '.join(missing)}; the ratios do not" if missing else ""
+        missing.append(Reason(Code.NEEDS_PRESSURE))
+    return tuple(missing)
 
 
-def doubt_about(revolution: Revolution, average: AngleAverage) -> str:
-    """Return why estimates from the average are provisional, or an empty string."""
+def doubt_about(revolution: Revolution, average: AngleAverage) -> tuple[Reason, ...]:
+    """Return why estimates from the average are provisional; empty when they are not."""
     if revolution.faults:
-        return "this revolution was not used: " + ", ".join(revolution.faults)
+        return (not_used(revolution.faults),)
     if average.effective_count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-        return f"average of {average.effective_count:.0f} revolutions, settles at {SETTLED_REVOLUTIONS:.0f}"
-    return ""
+        return (Reason(Code.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS),)
+    return ()
 
 
-def unusable(average: AngleAverage, conditions: Conditions) -> str:
-    """Return why no ring can be fitted to the average at all, or an empty string."""
+def unusable(average: AngleAverage, conditions: Conditions) -> Reason | None:
+    """Return why no ring can be fitted to the average at all; None when one can."""
     orders = int(np.count_nonzero(np.isfinite(average.orders_mps2[1:])))
     if orders < LEAST_ORDERS:
-        return f"only {orders} orders, {LEAST_ORDERS} are needed: sampling too slow for this speed"
+        return Reason(Code.TOO_FEW_ORDERS, orders=orders, needed=LEAST_ORDERS)
     if not 0.0 < 0.5 * (average.trailing_edge_rad - average.leading_edge_rad) < math.pi / 2.0:
-        return "no contact edges yet"
+        return Reason(Code.NO_CONTACT_EDGES)
     if not (positive(average.omega_radps) and positive(conditions.radius_m)):
-        return "angular speed or belt radius is not known"
-    return ""
+        return Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+    return None
 
 
-def invalid_estimate(name: str, reason: str) -> Estimate:
-    """Return an estimate that is none, and why."""
-    return Estimate(name, math.nan, math.nan, Status.INVALID, reason)
-
-
-def all_invalid(reason: str) -> tuple[Estimate, ...]:
+def all_invalid(*reasons: Reason) -> tuple[Estimate, ...]:
     """Return the four numbers and the ratios as invalid."""
-    return tuple(invalid_estimate(name, reason) for name in (*NUMBERS, *RATIOS))
+    return tuple(Estimate.invalid(name, *reasons) for name in (*NUMBERS, *RATIOS))
 
 
 def positive(value: float | None) -> bool:

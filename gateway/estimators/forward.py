@@ -19,13 +19,13 @@ from gateway.estimators.determination import (
     FittedNumbers,
     all_invalid,
     doubt_about,
-    invalid_estimate,
     load_number,
     number_estimates,
     unusable,
 )
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
 from gateway.estimators.forward_model import ForwardModel, P
+from gateway.reasons import Code, Reason
 
 SHAPE: Final = ("half_angle_rad", "edge_wave_before", "edge_wave_after")
 
@@ -54,7 +54,7 @@ class ForwardEstimator:
         """Forget the last fit."""
         self._updates = 0
         self._fit: ForwardFit | None = None
-        self._failure = ""
+        self._failure = Reason(Code.NO_RING_EQUILIBRIUM)
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
         """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw, then `SHAPE`.
@@ -71,9 +71,9 @@ class ForwardEstimator:
         fit = self._fit
         if fit is None:
             return _nothing(self._failure)
-        doubt = doubt_about(revolution, average)
+        doubts = doubt_about(revolution, average)
         if not fit.converged:
-            doubt = doubt or "the fit has not come to rest"
+            doubts = doubts or (Reason(Code.FIT_NOT_CONVERGED),)
         number = load_number(conditions)
         values = fit.numbers(number)
         scale = np.outer(values, values)
@@ -81,8 +81,8 @@ class ForwardEstimator:
         fitted = FittedNumbers(
             values, np.ones(4, dtype=np.bool_), fit.noise[first, first] * scale, fit.model[first, first] * scale
         )
-        numbers = [_told(estimate, fit) for estimate in number_estimates(fitted, conditions, doubt)]
-        return (*numbers, *_shape(fit, doubt))
+        numbers = [_told(estimate, fit) for estimate in number_estimates(fitted, conditions, doubts)]
+        return (*numbers, *_shape(fit, doubts))
 
     def _due(self) -> bool:
         self._updates += 1
@@ -97,7 +97,7 @@ class ForwardEstimator:
         half_angle = 0.5 * (average.trailing_edge_rad - average.leading_edge_rad)
         model = ForwardModel(carried, shear=True, offset=conditions.sensor_offset_m / conditions.radius_m)
         if not np.isfinite(orders).all():
-            self._fit, self._failure = None, "the orders of the average have a gap"
+            self._fit, self._failure = None, Reason(Code.ORDERS_UNUSABLE)
             return
         use_mean = not revolution.ac_coupled
         start = None if self._fit is None else self._fit.parameters
@@ -105,9 +105,10 @@ class ForwardEstimator:
         if start is not None and (found is None or found.left_over > WORST_LEFT_OVER):
             found = fit_forward(orders, order_std, half_angle, model, use_mean=use_mean)
         if found is None:
-            self._fit, self._failure = None, "no ring in equilibrium looks like this waveform"
+            self._fit, self._failure = None, Reason(Code.NO_RING_EQUILIBRIUM)
         elif found.left_over > WORST_LEFT_OVER:
-            self._fit, self._failure = None, f"the ring does not describe these orders: {found.left_over:.0%} left over"
+            self._fit = None
+            self._failure = Reason(Code.RING_DOES_NOT_FIT, residual=found.left_over, limit=WORST_LEFT_OVER)
         else:
             self._fit = found
 
@@ -118,12 +119,13 @@ def _told(estimate: Estimate, fit: ForwardFit) -> Estimate:
         return estimate
     covariance = fit.noise + fit.model
     correlation = covariance[P.BS, P.SHEAR] / math.sqrt(covariance[P.BS, P.BS] * covariance[P.SHEAR, P.SHEAR])
-    if abs(correlation) < _ALIKE or "not determined" not in estimate.reason:
+    if abs(correlation) < _ALIKE or not any(reason.code is Code.NOT_DETERMINED for reason in estimate.reasons):
         return estimate
-    return replace(estimate, reason=f"{estimate.reason}; bending and shear of the belt look alike here")
+    alike = Reason(Code.BENDING_LIKE_SHEAR, correlation=float(correlation))
+    return replace(estimate, reasons=(*estimate.reasons, alike))
 
 
-def _shape(fit: ForwardFit, doubt: str) -> list[Estimate]:
+def _shape(fit: ForwardFit, doubts: tuple[Reason, ...]) -> list[Estimate]:
     """Return half angle and waves."""
     std = np.sqrt(np.diagonal(fit.noise + fit.model))
     before, after = fit.solution.packets()
@@ -132,9 +134,9 @@ def _shape(fit: ForwardFit, doubt: str) -> list[Estimate]:
         (before.amplitude, math.hypot(std[P.BEFORE_COSINE], std[P.BEFORE_SINE]) / math.sqrt(2.0)),
         (after.amplitude, math.hypot(std[P.AFTER_COSINE], std[P.AFTER_SINE]) / math.sqrt(2.0)),
     )
-    status = Status.PROVISIONAL if doubt else Status.VALID
-    return [Estimate(name, value, error, status, doubt) for name, (value, error) in zip(SHAPE, values, strict=True)]
+    status = Status.PROVISIONAL if doubts else Status.VALID
+    return [Estimate(name, value, error, status, doubts) for name, (value, error) in zip(SHAPE, values, strict=True)]
 
 
-def _nothing(reason: str) -> tuple[Estimate, ...]:
-    return (*all_invalid(reason), *(invalid_estimate(name, reason) for name in SHAPE))
+def _nothing(reason: Reason) -> tuple[Estimate, ...]:
+    return (*all_invalid(reason), *(Estimate.invalid(name, reason) for name in SHAPE))

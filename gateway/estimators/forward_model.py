@@ -14,9 +14,9 @@ from typing import Final, Self
 import numpy as np
 
 from gateway.estimators.forward_waves import Packet, packet_basis
-from gateway.physics.bound import waveform_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import ComplexArray, FloatArray
 
 # Table 3's tire: 5000 N, 2.1 bar, 0.32 m.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.reasons import Code, Reason
 
 NAMES: Final = ("speed_mps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m")
 
@@ -43,28 +44,27 @@ class KinematicEstimator:
         radius = conditions.radius_m
         leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
         leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
-        status, reason = _condition(revolution)
+        status, reasons = _condition(revolution)
         speed = radius * revolution.omega_radps
-        yield _estimate(NAMES[0], speed, speed * revolution.period_std_s / revolution.period_s, status, reason)
-        yield _estimate(NAMES[1], leading, leading_std, status, reason)
-        yield _estimate(NAMES[2], trailing, trailing_std, status, reason)
+        yield _estimate(NAMES[0], speed, speed * revolution.period_std_s / revolution.period_s, status, reasons)
+        yield _estimate(NAMES[1], leading, leading_std, status, reasons)
+        yield _estimate(NAMES[2], trailing, trailing_std, status, reasons)
         # The two edges' definition may be off the same way: the errors add without cancelling.
         length_std = radius * (leading_std + trailing_std)
-        yield _estimate(NAMES[3], radius * (trailing - leading), length_std, status, reason)
+        yield _estimate(NAMES[3], radius * (trailing - leading), length_std, status, reasons)
 
 
-def _estimate(name: str, value: float, std: float, status: Status, reason: str) -> Estimate:
+def _estimate(name: str, value: float, std: float, status: Status, reasons: tuple[Reason, ...]) -> Estimate:
     if not math.isfinite(value):
-        return Estimate(name, math.nan, math.nan, Status.INVALID, reason or "no contact found in this revolution")
-    return Estimate(name, value, std, status, reason)
+        return Estimate.invalid(name, *(reasons or (Reason(Code.NO_CONTACT_EDGES),)))
+    return Estimate(name, value, std, status, reasons)
 
 
-def _condition(revolution: Revolution) -> tuple[Status, str]:
+def _condition(revolution: Revolution) -> tuple[Status, tuple[Reason, ...]]:
     """Return how far this revolution's timing and edges can be trusted, and why not further."""
     reasons = list(revolution.faults)
     if revolution.saturated:
-        reasons.append("sensor saturated")
+        reasons.append(Reason(Code.RADIAL_SATURATED))
     if revolution.missing_fraction > _MUCH_MISSING:
-        reasons.append(f"{revolution.missing_fraction:.1%} of the samples lost")
-    reasons = list(dict.fromkeys(reasons))
-    return (Status.PROVISIONAL, ", ".join(reasons)) if reasons else (Status.VALID, "")
+        reasons.append(Reason(Code.SAMPLES_LOST_SHARE, share=revolution.missing_fraction))
+    return (Status.PROVISIONAL if reasons else Status.VALID), tuple(dict.fromkeys(reasons))

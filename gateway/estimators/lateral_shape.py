@@ -7,7 +7,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.constants import AXIS_NAMES
+from gateway.estimators.base import AngleAverage, Conditions, Revolution, not_used
+from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import Phase, angle_grid
 from gateway.signal.lateral_deformation import (
     HIGHEST_ORDER,
@@ -19,8 +21,8 @@ from gateway.signal.lateral_deformation import (
     streamline_slope,
     trusted_orders,
 )
-from gateway.signal.moments import RunningMoments
-from gateway.signal.roll_calibration import RollCalibration
+from gateway.signal.sensor_mounting import RollCalibration
+from gateway.signal.synchronous_average import RunningMoments
 from gateway.types import FloatArray
 
 # Rows of `Revolution.axes_mps2`.
@@ -146,22 +148,24 @@ def has_lateral(revolution: Revolution) -> bool:
     return not bool(np.isnan(revolution.axes_mps2[LATERAL]).all())
 
 
-def why_unusable(revolution: Revolution) -> str:
-    """Return why a revolution must not be averaged, or an empty string."""
+def why_unusable(revolution: Revolution) -> Reason | None:
+    """Return why a revolution must not be averaged; None when it may be."""
     if revolution.faults:
-        return "this revolution was not used: " + ", ".join(revolution.faults)
-    if not np.isfinite(revolution.axes_mps2[[LATERAL, RADIAL]]).all():
-        return "this revolution was not used: an axis is not finite"
+        return not_used(revolution.faults)
+    for axis in (LATERAL, RADIAL):
+        if not np.isfinite(revolution.axes_mps2[axis]).all():
+            return not_used((Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[axis]),))
     if not (revolution.omega_radps > 0.0 and revolution.order_max >= 1):
-        return "this revolution was not used: its speed is not known or too high for the sampling"
-    return ""
+        return not_used((Reason(Code.SPEED_UNUSABLE),))
+    return None
 
 
-def contact_edges(average: AngleAverage, conditions: Conditions) -> tuple[float, float] | None:
-    """Return the contact edges that slopes are taken between; None without a contact or a radius."""
+def contact_edges(average: AngleAverage, conditions: Conditions) -> tuple[float, float] | Reason:
+    """Return the contact edges that slopes are taken between, or why there are none."""
     leading, trailing = average.leading_edge_rad, average.trailing_edge_rad
-    known = -math.pi < leading < trailing < math.pi and trailing - leading > _LEAST_CONTACT_RAD
-    return (leading, trailing) if known and conditions.radius_m > 0.0 else None
+    if not (-math.pi < leading < trailing < math.pi and trailing - leading > _LEAST_CONTACT_RAD):
+        return Reason(Code.NO_CONTACT_EDGES)
+    return (leading, trailing) if conditions.radius_m > 0.0 else Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
 
 
 def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: float) -> Slopes:

@@ -13,6 +13,7 @@ from typing import Final
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Estimator, Revolution, Status
 from gateway.estimators.registry import ESTIMATORS, make_estimator
+from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
 
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
@@ -45,8 +46,7 @@ class LoadEstimator:
         """
         pressure = conditions.pressure_pa
         if pressure is None or not (pressure > 0.0 and conditions.radius_m > 0.0):
-            missing = "needs the pressure (pressure_kpa of the tire in the vehicle file, or a sensor that reports it)"
-            return tuple(_invalid(name, missing) for name in NAMES)
+            return tuple(Estimate.invalid(name, Reason(Code.NEEDS_PRESSURE)) for name in NAMES)
         half = 0.5 * (revolution.trailing_edge_rad - revolution.leading_edge_rad)
         half_std = 0.5 * math.hypot(
             _own_error(revolution.leading_edge_std_rad), _own_error(revolution.trailing_edge_std_rad)
@@ -59,25 +59,27 @@ class LoadEstimator:
     def _by_width(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> Estimate:
         reference = conditions.tire.reference
         if reference.Cw is None:
-            return _invalid(NAMES[2], "needs Cw of the new tire, tire.reference in the vehicle file")
+            return Estimate.invalid(NAMES[2], Reason(Code.NEEDS_REFERENCE_NUMBER, number="Cw"))
         load, load_std = conditions.load_n, conditions.load_std_n
         numbers = conditions.given.get(reference.estimator) if load is not None else None
         if numbers is None or load is None:
             load, load_std = _ASSUMED_LOAD_N, 0.0
             if self._numbers is None:
                 if reference.estimator not in ESTIMATORS:
-                    return _invalid(NAMES[2], f"tire.reference is of '{reference.estimator}', which is no estimator")
+                    return Estimate.invalid(NAMES[2], Reason(Code.UNKNOWN_ESTIMATOR, estimator=reference.estimator))
                 self._numbers = make_estimator(reference.estimator)
             assumed = replace(conditions, load_n=load, load_std_n=0.0)
             numbers = {found.name: found for found in self._numbers.update(revolution, average, assumed)}
         width = numbers.get("Cw")
-        if width is None or width.status is Status.INVALID:
-            return _invalid(NAMES[2], width.reason if width is not None else f"{reference.estimator} gives no Cw")
+        if width is None:
+            return Estimate.invalid(NAMES[2], Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Cw"))
+        if width.status is Status.INVALID:
+            return Estimate.invalid(NAMES[2], *width.reasons)
         value = load * reference.Cw / width.value
         # The stated load's error is in that of Cw, and not in this: it cancels.
         relative2 = max(0.0, (width.std / width.value) ** 2 - (load_std / load) ** 2)
         std = value * math.sqrt(relative2 + (reference.Cw_std / reference.Cw) ** 2)
-        return Estimate(NAMES[2], value, std, width.status, width.reason)
+        return Estimate(NAMES[2], value, std, width.status, width.reasons)
 
 
 def _by_angle(
@@ -85,9 +87,9 @@ def _by_angle(
 ) -> Estimate:
     calibration = conditions.tire.load_calibration
     if calibration is None:
-        return _invalid(NAMES[1], "needs tire.load_calibration in the vehicle file (treadlink calibrate)")
+        return Estimate.invalid(NAMES[1], Reason(Code.NEEDS_LOAD_CALIBRATION))
     if not half > 0.0:
-        return _invalid(NAMES[1], "no contact edges in this revolution")
+        return Estimate.invalid(NAMES[1], Reason(Code.NO_CONTACT_EDGES))
     load = calibration.load_at(half, pressure)
     relative = math.hypot(
         calibration.relative_std,
@@ -95,13 +97,13 @@ def _by_angle(
         calibration.pressure_exponent * conditions.pressure_std_pa / pressure,
     )
     if not (math.isfinite(load) and math.isfinite(relative)):
-        return _invalid(NAMES[1], "contact edges without an error")
-    reasons = [*revolution.faults, calibration.outside(half, pressure)]
+        return Estimate.invalid(NAMES[1], Reason(Code.EDGE_ERRORS_UNKNOWN))
+    reasons = [*revolution.faults, *calibration.outside(half, pressure)]
     wear = conditions.given.get("wear", {}).get("wear_mm")
     if wear is not None and wear.status is not Status.INVALID and wear.value > _WORN_MM:
-        reasons.append(f"calibrated on the new tire, this one is worn by {wear.value:.1f} mm")
-    doubt = ", ".join(filter(None, reasons))
-    return Estimate(NAMES[1], load, load * relative, Status.PROVISIONAL if doubt else Status.VALID, doubt)
+        reasons.append(Reason(Code.WORN_SINCE_CALIBRATION, wear_m=1e-3 * wear.value))
+    status = Status.PROVISIONAL if reasons else Status.VALID
+    return Estimate(NAMES[1], load, load * relative, status, tuple(reasons))
 
 
 def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
@@ -109,24 +111,28 @@ def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
     rank = {Status.VALID: 0, Status.PROVISIONAL: 1, Status.INVALID: 2}
     best = min(by_angle, by_width, key=lambda found: (rank[found.status], found.std))
     if best.status is Status.INVALID:
-        return _invalid(NAMES[0], f"by contact angle: {by_angle.reason}; by belt width: {by_width.reason}")
-    how = "by contact angle and pressure" if best is by_angle else "by belt width"
-    return Estimate(NAMES[0], best.value, best.std, best.status, "; ".join(filter(None, (how, best.reason))))
+        return Estimate.invalid(
+            NAMES[0],
+            Reason(Code.NO_LOAD_FROM_CONTACT_ANGLE, why=by_angle.reasons),
+            Reason(Code.NO_LOAD_FROM_BELT_WIDTH, why=by_width.reasons),
+        )
+    source = Reason(Code.FROM_CONTACT_ANGLE if best is by_angle else Code.FROM_BELT_WIDTH)
+    return Estimate(NAMES[0], best.value, best.std, best.status, (source, *best.reasons))
 
 
 def _pressure_number(load: Estimate, conditions: Conditions, half: float, half_std: float, pressure: float) -> Estimate:
-    value, std, status, reason = load.value, load.std, load.status, load.reason
+    value, std, status, reasons = load.value, load.std, load.status, load.reasons
     if conditions.load_n is not None:
-        value, std, status, reason = conditions.load_n, conditions.load_std_n, Status.VALID, ""
+        value, std, status, reasons = conditions.load_n, conditions.load_std_n, Status.VALID, ()
     if status is Status.INVALID:
-        return _invalid(NAMES[3], reason)
+        return Estimate.invalid(NAMES[3], *reasons)
     if not (half > 0.0 and math.isfinite(half_std) and value > 0.0):
-        return _invalid(NAMES[3], "no contact edges in this revolution")
+        return Estimate.invalid(NAMES[3], Reason(Code.NO_CONTACT_EDGES))
     number = value / (2.0 * pressure * half * conditions.radius_m**2)
     # The edge's definition counts here: this angle is compared with other tires'.
     half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)
     relative = math.hypot(std / value, half_std / half, conditions.pressure_std_pa / pressure)
-    return Estimate(NAMES[3], number, number * relative, status, reason)
+    return Estimate(NAMES[3], number, number * relative, status, reasons)
 
 
 def _own_error(edge_std_rad: float) -> float:
@@ -134,7 +140,3 @@ def _own_error(edge_std_rad: float) -> float:
     if not math.isfinite(edge_std_rad):
         return math.nan
     return math.sqrt(max(0.0, edge_std_rad**2 - EDGE_MODEL_STD_RAD**2))
-
-
-def _invalid(name: str, reason: str) -> Estimate:
-    return Estimate(name, math.nan, math.nan, Status.INVALID, reason)

@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status, not_used
+from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.nonsynchronous_spectrum import Spectrum, spectral_lines, welch_spectrum
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
@@ -28,7 +29,7 @@ _SETTLED_REVOLUTIONS: Final = 8.0
 _LOCKED_STEPS: Final = 0.6
 
 
-class AsynchronousEstimator:
+class NonsynchronousEstimator:
     """Root mean square of what is not locked to the wheel, and frequency and size of its strongest line."""
 
     def __init__(self) -> None:
@@ -63,14 +64,8 @@ class AsynchronousEstimator:
 
         Made anew every four seconds of uninterrupted rolling, the same in between. Never raises on values.
         """
-        reason = ""
-        if revolution.faults:
-            reason = "this revolution was not used: " + ", ".join(revolution.faults)
-        elif average.effective_count < _SETTLED_REVOLUTIONS:
-            reason = "the average is not settled yet"
-        elif not np.isfinite(revolution.radial_mps2 - average.radial_mps2).all():
-            reason = "the radial axis is not known"
-        if reason:
+        reason = _unusable(revolution, average)
+        if reason is not None:
             self._clear()
         else:
             if revolution.index != self._next:
@@ -81,8 +76,8 @@ class AsynchronousEstimator:
                 self._clear()
             self._next = revolution.index + 1
         if not self._found:
-            waiting = reason or f"needs {_EVERY_S:.0f} s of uninterrupted rolling"
-            return tuple(Estimate(name, math.nan, math.nan, Status.INVALID, waiting) for name in NAMES)
+            waiting = reason or Reason(Code.NEEDS_UNINTERRUPTED_ROLLING, duration_s=_EVERY_S)
+            return tuple(Estimate.invalid(name, waiting) for name in NAMES)
         return self._found
 
     def _take(self, revolution: Revolution, average: AngleAverage) -> None:
@@ -121,19 +116,29 @@ class AsynchronousEstimator:
         high = min(BAND_HZ[1], 0.4 * step_hz)
         rms, rms_std = self._spectrum.rms_mps2(BAND_HZ[0], high)
         lines = spectral_lines(self._spectrum, BAND_HZ[0], high)
-        overall = Estimate(NAMES[0], rms, rms_std, Status.VALID, f"5 to {high:.0f} Hz, sensor noise included")
+        band = Reason(Code.IN_BAND, low_hz=BAND_HZ[0], high_hz=float(high))
+        overall = Estimate(NAMES[0], rms, rms_std, Status.VALID, (band,))
         if not lines:
-            none = "no line stands out"
-            absent = (Estimate(name, math.nan, math.nan, Status.INVALID, none) for name in NAMES[1:])
-            self._found = (overall, *absent)
+            self._found = (overall, *(Estimate.invalid(name, Reason(Code.NO_LINE)) for name in NAMES[1:]))
             return
         line = lines[0]
         order = line.frequency_hz / wheel_hz
         locked = abs(order - round(order)) * wheel_hz < _LOCKED_STEPS * self._spectrum.step_hz
-        doubt = f"at order {round(order)} of the wheel: may be locked to it" if locked else ""
+        doubts = (Reason(Code.AT_WHEEL_ORDER, order=round(order)),) if locked else ()
         status = Status.PROVISIONAL if locked else Status.VALID
         self._found = (
             overall,
-            Estimate(NAMES[1], line.frequency_hz, line.frequency_std_hz, status, doubt),
-            Estimate(NAMES[2], line.rms_mps2, line.rms_std_mps2, status, doubt),
+            Estimate(NAMES[1], line.frequency_hz, line.frequency_std_hz, status, doubts),
+            Estimate(NAMES[2], line.rms_mps2, line.rms_std_mps2, status, doubts),
         )
+
+
+def _unusable(revolution: Revolution, average: AngleAverage) -> Reason | None:
+    """Return why a revolution's difference from the average cannot be used; None when it can."""
+    if revolution.faults:
+        return not_used(revolution.faults)
+    if average.effective_count < _SETTLED_REVOLUTIONS:
+        return Reason(Code.NOT_SETTLED, revolutions=average.effective_count, needed=_SETTLED_REVOLUTIONS)
+    if not np.isfinite(revolution.radial_mps2 - average.radial_mps2).all():
+        return Reason(Code.AXIS_NOT_FINITE, axis="radial")
+    return None

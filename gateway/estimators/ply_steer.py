@@ -22,7 +22,8 @@ from gateway.estimators.lateral_shape import (
     slopes,
     why_unusable,
 )
-from gateway.signal.roll_calibration import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
+from gateway.reasons import Code, Reason
+from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
 from gateway.types import FloatArray
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
@@ -34,8 +35,6 @@ HORIZON_REVOLUTIONS: Final = 100.0
 SETTLED_REVOLUTIONS: Final = 8.0
 # Orders without which the peak is off by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
-
-_WHAT: Final = "plysteer + conicity"
 
 
 class Separated(NamedTuple):
@@ -101,18 +100,20 @@ class PlySteerEstimator:
         """Return ply_steer_peak_rad, ply_steer_first_half_rad, ply_steer_adhesion_line_rad and sensor_roll_rad.
 
         One direction of rotation holds the sum of ply steer and conicity, and the mean slip angle of the averaged
-        revolutions on top; the reason says so. The standard error covers scatter, roll calibration, a mounting yaw of
+        revolutions on top; a reason says so. The standard error covers scatter, roll calibration, a mounting yaw of
         1 deg and the contact edges; what the definition of "slope" makes of it is the difference of the three. Never
         raises on values.
         """
         if not has_lateral(revolution):
             return ()
         unusable = why_unusable(revolution)
-        if not unusable:
+        if unusable is None:
             self._average.update(revolution)
         edges = contact_edges(average, conditions)
-        if not self._average.effective_count or edges is None:
-            return _all_invalid(unusable or "no contact edges or no belt radius yet")
+        if isinstance(edges, Reason):
+            return _all_invalid(unusable or edges)
+        if not self._average.effective_count:
+            return _all_invalid(unusable or Reason(Code.NO_REVOLUTION_YET))
         record = self._average.record()
         found = slopes(record, edges, conditions.radius_m)
         roll = self._average.roll
@@ -122,40 +123,43 @@ class PlySteerEstimator:
         edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
         variance += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
         doubt = unusable or self._doubt(record.order_max)
-        note = f"{_WHAT}, orders {ORDERS.start} to {record.order_max}"
+        notes = (
+            Reason(Code.INCLUDES_CONICITY),
+            Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max),
+        )
         estimates = [
-            _estimate(name, float(value), math.sqrt(error), doubt, note)
+            _estimate(name, float(value), math.sqrt(error), doubt, notes)
             for name, value, error in zip(NAMES, found.values_rad, variance, strict=True)
         ]
         return (*estimates, _roll_estimate(roll))
 
-    def _doubt(self, order_max: int) -> str:
-        """Return why the angle is provisional, or an empty string."""
-        if self._average.effective_count < SETTLED_REVOLUTIONS:
-            return f"average of {self._average.effective_count:.0f} revolutions, settles at {SETTLED_REVOLUTIONS:.0f}"
+    def _doubt(self, order_max: int) -> Reason | None:
+        """Return why the angle is provisional; None when it is not."""
+        count = self._average.effective_count
+        if count < SETTLED_REVOLUTIONS:
+            return Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS)
         if order_max < ENOUGH_ORDERS:
-            return f"only {order_max} orders, {ENOUGH_ORDERS} are needed: sampling too slow for this speed"
+            return Reason(Code.TOO_FEW_ORDERS, orders=order_max, needed=ENOUGH_ORDERS)
         if not self._average.roll.count:
-            return "AC-coupled: the sensor's roll tilt cannot be calibrated, 1 deg of it is in the error"
-        return ""
+            return Reason(Code.ROLL_NOT_CALIBRATED, assumed_rad=MOUNTING_STD_RAD)
+        return None
 
 
-def _estimate(name: str, value: float, std: float, doubt: str, note: str) -> Estimate:
+def _estimate(name: str, value: float, std: float, doubt: Reason | None, notes: tuple[Reason, ...]) -> Estimate:
     if not (math.isfinite(value) and math.isfinite(std)):
-        return Estimate(name, math.nan, math.nan, Status.INVALID, "the lateral axis is not finite")
-    if doubt:
-        return Estimate(name, value, std, Status.PROVISIONAL, f"{note}; {doubt}")
-    if std >= abs(value):
-        return Estimate(name, value, std, Status.PROVISIONAL, f"{note}; not determined: error exceeds value")
-    return Estimate(name, value, std, Status.VALID, note)
+        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+    if doubt is None and std >= abs(value):
+        doubt = Reason(Code.NOT_DETERMINED, relative_error=std / abs(value) if value else math.inf)
+    if doubt is not None:
+        return Estimate(name, value, std, Status.PROVISIONAL, (*notes, doubt))
+    return Estimate(name, value, std, Status.VALID, notes)
 
 
 def _roll_estimate(roll: RollCalibration) -> Estimate:
     if not roll.count:
-        reason = "AC-coupled: the means that hold the tilt are lost"
-        return Estimate(ROLL_NAME, math.nan, math.nan, Status.INVALID, reason)
-    return Estimate(ROLL_NAME, roll.roll_rad, roll.roll_std_rad, Status.VALID, "from the means of lateral and radial")
+        return Estimate.invalid(ROLL_NAME, Reason(Code.AC_COUPLED))
+    return Estimate(ROLL_NAME, roll.roll_rad, roll.roll_std_rad, Status.VALID, (Reason(Code.FROM_AXIS_MEANS),))
 
 
-def _all_invalid(reason: str) -> tuple[Estimate, ...]:
-    return tuple(Estimate(name, math.nan, math.nan, Status.INVALID, reason) for name in (*NAMES, ROLL_NAME))
+def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
+    return tuple(Estimate.invalid(name, reason) for name in (*NAMES, ROLL_NAME))

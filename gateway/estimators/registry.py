@@ -22,7 +22,7 @@ ESTIMATORS: Final[dict[str, str]] = {
     "load": "gateway.estimators.load:LoadEstimator",
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
-    "asynchronous": "gateway.estimators.nonsynchronous:AsynchronousEstimator",
+    "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",
 }
 
 DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "weak-form", "wear", "ply-steer")

@@ -23,6 +23,7 @@ from gateway.estimators.determination import (
 )
 from gateway.estimators.order_errors import band_mean, relative_std
 from gateway.estimators.ring_modal_fit import ModalFit, fit_modal
+from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import FloatArray
 
@@ -30,7 +31,7 @@ FIRST_ORDER: Final = 2
 _UNKNOWN_EDGE_STD_RAD: Final = 0.01
 # Share of the signal left over from which the ring is no description of it.
 WORST_LEFT_OVER: Final = 0.5
-_MODEL_NOTE: Final = "linear ring: the belt's loss of tension in the contact is not in the standard error"
+_MODEL_NOTE: Final = Reason(Code.LINEAR_RING_TENSION)
 
 
 class RingModalEstimator:
@@ -60,7 +61,7 @@ class RingModalEstimator:
             return self._cold(reason)
         mean = float(average.orders_mps2[0].real)
         if not mean > 0.0:
-            return self._cold("the radial signal has no positive mean: its steady value is missing")
+            return self._cold(Reason(Code.NO_STEADY_VALUE))
         carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         relative = average.orders_mps2 / mean
         std = relative_std(average.orders_std_mps2, mean, np.abs(np.nan_to_num(relative)), carried)
@@ -75,17 +76,17 @@ class RingModalEstimator:
             start=self._warm,
         )
         if fit is None:
-            return self._cold("the orders are flat or not finite")
+            return self._cold(Reason(Code.ORDERS_UNUSABLE))
         if fit.left_over > WORST_LEFT_OVER:
-            return self._cold(f"the ring does not describe these orders: {fit.left_over:.0%} left over")
+            return self._cold(Reason(Code.RING_DOES_NOT_FIT, residual=fit.left_over, limit=WORST_LEFT_OVER))
         self._warm = fit.parameters
         number = load_number(conditions)
         fitted = FittedNumbers(
             fit.numbers * number, fit.free, _noise(fit, std[used]) * number**2, _model(fit) * number**2
         )
-        return number_estimates(fitted, conditions, doubt_about(revolution, average), _MODEL_NOTE)
+        return number_estimates(fitted, conditions, doubt_about(revolution, average), (_MODEL_NOTE,))
 
-    def _cold(self, reason: str) -> tuple[Estimate, ...]:
+    def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
         self._warm = None
         return all_invalid(reason)
 

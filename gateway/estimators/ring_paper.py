@@ -23,13 +23,14 @@ from gateway.estimators.determination import (
     unusable,
 )
 from gateway.estimators.ring_fit import fit_ring_numbers
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 # Share of the signal left over from which the ring is no description of it: 0.06 on the exact ring, 0.24 on the
 # measured tire.
 WORST_RESIDUAL: Final = 0.5
 
-_MODEL_NOTE: Final = "linear ring: model error is not in the standard error"
+_MODEL_NOTE: Final = Reason(Code.LINEAR_RING)
 
 
 class RingPaperEstimator:
@@ -71,17 +72,17 @@ class RingPaperEstimator:
         fit = fit_ring_numbers(n, coefficients, stds, force_m=force, half_angle_rad=half_angle, warm=self._start(force))
         if fit is None:
             self._warm = None
-            return all_invalid("the orders are flat or not finite")
+            return all_invalid(Reason(Code.ORDERS_UNUSABLE))
         if fit.residual > WORST_RESIDUAL:
             self._warm = None
-            return all_invalid(f"the ring does not describe these orders: {fit.residual:.0%} left over")
+            return all_invalid(Reason(Code.RING_DOES_NOT_FIT, residual=fit.residual, limit=WORST_RESIDUAL))
         self._warm, self._warm_force_m = fit.numbers, force
 
         # Both edges' definition may be off the same way, so their errors add without cancelling.
         angle_std = 0.5 * (average.leading_edge_std_rad + average.trailing_edge_std_rad)
         covariance = fit.covariance + np.outer(fit.angle_derivative, fit.angle_derivative) * _square(angle_std)
         fitted = FittedNumbers(fit.numbers, fit.free, covariance, np.zeros((4, 4)))
-        return number_estimates(fitted, conditions, doubt_about(revolution, average), _MODEL_NOTE)
+        return number_estimates(fitted, conditions, doubt_about(revolution, average), (_MODEL_NOTE,))
 
     def _start(self, force_m: float) -> FloatArray | None:
         """Return the last numbers, scaled to this force; None for a cold start, at updates 1, 2, 4, 8, ..."""

@@ -9,7 +9,7 @@ it. In unknowns (gain G, offset z, change of gain by temperature G', belt stretc
 
 both linear, taken together over revolutions with prior errors as a data sheet has them. Revolutions at other speeds
 part z from G, and a from g. Pitch tilt and mounting offset come from the circumferential axis
-(`gateway.signal.sensor_mounting`), roll tilt from the means of the lateral axis (`gateway.signal.roll_calibration`).
+(`gateway.signal.sensor_mounting`), roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
+from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status, not_used
+from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import contact_interior
-from gateway.signal.roll_calibration import RollCalibration
-from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, belt_kinematics, mounting_rows
+from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows
 
 NAMES: Final = (
     "gain",
@@ -98,7 +98,7 @@ class SelfCalibrationEstimator:
         means that are lost, and the gain only from the contact, which is flat on a flat road. Never raises on values.
         """
         refused = _refused(revolution, average, conditions)
-        if not refused:
+        if refused is None:
             self._take(revolution, average, conditions)
         return (
             *self._gain_estimates(revolution, average, conditions, refused),
@@ -191,38 +191,40 @@ class SelfCalibrationEstimator:
             offset, offset_std
         )
 
-    def _mounting_estimates(self, conditions: Conditions, refused: str) -> tuple[Estimate, Estimate]:
+    def _mounting_estimates(self, conditions: Conditions, refused: Reason | None) -> tuple[Estimate, Estimate]:
         found = self._mounting_found()
         if found is None:
-            reason = refused or "no circumferential axis"
-            return _invalid(NAMES[4], reason), _invalid(NAMES[5], reason)
+            reason = refused or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_CIRCUMFERENTIAL])
+            return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
         doubt = refused or self._unsettled()
         pitch = _estimate(NAMES[4], found[0], doubt)
-        note = ""
-        if conditions.sensor_offset_m and abs(conditions.sensor_offset_m - found[1].value) > 3.0 * found[1].std:
-            note = f"the vehicle file says {1e3 * conditions.sensor_offset_m:.1f} mm"
-        return pitch, _estimate(NAMES[5], found[1], doubt or note)
+        stated_m = conditions.sensor_offset_m
+        if doubt is None and stated_m and abs(stated_m - found[1].value) > 3.0 * found[1].std:
+            doubt = Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)
+        return pitch, _estimate(NAMES[5], found[1], doubt)
 
-    def _roll_estimate(self, revolution: Revolution, refused: str) -> Estimate:
+    def _roll_estimate(self, revolution: Revolution, refused: Reason | None) -> Estimate:
         if not self._roll.count:
-            reason = refused or ("AC-coupled: means are lost" if revolution.ac_coupled else "no lateral axis")
-            return _invalid(NAMES[3], reason)
+            lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
+            return Estimate.invalid(NAMES[3], refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
         found = _Found(self._roll.roll_rad, math.hypot(self._roll.roll_std_rad, _AXES_STD * self._roll.roll_rad))
-        one_speed = "needs two speeds: tilt and zero-g offset are not separated yet"
-        unsure = self._roll.roll_std_rad > _ROLL_SEPARATED_RAD
-        return _estimate(NAMES[3], found, refused or self._unsettled() or (one_speed if unsure else ""))
+        doubt = refused or self._unsettled()
+        if doubt is None and self._roll.roll_std_rad > _ROLL_SEPARATED_RAD:
+            doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")
+        return _estimate(NAMES[3], found, doubt)
 
     def _gain_estimates(
-        self, revolution: Revolution, average: AngleAverage, conditions: Conditions, refused: str
+        self, revolution: Revolution, average: AngleAverage, conditions: Conditions, refused: Reason | None
     ) -> tuple[Estimate, Estimate, Estimate]:
         if revolution.ac_coupled:
-            lost = "AC-coupled: the steady value is lost"
+            lost = Reason(Code.AC_COUPLED)
             if self._floor is None or refused or self._looks_again():
                 self._floor = _floor_gain(average, conditions, refused)
-            return self._floor, _invalid(NAMES[1], lost), _invalid(NAMES[2], lost)
+            return self._floor, Estimate.invalid(NAMES[1], lost), Estimate.invalid(NAMES[2], lost)
         if not self._information[0, 0] > 0.0:
-            reason = refused or "no revolution yet"
-            return _invalid(NAMES[0], reason), _invalid(NAMES[1], reason), _invalid(NAMES[2], reason)
+            reason = refused or Reason(Code.NO_REVOLUTION_YET)
+            first, second, third = (Estimate.invalid(name, reason) for name in NAMES[:3])
+            return first, second, third
         stds = np.array(_PRIOR_STDS)
         covariance = np.linalg.inv(self._information + np.diag(stds**-2.0))
         change = covariance @ self._weighted
@@ -233,56 +235,56 @@ class SelfCalibrationEstimator:
         radius = conditions.radius_std_m / conditions.radius_m
         gain_std = math.sqrt(float(here @ covariance @ here) + float(here @ steady) ** 2 + (gain * radius) ** 2)
         doubt = refused or self._unsettled()
-        one_speed = "needs two speeds: gain and zero-g offset are not separated yet"
+        one_speed = Reason(Code.NEEDS_TWO_SPEEDS, quantity="gain")
         together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
         return (
-            _estimate(NAMES[0], _Found(gain, gain_std), doubt or (one_speed if together else "")),
-            _invalid(NAMES[1], one_speed)
+            _estimate(NAMES[0], _Found(gain, gain_std), doubt or (one_speed if together else None)),
+            Estimate.invalid(NAMES[1], one_speed)
             if together
             else _estimate(NAMES[1], _Found(float(change[1]), float(errors[1])), doubt),
-            _invalid(NAMES[2], "needs a change of temperature")
+            Estimate.invalid(NAMES[2], Reason(Code.NEEDS_TEMPERATURE_CHANGE))
             if errors[2] > _SEPARATED * _PRIOR_STDS[2]
             else _estimate(NAMES[2], _Found(float(change[2]), float(errors[2])), doubt),
         )
 
-    def _unsettled(self) -> str:
-        return (
-            "" if self._count >= _LEAST_REVOLUTIONS else f"{self._count} revolutions, settles at {_LEAST_REVOLUTIONS}"
-        )
+    def _unsettled(self) -> Reason | None:
+        if self._count >= _LEAST_REVOLUTIONS:
+            return None
+        return Reason(Code.NOT_SETTLED, revolutions=self._count, needed=_LEAST_REVOLUTIONS)
 
 
-def _refused(revolution: Revolution, average: AngleAverage, conditions: Conditions) -> str:
-    """Return why a revolution must not be learnt from, or an empty string."""
+def _refused(revolution: Revolution, average: AngleAverage, conditions: Conditions) -> Reason | None:
+    """Return why a revolution must not be learnt from; None when it may be."""
     if revolution.faults or revolution.saturated:
-        return "this revolution was not used: " + ", ".join(revolution.faults or ("sensor saturated",))
+        return not_used(revolution.faults or (Reason(Code.RADIAL_SATURATED),))
     if not (np.isfinite(revolution.radial_mps2).all() and np.isfinite(average.radial_mps2).all()):
-        return "the radial axis is not known"
-    if not (conditions.radius_m > 0.0 and float(average.radial_mps2.mean()) > 0.0):
-        return "belt radius or steady value is not positive"
+        return Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
+    if not conditions.radius_m > 0.0:
+        return Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+    if not float(average.radial_mps2.mean()) > 0.0:
+        return Reason(Code.NO_STEADY_VALUE)
     if not math.isfinite(revolution.trailing_edge_rad - revolution.leading_edge_rad):
-        return "no contact edges in this revolution"
+        return Reason(Code.NO_CONTACT_EDGES)
     if not math.isfinite(float(average.orders_std_mps2[1])):
-        return "the average's errors are not known"
-    return ""
+        return Reason(Code.AVERAGE_ERRORS_UNKNOWN)
+    return None
 
 
-def _floor_gain(average: AngleAverage, conditions: Conditions, refused: str) -> Estimate:
+def _floor_gain(average: AngleAverage, conditions: Conditions, refused: Reason | None) -> Estimate:
     """Return the gain of an AC-coupled sensor from the depth of the contact below the mean."""
-    interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0]) if not refused else None
+    interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0]) if refused is None else None
     if interior is None:
-        return _invalid(NAMES[0], refused or "no contact in the average")
+        return Estimate.invalid(NAMES[0], refused or Reason(Code.NO_CONTACT))
     steady = conditions.radius_m * average.omega_radps**2
     depth = float(average.radial_mps2.mean() - average.radial_mps2[interior].mean()) / steady
     gain = depth / (1.0 - _FLOOR[0])
     std = gain * math.hypot(_FLOOR[1], conditions.radius_std_m / conditions.radius_m)
-    return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, "AC-coupled: from a contact taken as flat (flat road)")
+    return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, (Reason(Code.FLAT_CONTACT_ASSUMED),))
 
 
-def _estimate(name: str, found: _Found, doubt: str) -> Estimate:
+def _estimate(name: str, found: _Found, doubt: Reason | None) -> Estimate:
     if not (math.isfinite(found.value) and math.isfinite(found.std)):
-        return _invalid(name, doubt or "not determined")
-    return Estimate(name, found.value, found.std, Status.PROVISIONAL if doubt else Status.VALID, doubt)
-
-
-def _invalid(name: str, reason: str) -> Estimate:
-    return Estimate(name, math.nan, math.nan, Status.INVALID, reason)
+        return Estimate.invalid(name, doubt or Reason(Code.NOT_FINITE))
+    if doubt is not None:
+        return Estimate(name, found.value, found.std, Status.PROVISIONAL, (doubt,))
+    return Estimate(name, found.value, found.std, Status.VALID)

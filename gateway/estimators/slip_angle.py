@@ -23,9 +23,10 @@ from gateway.estimators.lateral_shape import (
     slopes,
     why_unusable,
 )
+from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import lateral_waveform
-from gateway.signal.moments import RunningMoments
-from gateway.signal.roll_calibration import RollCalibration
+from gateway.signal.sensor_mounting import RollCalibration
+from gateway.signal.synchronous_average import RunningMoments
 from gateway.types import FloatArray
 
 NAMES: Final = ("slip_apparent_rad", "slip_direction", "lateral_asymmetry", "left_right_asymmetry")
@@ -40,6 +41,10 @@ _CLEAR: Final = 3.0
 _SIDE_RAD: Final = math.radians(0.1)
 # Memory of scatter and of the left and right means.
 _HORIZON: Final = 50.0
+# Differences of neighbouring revolutions from which the scatter is known, and revolutions of either side from which
+# left and right are compared.
+_LEAST_STEPS: Final = 3
+_LEAST_OF_SIDE: Final = 3
 
 _FIRST_HALF: Final = DEFINITIONS.index("first_half")
 
@@ -100,12 +105,12 @@ class SlipAngleEstimator:
         if not has_lateral(revolution):
             return ()
         unusable = why_unusable(revolution)
-        if unusable:
+        if unusable is not None:
             return self._invalid(unusable)
         self._reference.update(revolution)
         edges = contact_edges(average, conditions)
-        if edges is None:
-            return self._invalid("no contact edges or no belt radius yet")
+        if isinstance(edges, Reason):
+            return self._invalid(edges)
         # The roll tilt is the same in both, so its error leaves their difference.
         own = lateral_record(revolution, self._reference.roll.roll_rad)
         zero = self._reference.record()
@@ -121,15 +126,16 @@ class SlipAngleEstimator:
             side = self._sides[math.copysign(1.0, apparent)]
             side.update(np.array([asymmetry]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))
         status, reason = self._status(std)
+        reasons = (reason,)
         direction = math.copysign(1.0, apparent) if abs(apparent) > _CLEAR * std else 0.0
         estimates = [
-            Estimate(NAMES[0], apparent, std, status, reason),
-            Estimate(NAMES[1], direction, math.nan, status, reason),
-            Estimate(NAMES[2], asymmetry, math.nan, status, reason),
+            Estimate(NAMES[0], apparent, std, status, reasons),
+            Estimate(NAMES[1], direction, math.nan, status, reasons),
+            Estimate(NAMES[2], asymmetry, math.nan, status, reasons),
             self._left_right(),
         ]
         if self._share is not None:
-            estimates.append(Estimate(SLIP_NAME, apparent / self._share, std / abs(self._share), status, reason))
+            estimates.append(Estimate(SLIP_NAME, apparent / self._share, std / abs(self._share), status, reasons))
         return tuple(estimates)
 
     def _scatter(self, slope_rad: float) -> float:
@@ -137,26 +143,25 @@ class SlipAngleEstimator:
         step, self._last_slope = slope_rad - self._last_slope, slope_rad
         if math.isfinite(step):
             self._steps.update(np.array([0.5 * step * step]), max(1.0 / (self._steps.count + 1), 1.0 / _HORIZON))
-        return math.sqrt(self._steps.mean[0]) if self._steps.count >= 3 else math.nan
+        return math.sqrt(self._steps.mean[0]) if self._steps.count >= _LEAST_STEPS else math.nan
 
-    def _status(self, std: float) -> tuple[Status, str]:
+    def _status(self, std: float) -> tuple[Status, Reason]:
         if not math.isfinite(std):
-            return Status.PROVISIONAL, "scatter is not known before four revolutions"
+            return Status.PROVISIONAL, Reason(Code.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1)
         if self._given is not None:
-            return Status.VALID, "zero as given"
+            return Status.VALID, Reason(Code.ZERO_SLIP_GIVEN)
         count = self._reference.effective_count
         if count < REFERENCE_SETTLED:
-            return Status.PROVISIONAL, f"zero from {count:.0f} revolutions, settles at {REFERENCE_SETTLED:.0f}"
-        return Status.VALID, "zero is the mean of the latest revolutions: straight running on average is assumed"
+            return Status.PROVISIONAL, Reason(Code.ZERO_SLIP_NOT_SETTLED, revolutions=count, needed=REFERENCE_SETTLED)
+        return Status.VALID, Reason(Code.ZERO_SLIP_IS_MEAN)
 
     def _left_right(self) -> Estimate:
         left, right = self._sides[1.0], self._sides[-1.0]
-        if min(left.count, right.count) < 3:
-            missing = "three revolutions each at left and at right slip are needed"
-            return Estimate(NAMES[3], math.nan, math.nan, Status.INVALID, missing)
+        if min(left.count, right.count) < _LEAST_OF_SIDE:
+            return Estimate.invalid(NAMES[3], Reason(Code.NEEDS_BOTH_SLIPS, needed=_LEAST_OF_SIDE))
         variance = sum(float(side.variance()[0] * np.asarray(side.weight_square)) for side in (left, right))
         return Estimate(NAMES[3], float(left.mean[0] + right.mean[0]), math.sqrt(variance), Status.VALID)
 
-    def _invalid(self, reason: str) -> tuple[Estimate, ...]:
+    def _invalid(self, reason: Reason) -> tuple[Estimate, ...]:
         names = NAMES if self._share is None else (*NAMES, SLIP_NAME)
-        return tuple(Estimate(name, math.nan, math.nan, Status.INVALID, reason) for name in names)
+        return tuple(Estimate.invalid(name, reason) for name in names)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from gateway.reasons import Code, Reason
+
 
 @dataclass(frozen=True, slots=True)
 class ReferenceNumbers:
@@ -73,15 +75,18 @@ class LoadCalibration:
         """Return the relative change of the load with that of the half angle."""
         return self.angle_exponent + 2.0 * self.angle_curvature * math.log(half_angle_rad / self.half_angle_rad)
 
-    def outside(self, half_angle_rad: float, pressure_pa: float) -> str:
-        """Return what lies outside the range it was fitted on by more than a tenth, or an empty string."""
-        for name, value, (low, high) in (
-            ("half angle", half_angle_rad, self.half_angle_range_rad),
-            ("pressure", pressure_pa, self.pressure_range_pa),
-        ):
-            if not 0.9 * low <= value <= 1.1 * high:
-                return f"{name} outside the calibrated range"
-        return ""
+    def outside(self, half_angle_rad: float, pressure_pa: float) -> tuple[Reason, ...]:
+        """Return what lies outside the range it was fitted on by more than a tenth."""
+        reasons = []
+        low, high = self.half_angle_range_rad
+        if not 0.9 * low <= half_angle_rad <= 1.1 * high:
+            reasons.append(
+                Reason(Code.HALF_ANGLE_OUTSIDE_CALIBRATION, half_angle_rad=half_angle_rad, low_rad=low, high_rad=high)
+            )
+        low, high = self.pressure_range_pa
+        if not 0.9 * low <= pressure_pa <= 1.1 * high:
+            reasons.append(Reason(Code.PRESSURE_OUTSIDE_CALIBRATION, pressure_pa=pressure_pa, low_pa=low, high_pa=high))
+        return tuple(reasons)
 
 
 @dataclass(frozen=True, slots=True)

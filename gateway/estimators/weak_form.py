@@ -17,6 +17,7 @@ from gateway.estimators.weak_form_fit import curvature_of, fits_of
 from gateway.estimators.weak_form_rows import motion_begin
 from gateway.estimators.weak_form_solve import WeakFormSolution, solve_balance
 from gateway.physics.belt_shape import MAX_ORDER
+from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT
 
 # The first revolution's solution is the next one's start: there is no need to converge on its noise.
@@ -58,22 +59,22 @@ class WeakFormEstimator:
         offset = conditions.sensor_offset_m / conditions.radius_m
         orders, mean = curvature_of(average.radial_mps2[np.newaxis], centre, offset, max_order)
         if not np.isfinite(orders).all():
-            return self._cold("the radial signal has no positive mean: its steady value is missing")
-        if orders[0].sum() > _FLAT_ENOUGH:
-            return self._cold("no flat contact at angle 0")
+            return self._cold(Reason(Code.NO_STEADY_VALUE))
+        if (curvature := float(orders[0].sum())) > _FLAT_ENOUGH:
+            return self._cold(Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_FLAT_ENOUGH))
         std = relative_std(average.orders_std_mps2, float(mean[0]), orders[0], max_order)[np.newaxis]
         try:
             solution = solve_balance(
                 orders, motion_begin(half_angle), std, self._warm, 1 if self._warm else _COLD_PASSES
             )
         except np.linalg.LinAlgError:
-            return self._cold("the radial signal describes no belt")
+            return self._cold(Reason(Code.NO_BELT_SHAPE))
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
-            return self._cold("the radial signal describes no belt")
+            return self._cold(Reason(Code.NO_BELT_SHAPE))
         self._warm = solution
         fitted = fits_of(solution, std).numbers(0, load_number(conditions))
         return number_estimates(fitted, conditions, doubt_about(revolution, average))
 
-    def _cold(self, reason: str) -> tuple[Estimate, ...]:
+    def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
         self._warm = None
         return all_invalid(reason)

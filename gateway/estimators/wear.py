@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
-from gateway.signal.moments import RunningMoments
-from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+from gateway.reasons import Code, Reason
+from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 
 NAMES: Final = ("wear_mm", "wear_number", "wear_drift_mm")
 
@@ -55,9 +55,9 @@ class WearEstimator:
         """
         wear = _wear(conditions)
         if wear.status is Status.INVALID:
-            return (wear, *(_invalid(name, wear.reason) for name in NAMES[1:]))
+            return (wear, *(Estimate.invalid(name, *wear.reasons) for name in NAMES[1:]))
         radius_mm = conditions.radius_m * 1e3
-        number = Estimate(NAMES[1], wear.value / radius_mm, wear.std / radius_mm, wear.status, wear.reason)
+        number = Estimate(NAMES[1], wear.value / radius_mm, wear.std / radius_mm, wear.status, wear.reasons)
         return wear, number, self._drift(revolution, wear)
 
     def _drift(self, revolution: Revolution, wear: Estimate) -> Estimate:
@@ -71,12 +71,14 @@ class WearEstimator:
         count = self._values.count
         if count < _LEAST_VALUES:
             needed = (_LEAST_VALUES - 1) * _APART
-            return _invalid(NAMES[2], f"needs {needed} revolutions with a valid wear, one in {_APART} counts")
+            return Estimate.invalid(NAMES[2], Reason(Code.NEEDS_WEAR_VALUES, revolutions=needed, spacing=_APART))
         (xx, xy), (_, yy) = self._values.variance()
         span = self._latest - self._first
         left = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)
         std = math.sqrt(left / (xx * (count - 1))) * span
-        return Estimate(NAMES[2], float(xy / xx) * span, std, Status.VALID, f"over {span:.0f} revolutions")
+        return Estimate(
+            NAMES[2], float(xy / xx) * span, std, Status.VALID, (Reason(Code.OVER_REVOLUTIONS, revolutions=span),)
+        )
 
 
 def _wear(conditions: Conditions) -> Estimate:
@@ -84,37 +86,33 @@ def _wear(conditions: Conditions) -> Estimate:
     tire = conditions.tire
     reference, thickness = tire.reference, tire.ring_thickness_m
     if thickness is None:
-        return _invalid(NAMES[0], "needs ring_thickness_mm of the tire in the vehicle file")
+        return Estimate.invalid(NAMES[0], Reason(Code.NEEDS_RING_THICKNESS))
     if reference.Bs is None:
-        return _invalid(NAMES[0], "needs Bs of the new tire, tire.reference in the vehicle file (treadlink calibrate)")
+        return Estimate.invalid(NAMES[0], Reason(Code.NEEDS_REFERENCE_NUMBER, number="Bs"))
     numbers = conditions.given.get(reference.estimator)
     if numbers is None:
-        return _invalid(NAMES[0], f"needs the estimator {reference.estimator}, which the reference is of")
-    absent = _invalid("Bs", "no bending stiffness number")
+        return Estimate.invalid(NAMES[0], Reason(Code.NEEDS_ESTIMATOR, estimator=reference.estimator))
+    absent = Estimate.invalid("Bs", Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Bs"))
     bending, new, new_relative = numbers.get("Bs", absent), reference.Bs, reference.Bs_std / reference.Bs
-    notes = []
+    notes: list[Reason] = []
     if bending.status is Status.INVALID and reference.Cw is not None:
         ratio = numbers.get("Bs/Cw", absent)
         if ratio.status is not Status.INVALID:
             bending, new = ratio, reference.Bs / reference.Cw
             new_relative = math.hypot(new_relative, reference.Cw_std / reference.Cw)
-            notes.append("from Bs/Cw, for want of a load")
+            notes.append(Reason(Code.FROM_RATIO, ratio="Bs/Cw"))
     if bending.status is Status.INVALID:
-        return _invalid(NAMES[0], bending.reason)
+        return Estimate.invalid(NAMES[0], *bending.reasons)
     stiffness = bending.value / new
     if conditions.pressure_pa and reference.pressure_pa:
         stiffness *= conditions.pressure_pa / reference.pressure_pa
     else:
-        notes.append("pressure not compensated")
+        notes.append(Reason(Code.PRESSURE_NOT_COMPENSATED))
     if not (stiffness > 0.0 and math.isfinite(stiffness)):
-        return _invalid(NAMES[0], "no positive bending stiffness")
+        return Estimate.invalid(NAMES[0], Reason(Code.BENDING_NOT_POSITIVE))
     left = stiffness ** (1.0 / 3.0)
     error = thickness * left / 3.0 * math.hypot(bending.std / bending.value, new_relative)
     std = math.hypot(error, (1.0 - left) * tire.ring_thickness_std_m)
     if bending.status is Status.PROVISIONAL:
-        notes.insert(0, bending.reason)
-    return Estimate(NAMES[0], 1e3 * thickness * (1.0 - left), 1e3 * std, bending.status, "; ".join(notes))
-
-
-def _invalid(name: str, reason: str) -> Estimate:
-    return Estimate(name, math.nan, math.nan, Status.INVALID, reason)
+        notes[:0] = bending.reasons
+    return Estimate(NAMES[0], 1e3 * thickness * (1.0 - left), 1e3 * std, bending.status, tuple(notes))

@@ -1,1 +1,1 @@
-"""Figures of the papers, redrawn from the models and estimators of this project."""
+"""Figures of the two papers, redrawn from the models and estimators of this project."""

@@ -1,4 +1,4 @@
-"""The one registry of figures."""
+"""Registry of the papers' figures."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from gateway.errors import ConfigError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Modules with a function `figures()`: name -> function that draws into a figure and returns its caption.
+# Modules with a function `figures()` that returns name -> function; the function draws and returns its caption.
 MODULES: Final = ("gateway.papers.ring_figures", "gateway.papers.ply_steer_figures")
 
 
 def all_figures() -> dict[str, Callable[[Figure], str]]:
-    """Return every figure by name; imports no matplotlib."""
+    """Return every figure by name, without importing matplotlib."""
     return {name: draw for module in MODULES for name, draw in importlib.import_module(module).figures().items()}
 
 
 def title(draw: Callable[[Figure], str]) -> str:
-    """Return what a figure shows, in one line."""
+    """Return the title of a figure, in one line."""
     return (draw.__doc__ or "").strip().splitlines()[0].rstrip(".")
 
 
 def chosen(names: tuple[str, ...]) -> dict[str, Callable[[Figure], str]]:
-    """Return the figures of these names, all when none is named.
+    """Return the figures with these names; all figures if `names` is empty.
 
     Raises:
-        ConfigError: no figure of a name.
+        ConfigError: unknown name.
     """
     known = all_figures()
     unknown = [name for name in names if name not in known]

@@ -1,4 +1,4 @@
-"""Draw figures to files in one style, with their captions beside them."""
+"""Output of figures to files in one style, with an index page of their captions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FORMATS: Final = ("svg", "png")
 INDEX: Final = "index.html"
 
 _SIZE_INCH: Final = (7.0, 4.4)
-# Okabe and Ito's colours, which colour-blind eyes tell apart.
+# The palette of Okabe and Ito, which is safe for colour-blind readers.
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
@@ -29,17 +29,17 @@ def draw_figures(
     force: bool = False,
     on_figure: Callable[[str, str], None] = lambda _name, _caption: None,
 ) -> list[Path]:
-    """Draw figures into the folder `out`, with an index of captions beside them; return the files written.
+    """Draw figures into the folder `out`, with an index page of captions; return the files written.
 
     Args:
-        figures: name to function.
-        out: folder; made when it is not there.
+        figures: drawing function by name.
+        out: folder; created if it does not exist.
         suffix: one of FORMATS.
-        force: whether files that are there may be replaced.
-        on_figure: called with name and caption after each.
+        force: whether existing files may be replaced.
+        on_figure: called with name and caption after each figure.
 
     Raises:
-        OutputError: matplotlib is missing, a file is in the way, or the folder cannot be written.
+        OutputError: matplotlib is missing, a file exists, or the folder cannot be written.
     """
     matplotlib, make_figure = _matplotlib()
     files = [out / f"{name}.{suffix}" for name in figures]
@@ -52,7 +52,7 @@ def draw_figures(
             for axes in figure.axes:
                 axes.spines[["top", "right"]].set_visible(False)
             try:
-                # No date: the same figure gives the same file.
+                # No date, so that the same figure gives the same file.
                 figure.savefig(file, metadata={"Date": None} if suffix == "svg" else None)
             except OSError as error:
                 raise OutputError(f"cannot write '{file}': {error.strerror}", "Choose another folder.") from error
@@ -66,7 +66,7 @@ def draw_figures(
 
 
 def _matplotlib() -> tuple[Any, Any]:
-    """Return the package and its Figure, which needs no display."""
+    """Return matplotlib and its Figure class, which needs no display."""
     try:
         import matplotlib
         from matplotlib.figure import Figure
@@ -100,23 +100,22 @@ def _make_room(out: Path, files: list[Path], *, force: bool) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(
-            f"'{out}' is no folder that can be made: {error.strerror}", "Choose another folder."
-        ) from error
-    there = [file for file in files if file.exists()]
-    if there and not force:
-        raise OutputError(f"'{there[0]}' exists already", "Choose another folder, or replace it with --force.")
+        raise OutputError(f"cannot create the folder '{out}': {error.strerror}", "Choose another folder.") from error
+    existing = [file for file in files if file.exists()]
+    if existing and not force:
+        raise OutputError(f"'{existing[0]}' already exists", "Choose another folder, or replace it with --force.")
 
 
 def _index(figures: Mapping[str, Callable[[Figure], str]], captions: Mapping[str, str], suffix: str) -> str:
-    """Return the page that shows the figures with their captions."""
+    """Return the HTML page that shows the figures with their captions."""
     parts = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8"><title>Figures of the papers, redrawn</title>',
         "<style>body{font:16px/1.5 sans-serif;max-width:46rem;margin:2rem auto;padding:0 1rem}"
         "img{width:100%}figure{margin:2.5rem 0}</style></head><body>",
         "<h1>Figures of the papers, redrawn</h1>",
-        "<p>From simulated tires through the estimators of treadlink; each with what comes out and what does not.</p>",
+        "<p>Drawn from simulated tires and the estimators of treadlink. Each caption reports what is reproduced and "
+        "what is not.</p>",
     ]
     for name, draw in figures.items():
         parts.append(

@@ -1,6 +1,6 @@
 """The ply steer paper's Figs. 2, 10, 11, 13, 14, 15 and Tables I and II, redrawn.
 
-Each function draws into a matplotlib figure and returns one sentence on what came out, what did not, and why; the
+Each function draws into a matplotlib figure and returns a caption: what is reproduced, what is not, and why. The
 numbers in it are those just computed.
 """
 
@@ -72,9 +72,10 @@ def _fig_2(figure: Figure) -> str:
     axes.legend()
     zero = _shape(0.0).lateral_mps2
     return (
-        f"At zero slip the acceleration does not vanish ({zero.max():.0f} and {zero.min():.0f} m/s² at the contact's "
-        f"edges); at 1° slip one way it has {_counted(found[-1.0])}, the other way {_counted(found[1.0])}, as "
-        "measured; which way is which follows from the order of the plies, and the sizes from assumed belt stiffnesses."
+        f"Reproduced: at zero slip the acceleration does not vanish ({zero.max():.0f} and {zero.min():.0f} m/s² at the "
+        f"contact edges). At 1° slip in one direction it has {_counted(found[-1.0])}, in the other "
+        f"{_counted(found[1.0])}, as measured. Which direction has which depends on the order of the plies; the sizes "
+        "follow from assumed belt stiffnesses."
     )
 
 
@@ -89,15 +90,15 @@ def _fig_10(figure: Figure) -> str:
     axes.legend()
     odd = float(np.sum((still.y_m - _mirrored(still.y_m)) ** 2) / np.sum(4.0 * still.y_m**2))
     return (
-        f"Standing, the belt waves to both sides alike (±{1e3 * still.y_m.max():.2f} mm, odd share {odd:.4f}); "
-        f"rolling, it lies on one side ({1e3 * moving.y_m.min():.2f} to {1e3 * moving.y_m.max():.2f} mm); the "
-        "difference has one sign, as under a concentrated force: the paper's three findings come out, its "
-        "displacements are a picture without numbers to compare."
+        f"Reproduced: standing, the belt deflects equally to both sides (±{1e3 * still.y_m.max():.2f} mm, odd share "
+        f"{odd:.4f}); rolling, it lies on one side ({1e3 * moving.y_m.min():.2f} to {1e3 * moving.y_m.max():.2f} mm); "
+        "the difference has one sign, as under a concentrated force. The paper prints its displacements without "
+        "numbers, so they cannot be compared."
     )
 
 
 def _fig_11(figure: Figure) -> str:
-    """Lateral acceleration at zero slip, exact and from the orders that the estimator trusts."""
+    """Lateral acceleration at zero slip, exact and from the orders that the estimator uses."""
     axes = figure.subplots()
     exact = _shape(0.0).lateral_mps2
     kept = _ring().omega_radps ** 2 * lateral_waveform(_coefficients(0.0), ORDERS, GRID_SIZE)
@@ -106,10 +107,10 @@ def _fig_11(figure: Figure) -> str:
     axes.set(xlim=(-60, 60), xlabel="angle from contact centre, °", ylabel="lateral acceleration, m/s²")
     axes.legend()
     return (
-        f"A positive peak where the contact begins ({exact.max():.0f} m/s²) and a negative one where it ends "
-        f"({exact.min():.0f} m/s²) come out, and orders up to {ORDERS.stop - 1} keep their "
-        f"{100 * kept.max() / exact.max():.0f} %; the measured curve of the paper is printed without numbers, so only "
-        "shape and order of magnitude are compared."
+        f"Reproduced: a positive peak where the contact begins ({exact.max():.0f} m/s²) and a negative peak where it "
+        f"ends ({exact.min():.0f} m/s²). Orders up to {ORDERS.stop - 1} keep {100 * kept.max() / exact.max():.0f} % of "
+        "the positive peak. The paper prints the measured curve without numbers, so only its shape and order of "
+        "magnitude are compared."
     )
 
 
@@ -139,10 +140,10 @@ def _fig_13(figure: Figure) -> str:
     error = np.degrees(np.abs(found.values_rad - true.values_rad).max())
     low, high = np.degrees([np.abs(found.values_rad).min(), np.abs(found.values_rad).max()])
     return (
-        f"Integrated twice over orders {ORDERS.start} to {ORDERS.stop - 1} from {_REVOLUTIONS} revolutions at "
-        f"{_NOISE_MG_PER_RTHZ:.0f} mg/√Hz, the slopes come back within {error:.4f}°; the paper's 0.2° comes out, but "
-        f"its slope 'near the leading edge' is not defined further, and our definitions run from {low:.2f}° to "
-        f"{high:.2f}° on the same curve."
+        f"Reproduced: integrated twice over orders {ORDERS.start} to {ORDERS.stop - 1} from {_REVOLUTIONS} revolutions "
+        f"at {_NOISE_MG_PER_RTHZ:.0f} mg/√Hz, the slopes are recovered within {error:.4f}°, and their size is the "
+        f"paper's 0.2°. The paper does not define its slope 'near the leading edge' further; the definitions used here "
+        f"give {low:.2f}° to {high:.2f}° on the same curve."
     )
 
 
@@ -154,10 +155,10 @@ def _fig_14(figure: Figure) -> str:
     axes.legend()
     measured = TABLE_ANGLE_DEG[0] / TABLE_ANGLE_DEG[3]
     return (
-        f"The measured angle falls by a factor {measured:.2f} from 1.8 to 2.7 bar; K a/√p follows (factor {best:.2f}), "
-        f"Eq. 18 with the curvature 1/R of a flat contact does not ({flat:.2f}), nor does the belt model with one "
-        f"coupling length ({model:.2f}, peak), so the curvature to which the paper gives the trend does not carry it; "
-        "the literature's force curve of Fig. 14a is not at hand."
+        f"The measured angle falls by a factor {measured:.2f} from 1.8 to 2.7 bar. K a/√p reproduces this (factor "
+        f"{best:.2f}); Eq. 18 with the curvature 1/R of a flat contact does not ({flat:.2f}), nor does the belt model "
+        f"with one coupling length ({model:.2f}, peak). Curvature, to which the paper attributes the trend, therefore "
+        "does not explain it. The literature's force curve of Fig. 14a is not available."
     )
 
 
@@ -176,15 +177,16 @@ def _fig_15(figure: Figure) -> str:
     measured = TABLE_ANGLE_DEG[5] / TABLE_ANGLE_DEG[4]
     exponents = [math.log(f[2] / f[0]) / math.log(loads[2] / loads[0]) for f in (TABLE_FORCE_N, forces)]
     return (
-        f"The measured angle grows by a factor {measured:.2f} from 300 to 500 kg; K a/√p gives {best:.2f}, Eq. 18 "
-        f"{flat:.2f}, the belt model {model:.2f} (peak); the force grows as Q^{exponents[0]:.2f} measured and "
-        f"Q^{exponents[1]:.2f} in the model, which is {np.mean(np.array(forces) / TABLE_FORCE_N):.1f} times too large "
-        "for this angle, unexplained: do not infer force from the angle."
+        f"The measured angle grows by a factor {measured:.2f} from 300 to 500 kg. K a/√p gives {best:.2f}, Eq. 18 "
+        f"{flat:.2f}, the belt model {model:.2f} (peak). The force grows as Q^{exponents[0]:.2f} in the measurement "
+        f"and as Q^{exponents[1]:.2f} in the model. The model's force is "
+        f"{np.mean(np.array(forces) / TABLE_FORCE_N):.1f} times too large for this angle, which is not explained: do "
+        "not infer the force from the angle."
     )
 
 
 def _tables(figure: Figure) -> str:
-    """Tables I and II with the laws beside them."""
+    """Tables I and II compared with the laws."""
     axes = figure.subplots()
     axes.axis("off")
     points, angle = table_points()
@@ -196,12 +198,12 @@ def _tables(figure: Figure) -> str:
             TABLE_LOAD_KG, TABLE_PRESSURE_BAR, TABLE_ANGLE_DEG, best.fitted_rad, flat.fitted_rad, strict=True
         )
     ]
-    rows.append(["left-out", "rms", "", f"{100 * best.left_out_rms:.1f} %", f"{100 * flat.left_out_rms:.1f} %"])
+    rows.append(["cross-validation", "rms", "", f"{100 * best.left_out_rms:.1f} %", f"{100 * flat.left_out_rms:.1f} %"])
     axes.table(rows, colLabels=["load, kg", "p, bar", "measured, °", "K a/√p, °", "Eq. 18, °"], loc="center")
     return (
-        f"K a/√p (a: half contact length of the modelled ring) reproduces both tables within "
-        f"{100 * best.left_out_rms:.1f} % rms at points left out, Eq. 18 within {100 * flat.left_out_rms:.0f} %; "
-        f"{len(results)} laws were tried on six points, so the winner is partly luck."
+        f"In leave-one-out cross-validation, K a/√p (a: half contact length of the modelled ring) reproduces both "
+        f"tables within {100 * best.left_out_rms:.1f} % rms, Eq. 18 within {100 * flat.left_out_rms:.0f} %. With "
+        f"{len(results)} laws compared on six points, the best one is selected partly by chance."
     )
 
 
@@ -248,7 +250,7 @@ def _model(load_n: float, pressure_pa: float) -> tuple[RingSolution, LateralSolu
 
 
 def _coefficients(slip_deg: float) -> FloatArray:
-    """Trusted orders of the lateral axis over Omega^2."""
+    """Return the integrated orders of the lateral axis over Omega^2."""
     return lateral_coefficients(_shape(slip_deg).lateral_m, ORDERS)
 
 
@@ -257,13 +259,13 @@ def _sampled(ring: RingSolution, shape: LateralSolution) -> tuple[FloatArray, tu
 
 
 def _slopes(coefficients_m: FloatArray, edges_rad: tuple[float, float]) -> Slopes:
-    nothing = np.zeros_like(coefficients_m)
-    record = LateralRecord(coefficients_m, nothing, nothing, np.zeros((len(nothing), len(nothing))), ORDERS.stop - 1)
+    zero = np.zeros_like(coefficients_m)
+    record = LateralRecord(coefficients_m, zero, zero, np.zeros((len(zero), len(zero))), ORDERS.stop - 1)
     return slopes(record, edges_rad, RADIUS_M)
 
 
 def _large_extrema(wave: FloatArray) -> list[float]:
-    """Values of the extrema that reach a third of the largest, one for each change of sign."""
+    """Return the extrema of at least a third of the largest, one for each change of sign."""
     inner = wave[1:-1]
     turns = (inner - wave[:-2]) * (wave[2:] - inner) <= 0.0
     large = [float(v) for v in inner[turns] if abs(v) > np.abs(wave).max() / 3.0]
@@ -276,5 +278,5 @@ def _counted(extrema: list[float]) -> str:
 
 
 def _mirrored(values: FloatArray) -> FloatArray:
-    """Values at -theta."""
+    """Return the values at -theta."""
     return np.roll(values[::-1], 1)

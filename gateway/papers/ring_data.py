@@ -1,4 +1,4 @@
-"""Simulated tires of the ring paper's Table 1, seen by a noisy sensor, averaged, and put through the estimators."""
+"""Data of the ring paper's figures: simulated tires of its Table 1, a noisy sensor, averages and estimates."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ _SAMPLES: Final = 2.0 * math.pi / OMEGA_RADPS * RATE_HZ
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """One tire and what the estimators make of it.
+    """One tire under one condition, with its estimates.
 
     Attributes:
-        wear_mm: off the ring's thickness.
+        wear_mm: reduction of the ring's thickness.
         ring: the true ring in equilibrium.
-        average: what the gateway has of it.
+        average: average of the noisy revolutions.
         found: (4,) Bs, Cw, Rs, Ts by estimator; NaN where it gives none.
     """
 
@@ -58,7 +58,7 @@ class Condition:
 
     @property
     def half_angle_rad(self) -> float:
-        """Contact half angle as found in the signal."""
+        """Contact half angle estimated from the signal."""
         return 0.5 * (self.average.trailing_edge_rad - self.average.leading_edge_rad)
 
     @property
@@ -69,7 +69,7 @@ class Condition:
 
 @lru_cache(maxsize=64)
 def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
-    """Return one condition: EI goes with the cube of the thickness, half of the sidewall with the pressure."""
+    """Return one condition: EI is proportional to the thickness cubed, half of the sidewall stiffness to pressure."""
     sidewall = 0.5 + 0.5 * pressure_pa / 2.1e5
     ring = replace(
         _BASE,
@@ -79,7 +79,7 @@ def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
     )
     solved = solve_rolling_ring(ring, load_n, pressure_pa, OMEGA_RADPS, nodes=1440)
     seed = round(wear_mm * 10) * 10_000 + round(pressure_pa * 1e-4) * 100 + round(load_n * 1e-3)
-    revolution, average = _seen(solved, seed)
+    revolution, average = _averaged(solved, seed)
     stated = Conditions(RADIUS_M, load_n, pressure_pa)
     found = {}
     for name in ESTIMATORS:
@@ -93,12 +93,12 @@ def table_1() -> list[Condition]:
     return [condition(*place) for place in itertools.product(WEAR_MM, PRESSURES_PA, LOADS_N)]
 
 
-def _seen(ring: RingSolution, seed: int) -> tuple[Revolution, AngleAverage]:
+def _averaged(ring: RingSolution, seed: int) -> tuple[Revolution, AngleAverage]:
     """Return the last revolution and the average of REVOLUTIONS noisy ones."""
     spectrum = np.fft.rfft(ring.sensor.radial_m)[: GRID_SIZE // 2 + 1]
     spectrum[-1] = 0.0
     clean = OMEGA_RADPS**2 * np.fft.irfft(spectrum, n=GRID_SIZE) * (GRID_SIZE / len(ring.theta_rad))
-    # The grid is about as fine as the sampling, so its noise is the samples'.
+    # The grid is about as fine as the sampling, so its noise is that of the samples.
     noise = NOISE_MG_PER_RTHZ * 1e-3 * STANDARD_GRAVITY_MPS2 * math.sqrt(0.5 * RATE_HZ * GRID_SIZE / _SAMPLES)
     rng = np.random.default_rng(seed)
     running = RunningAverage(horizon_revolutions=REVOLUTIONS)

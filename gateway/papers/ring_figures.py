@@ -1,8 +1,9 @@
 """The ring paper's Figs. 11 to 16, redrawn from simulated tires through the estimators.
 
-The tires are geometrically exact rings whose numbers are known, so that what is the tire's and what is the estimator's
-can be told apart: constant b, EI with the cube of the ring's thickness, half of the sidewall proportional to pressure.
-Each function draws into a matplotlib figure and returns a caption: what comes out, what does not, and why.
+The tires are geometrically exact rings with known numbers, so that properties of the tire and errors of the estimator
+can be separated: b is constant, EI is proportional to the cube of the ring's thickness, half of the sidewall stiffness
+is proportional to pressure. Each function draws into a matplotlib figure and returns a caption: what is reproduced,
+what is not, and why.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 
 _ORDERS: Final = np.arange(1, 61)
-# How truth and estimators are drawn, everywhere alike; the colours are told apart by colour-blind eyes.
+# Style of truth and estimators in all figures; the colours are safe for colour-blind readers.
 _STYLES: Final[dict[str, dict[str, Any]]] = {
     "truth": {"marker": "_", "color": "black", "markersize": 13, "markeredgewidth": 1.6, "label": "true"},
     "ring-paper": {"marker": "o", "color": "#D55E00", "markersize": 5.5, "label": "ring-paper (Eq. 28)"},
@@ -62,12 +63,13 @@ def _fig_11(figure: Figure) -> str:
     axes.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
     axes.set(xlim=(0, 60), xlabel="standing-wave mode number n", ylabel="cosine coefficient of s / Ω², mm")
     axes.legend()
-    left = _left_over(measured, fitted)
+    left = _relative_residual(measured, fitted)
     ratios = tire.found["ring-paper"] / tire.truth
     return (
-        f"Eq. 27 follows the orders of an exact ring (5000 N, 2.1 bar, new) with {left:.0%} left over, the good fit "
-        f"that the paper reports; yet the fitted Bs, Cw, Rs, Ts are {_listed(ratios)} of the true ones; a good fit of "
-        "orders does not make the numbers right: a loaded belt loses tension in the contact, which no linear ring has."
+        f"Reproduced: Eq. 27 fits the orders of an exact ring (5000 N, 2.1 bar, new) with a residual of {left:.0%}, "
+        f"the good fit that the paper reports. Yet the fitted Bs, Cw, Rs, Ts are {_listed(ratios)} of the true ones. A "
+        "good fit of the orders does not make the numbers right: a loaded belt loses tension in the contact, and a "
+        "linear ring does not."
     )
 
 
@@ -77,7 +79,7 @@ def _fig_12(figure: Figure) -> str:
     tire = _new_tire()
     theta = angle_grid()
     measured = tire.average.radial_mps2
-    # Eq. 27 has no order 0: its baseline is R Omega^2, where the signal's is.
+    # Eq. 27 has no order 0; its baseline is R Omega^2, like that of the signal.
     fitted = signal_waveform(theta, OMEGA_RADPS, RADIUS_M, _fitted_orders(tire))
     error = fitted - measured
     upper.plot(np.degrees(theta), measured, color="black", label=f"simulated sensor, {REVOLUTIONS} revolutions")
@@ -89,10 +91,10 @@ def _fig_12(figure: Figure) -> str:
     lower.set_xticks(range(-180, 181, 60))
     inside = np.abs(theta) < tire.half_angle_rad
     return (
-        f"The four numbers of Eq. 28 redraw the waveform within {np.sqrt(np.mean(error**2)):.0f} m/s² rms of "
-        f"{np.ptp(measured):.0f} m/s² peak to peak, the agreement that the paper reports; what is left sits in the "
+        f"Reproduced: the four numbers of Eq. 28 give the waveform within {np.sqrt(np.mean(error**2)):.0f} m/s² rms of "
+        f"{np.ptp(measured):.0f} m/s² peak to peak, the agreement that the paper reports. The residual is in the "
         f"contact and at its edges (rms {np.sqrt(np.mean(error[inside] ** 2)):.0f} m/s² inside, "
-        f"{np.sqrt(np.mean(error[~inside] ** 2)):.0f} outside), where the uniform pressure of Eq. 22 is not the tire's."
+        f"{np.sqrt(np.mean(error[~inside] ** 2)):.0f} outside), because the pressure is not uniform as in Eq. 22."
     )
 
 
@@ -100,7 +102,7 @@ def _fig_13(figure: Figure) -> str:
     """Bending stiffness number against wear number."""
     axes = figure.subplots()
     grid = table_1()
-    # Conditions of one wear side by side, so that 27 points can be seen.
+    # Conditions of equal wear side by side, so that all 27 points are visible.
     wear_number = [tire.wear_mm / (1e3 * RADIUS_M) for tire in grid]
     _draw(axes, grid, wear_number, "Bs", scale=1e3, spread=0.0008)
     axes.set(xlabel="wear number (h0 - h) / R", ylabel="bending stiffness number Bs, 10⁻³", ylim=(0, None))
@@ -111,9 +113,9 @@ def _fig_13(figure: Figure) -> str:
     ]
     worst = max(abs(tire.found["weak-form"][0] / tire.truth[0] - 1.0) for tire in grid)
     return (
-        f"Bs falls with wear for every estimator (means of Eq. 28: {_listed(1e3 * np.array(means))}, times 10⁻³): the "
-        "paper's Fig. 13 comes out. At one wear Eq. 28 scatters with load and pressure, the weak form stays within "
-        f"{worst:.1%} of the truth, which differs by pressure only."
+        f"Reproduced: Bs falls with wear for every estimator (means of Eq. 28: {_listed(1e3 * np.array(means))}, times "
+        "10⁻³). At constant wear Eq. 28 varies with load and pressure. The weak form stays within "
+        f"{worst:.1%} of the truth, which varies with pressure only."
     )
 
 
@@ -129,10 +131,10 @@ def _fig_14(figure: Figure) -> str:
     axes.legend()
     paper, weak = (_trend(numbers, [tire.found[name][1] for tire in grid]) for name in ("ring-paper", "weak-form"))
     return (
-        f"Does not come out: b is constant in these tires, and the weak form finds it so (slope {weak[0]:+.3f}); Eq. "
-        f"28 makes Cw fall with Pn (slope {paper[0]:+.2f}, r {paper[1]:+.2f}) where the paper's rises. Pn carries "
-        "foundation and bending beside Cw, so slope 1 through the origin cannot hold in a ring; the paper's Fig. 14 is "
-        "either a real change of b with load and pressure or the estimator's."
+        f"Not reproduced: b is constant in these tires, and the weak form estimates it so (slope {weak[0]:+.3f}). With "
+        f"Eq. 28 Cw falls with Pn (slope {paper[0]:+.2f}, r {paper[1]:+.2f}); in the paper it rises. Pn also depends "
+        "on foundation and bending, so slope 1 through the origin cannot hold in a ring. The paper's Fig. 14 shows "
+        "either a real change of b with load and pressure or an error of the estimator."
     )
 
 
@@ -157,19 +159,19 @@ def _against_angle(figure: Figure, number: str, label: str, in_paper: str) -> st
     paper = _trend(angles, [tire.found["ring-paper"][index] for tire in grid])
     error = np.array([tire.found["weak-form"][index] / tire.truth[index] - 1.0 for tire in grid])
     found = "rises" if paper[0] > 0.0 else "falls"
-    verdict = "comes out, but for no reason of the tire's" if found == in_paper else "does not come out"
+    verdict = "Reproduced, but not caused by the tire" if found == in_paper else "Not reproduced"
     return (
-        f"The paper's {number} {in_paper} with the contact angle; here that {verdict}: Eq. 28 {found} "
-        f"(r {paper[1]:+.2f}) while the true {number} changes with pressure only (r {truth[1]:+.2f} with the angle), "
-        f"and the weak form follows the truth within {np.sqrt(np.mean(error**2)):.1%} rms. A trend of Eq. 28 with the "
-        "contact angle is no evidence of one in the tire."
+        f"{verdict}: in the paper {number} {in_paper} with the contact angle; here the estimate of Eq. 28 {found} "
+        f"(r {paper[1]:+.2f}), while the true {number} changes with pressure only (r {truth[1]:+.2f} with the angle). "
+        f"The weak form follows the truth within {np.sqrt(np.mean(error**2)):.1%} rms. A trend of Eq. 28 with the "
+        "contact angle is no evidence of a trend in the tire."
     )
 
 
 def _draw(
     axes: Axes, grid: list[Condition], places: list[float], number: str, scale: float = 1.0, spread: float = 0.0
 ) -> None:
-    """Draw truth and estimates; `spread` sets estimators side by side."""
+    """Draw truth and estimates; `spread` is the horizontal distance between estimators."""
     index = NUMBERS.index(number)
     for shift, (name, style) in zip((0.0, -spread, spread), _STYLES.items(), strict=True):
         values = [scale * (tire.truth if name == "truth" else tire.found[name])[index] for tire in grid]
@@ -181,7 +183,7 @@ def _new_tire() -> Condition:
 
 
 def _measured_orders(tire: Condition) -> FloatArray:
-    """Cosine coefficients of s / Omega^2 about the contact's centre, m."""
+    """Return the cosine coefficients of s / Omega^2 about the contact centre, m."""
     centre = 0.5 * (tire.average.trailing_edge_rad + tire.average.leading_edge_rad)
     turned = tire.average.orders_mps2[1:] * np.exp(1j * _ORDERS * centre)
     result: FloatArray = turned.real / OMEGA_RADPS**2
@@ -203,7 +205,7 @@ def _pressure_number(tire: Condition) -> float:
     return pressure_number(tire.ring.load_n, tire.ring.pressure_pa, RADIUS_M, tire.half_angle_rad)
 
 
-def _left_over(data: FloatArray, model: FloatArray) -> float:
+def _relative_residual(data: FloatArray, model: FloatArray) -> float:
     return float(np.linalg.norm(data - model) / np.linalg.norm(data))
 
 

@@ -1,1 +1,1 @@
-"""Pure physics on arrays, SI units, each function with its source equation."""
+"""Physical models of the tire: functions of arrays in SI units, each with its source equation."""

@@ -1,10 +1,10 @@
-"""From the radial signal to the belt's shape: curvature, tangent angle, position. Geometrically exact.
+"""Geometrically exact shape of the belt from the radial signal: curvature, tangent angle and position.
 
-A belt that rolls steadily without stretching passes every point with V = R Omega, so that a sensor on it feels
-s = V^2 kappa, and e below the neutral layer s = V^2 kappa (1 - e kappa). Curvature integrated twice is the belt.
+An inextensible belt that rolls steadily passes every point with V = R Omega. A sensor on it reads s = V^2 kappa, or
+s = V^2 kappa (1 - e kappa) at e below the neutral layer. The curvature integrated twice is the shape of the belt.
 
-Everything here is the symmetric part about the contact's centre: the cosine orders of the signal. What damping and
-torque add is odd there, and works on the symmetric balance of forces to second order only. Lengths are over R.
+Only the part symmetric about the contact centre is used: the cosine orders of the signal. Damping and torque add odd
+terms, which affect the symmetric force balance to second order only. Lengths are over R.
 Frame: complex numbers x + i y, y up, the axle at 0; theta = 0 is the lowest point of the undeformed belt, where its
 tangent is +1; the outward normal is -i times the tangent. Shapes are given on theta = pi j / HALF_STEPS, j = 0 to
 HALF_STEPS; the other half is the mirror image. Leading axes are waveforms.
@@ -26,7 +26,7 @@ ANGLES_RAD: Final[FloatArray] = np.linspace(0.0, math.pi, HALF_STEPS + 1)
 # Unit vectors of the undeformed belt, outward and along.
 RADIAL: Final[ComplexArray] = -1j * np.exp(1j * ANGLES_RAD)
 ALONG: Final[ComplexArray] = np.exp(1j * ANGLES_RAD)
-# Orders above these are dropped: a tire's shape has decayed there, and nothing above order 110 of a real one repeats.
+# Highest order used: a tire's shape has decayed there, and on a real tire nothing above order 110 is repeatable.
 MAX_ORDER: Final = 90
 
 _ORDERS: Final[FloatArray] = np.arange(MAX_ORDER + 1, dtype=np.float64)
@@ -44,7 +44,7 @@ _ANALYSIS[:, 0] *= 0.5
 
 _CLOSURE_STEPS: Final = 3
 _OFFSET_STEPS: Final = 4
-# One over n, to integrate a series whose mean is taken out; the highest order has no integral on the grid.
+# 1 / n, to integrate a series without its mean; the highest order has no integral on the grid.
 _FREQUENCIES: Final = np.fft.fftfreq(2 * HALF_STEPS, 0.5 / HALF_STEPS)
 _INVERSE: Final[FloatArray] = np.zeros(2 * HALF_STEPS)
 _INVERSE[1:] = 1.0 / _FREQUENCIES[1:]
@@ -56,13 +56,14 @@ class BeltShape:
     """Closed belts, symmetric about theta = 0.
 
     Attributes:
-        orders: (b, MAX_ORDER + 1) cosine orders of the curvature over its mean; order 0 is 1, and order 1 is what
-            closes the belt.
+        orders: (b, MAX_ORDER + 1) cosine orders of the curvature over its mean; order 0 is 1, and order 1 is chosen to
+            close the belt.
         curvature: (b, m) kappa R.
         angle_rad: (b, m) direction of the tangent, 0 at theta = 0.
         tangent: (b, m) complex.
-        position: (b, m) complex, -i at theta = 0: the belt is yet to be moved up by its deflection at the contact.
-        closure: (b,) by how much order 1 was changed to close the belt.
+        position: (b, m) complex, -i at theta = 0; the deflection at the contact, which moves the belt up, is not
+            included.
+        closure: (b,) change of order 1 that closes the belt.
     """
 
     orders: FloatArray
@@ -79,7 +80,7 @@ def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_
     Args:
         waveform: (..., n), theta = -pi + 2 pi k / n, n > 2 MAX_ORDER.
         centre_rad: (...) angle of the contact's centre.
-        max_order: orders above it are zero, as where the sampling does not carry them.
+        max_order: orders above it are set to zero, for example above the sampled band.
 
     Returns:
         (..., MAX_ORDER + 1), in the unit of the waveform; order 0 is the mean.
@@ -94,10 +95,10 @@ def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_
 
 
 def curvature_orders(signal_orders: FloatArray, offset: float = 0.0) -> FloatArray:
-    """Return the cosine orders of kappa R from those of the signal, which any gain may have scaled.
+    """Return the cosine orders of kappa R from those of the signal, whose gain may be unknown.
 
-    The mean of kappa R over a closed belt is 1, so the signal calibrates itself. With an offset, s = g k (1 - offset k)
-    is solved for k and the gain g together.
+    The mean of kappa R over a closed belt is 1, which determines the gain. With an offset, s = g k (1 - offset k) is
+    solved for k and the gain g together.
 
     Args:
         signal_orders: (b, MAX_ORDER + 1) of s; order 0 positive.
@@ -116,7 +117,7 @@ def curvature_orders(signal_orders: FloatArray, offset: float = 0.0) -> FloatArr
     for _ in range(_OFFSET_STEPS):
         square = np.square(curvature) @ TRAPEZOID / math.pi
         read = signal * (1.0 - offset * square)[:, np.newaxis]
-        # The root that tends to `read` as the offset tends to 0; the floor keeps an impossible peak from being NaN.
+        # The root that tends to `read` as the offset tends to 0; the maximum keeps an impossible peak from being NaN.
         curvature = 2.0 * read / (1.0 + np.sqrt(np.maximum(1.0 - 4.0 * offset * read, 0.0)))
     orders: FloatArray = curvature @ _ANALYSIS
     orders /= orders[:, :1]
@@ -148,12 +149,12 @@ def belt_shape(orders: FloatArray) -> BeltShape:
 
 
 def integrate_from_zero(values: ComplexArray) -> ComplexArray:
-    """Return the integral from theta = 0 of fields whose mirror image is themselves, (..., m), exact if band-limited.
+    """Return the integral from theta = 0 of mirror-symmetric fields, (..., m); exact if band-limited.
 
-    The x component must be even and the y component odd about theta = 0 and pi, as of the tangent. For fields the other
-    way about, such as forces, integrate -1j times the field and multiply by 1j.
+    The x component must be even and the y component odd about theta = 0 and pi, like the tangent. For fields of the
+    opposite symmetry, such as forces, integrate -1j times the field and multiply by 1j.
     """
-    # Such a field has a real spectrum. The mean has x only; it integrates to a ramp.
+    # Such a field has a real spectrum. Its mean has an x component only and integrates to a ramp.
     spectrum = np.fft.hfft(values, axis=-1)
     mean = spectrum[..., :1] / (2 * HALF_STEPS)
     integral = -1j * np.fft.ihfft(spectrum * _INVERSE, axis=-1)

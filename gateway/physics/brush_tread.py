@@ -1,8 +1,9 @@
-"""Brush tread in lateral rolling contact: bristles that stick to the road until friction lets go.
+"""Brush tread in lateral rolling contact: bristles stick to the road up to the friction limit.
 
-Ply steer paper, Eq. 19 and 20 at steady state with a slip angle: a bristle whose foot rides on the belt and whose tip
-sticks to the road deflects by d(delta)/ds = tan(alpha) - dy/ds along the contact, s running from the leading to the
-trailing edge; Coulomb friction bounds it, |cy delta| <= mu q. It starts undeflected at the leading edge.
+Ply steer paper, Eq. 19 and 20 at steady state with a slip angle. The foot of a bristle rides on the belt, and its tip
+sticks to the road. Its deflection delta starts at zero at the leading edge and grows by
+d(delta)/ds = tan(alpha) - dy/ds along the contact, s running from the leading to the trailing edge. Coulomb friction
+limits it to |cy delta| <= mu q.
 
 Sign: delta and y are positive to the left; a positive alpha pulls the tread, and so the tire, to the left (the tire
 travels to the right of where it points).
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +22,11 @@ from scipy.sparse.linalg import splu
 
 from gateway.types import BoolArray, FloatArray
 
-_MAX_PASSES = 60
+_MAX_PASSES: Final = 60
 
 
 class BrushNotConvergedError(ArithmeticError):
-    """No division of the contact into sticking and sliding bristles was found."""
+    """The division of the contact into sticking and sliding bristles did not converge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,46 +35,13 @@ class BrushContact:
 
     Attributes:
         deflection_m: (k,) tip minus foot.
-        sliding: (k,) True where friction is exhausted.
-        passes: how many divisions into sticking and sliding were tried.
+        sliding: (k,) True where the deflection is at the friction limit.
+        passes: number of divisions into sticking and sliding that were tried.
     """
 
     deflection_m: FloatArray
     sliding: BoolArray
     passes: int
-
-
-def brush_deflection(
-    foot_m: FloatArray,
-    before_m: float,
-    bound_m: FloatArray,
-    *,
-    slip_angle_rad: float,
-    step_m: float,
-    first_fraction: float = 1.0,
-) -> BrushContact:
-    """Return the bristles on a belt of known lateral position.
-
-    Args:
-        foot_m: (k,) lateral position of the belt at the bristles in contact.
-        before_m: lateral position of the belt one step before the first.
-        bound_m: (k,) largest deflection that friction holds, mu q / cy.
-        slip_angle_rad: alpha.
-        step_m: distance of neighbouring bristles.
-        first_fraction: share of the first step that lies inside the contact.
-    """
-    creep = step_m * math.tan(slip_angle_rad) - np.diff(foot_m, prepend=before_m)
-    creep[0] *= first_fraction
-    deflection = np.empty_like(creep)
-    sliding = np.zeros(len(creep), dtype=np.bool_)
-    carried = 0.0
-    for i, trial in enumerate(creep):
-        carried += trial
-        if abs(carried) > bound_m[i]:
-            carried = math.copysign(bound_m[i], carried)
-            sliding[i] = True
-        deflection[i] = carried
-    return BrushContact(deflection, sliding, 1)
 
 
 def solve_brush_on_belt(
@@ -86,16 +55,16 @@ def solve_brush_on_belt(
     step_m: float,
     first_fraction: float = 1.0,
 ) -> tuple[FloatArray, BrushContact]:
-    """Return the state of a belt that gives way under its bristles, and the bristles.
+    """Return the state of an elastic belt under its bristles, and the bristles.
 
-    Sticking bristles follow Eq. 19, sliding ones sit at their bound, and the belt is in balance under all of them; who
-    slides is found by repeated exact solutions (semi-smooth Newton).
+    Sticking bristles follow Eq. 19, sliding ones stay at their bound, and the belt is in balance under all of them. The
+    division into sticking and sliding is found by repeated exact solutions (semi-smooth Newton).
 
     Args:
         belt: (m, m) stiffness of the belt.
         load_n: (m,) other loads on it.
-        foot_unknowns: (k + 1,) which of the m unknowns is the lateral position of the node before the contact, then of
-            each bristle's foot.
+        foot_unknowns: (k + 1,) indices, among the m unknowns, of the lateral position of the node before the contact
+            and of each bristle's foot.
         stiffness_npm: of one bristle.
         bound_m: (k,) largest deflection that friction holds, mu q / cy.
         slip_angle_rad: alpha.
@@ -128,16 +97,16 @@ def solve_brush_on_belt(
         system = block_array([[belt, push], [sticking @ follow, sticking @ chain + sliding]], format="csc")
         found = splu(system).solve(np.concatenate([load_n, np.where(state == 0.0, creep, state * bound_m)]))
         unknowns, deflection = found[:size], np.where(state == 0.0, found[size:], state * bound_m)
-        # What each bristle would do if it stuck to the road from its neighbour's deflection on.
+        # Deflection of each bristle if it stuck to the road, starting from its neighbour's deflection.
         trial = creep - follow @ unknowns + np.append(0.0, deflection[:-1])
         wanted = np.where(np.abs(trial) > bound_m, np.sign(trial), 0.0)
         if np.array_equal(wanted, state):
             return unknowns, BrushContact(deflection, state != 0.0, done)
         if wanted.tobytes() in seen:
-            # A cycle of divisions: change only the foremost bristle that differs, for contact is decided downstream.
+            # A cycle: change only the foremost bristle that differs, since each bristle depends on those ahead of it.
             first = int(np.flatnonzero(wanted != state)[0])
             state = np.concatenate([state[:first], wanted[first : first + 1], state[first + 1 :]])
         else:
             seen.add(wanted.tobytes())
             state = wanted
-    raise BrushNotConvergedError(f"stick and slip of the tread did not settle in {_MAX_PASSES} passes")
+    raise BrushNotConvergedError(f"stick and slip of the tread did not converge in {_MAX_PASSES} passes")

@@ -1,11 +1,12 @@
-"""Contact pressure of the road on the belt, as shapes over the contact and as the modal forces that they give.
+"""Contact pressure of the road on the belt: shapes over the contact, and their modal forces.
 
-A shape is a sum of Legendre polynomials over the contact, x = (theta - centre) / half angle from -1 to 1:
+A shape is a sum of Legendre polynomials over the contact, x = (theta - centre) / contact half angle from -1 to 1:
 
     q(theta) = Q / (2 R theta_r) (1 + sum a_m P_m(x))
 
-a_2 and a_4 are symmetric (a parabola has a_2 = -1), a_1 and a_3 lean it to one edge. The road pushes vertically. On
-the exact ring a_2 is -0.98 at 1000 N, -0.36 at 5000 N and -0.17 at 8000 N, a_4 is -0.02, -0.59 and -0.60.
+a_2 and a_4 are symmetric (a parabola has a_2 = -1); a_1 and a_3 shift the pressure towards one edge. The road pushes
+vertically. On the exact ring a_2 is -0.98 at 1000 N, -0.36 at 5000 N and -0.17 at 8000 N, a_4 is -0.02, -0.59 and
+-0.60.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from numpy.typing import ArrayLike
 from gateway.types import ComplexArray, FloatArray
 
 UNIFORM: Final[tuple[float, ...]] = ()
-PARABOLIC: Final[tuple[float, ...]] = (0.0, -1.0)
 
 
 def pressure_shape(
@@ -40,7 +40,7 @@ def pressure_shape(
         radius_m: R.
         half_angle_rad: theta_r.
         shape: a_1, a_2, ...
-        centre_rad: middle of the contact.
+        centre_rad: centre of the contact.
     """
     x = (angles_rad - centre_rad) / half_angle_rad
     inside = np.abs(x) <= 1.0
@@ -52,7 +52,7 @@ def pressure_shape(
 def unit_road_orders(
     orders: ArrayLike, half_angle_rad: float, degrees: int, centre_rad: float = 0.0
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return the modal force of each Legendre polynomial times R / Q, and its derivative by the half angle.
+    """Return the modal force of each Legendre polynomial times R / Q, and its derivative by the contact half angle.
 
     The modal force of a vertical push is alpha_n - i beta_n = int q (cos theta + i sin(theta) / n) e^(-i n theta): its
     radial part, and its tangential part through the inextensible ring's v' = -w; waves of orders n - 1 and n + 1.
@@ -60,14 +60,14 @@ def unit_road_orders(
     Args:
         orders: (n,) from 1 up.
         half_angle_rad: theta_r.
-        degrees: highest polynomial.
-        centre_rad: middle of the contact.
+        degrees: highest degree of the polynomials.
+        centre_rad: centre of the contact.
 
     Returns:
-        two (degrees + 1, n); row 0 is the uniform push.
+        two arrays (degrees + 1, n); row 0 is the uniform push.
     """
     n = np.asarray(orders, dtype=np.float64)
-    x, weighted = _quadrature(degrees, math.ceil(float(n.max(initial=1.0)) * half_angle_rad / _PHASE_STEP))
+    x, weighted = _quadrature(degrees, math.ceil(float(n.max(initial=1.0)) * half_angle_rad / _PHASE_STEP_RAD))
     value = np.zeros((degrees + 1, *n.shape), dtype=np.complex128)
     slope = np.zeros_like(value)
     for neighbour, weight in ((n - 1.0, 0.5 * (1.0 + 1.0 / n)), (n + 1.0, 0.5 * (1.0 - 1.0 / n))):
@@ -79,15 +79,15 @@ def unit_road_orders(
     return value, slope
 
 
-# Phase in rad that the waves may turn over half a contact before the quadrature takes more points.
-_PHASE_STEP: Final = 10.0
+# Phase in rad of the waves over half a contact from which the quadrature uses more points.
+_PHASE_STEP_RAD: Final = 10.0
 
 
 @lru_cache(maxsize=32)
 def _quadrature(degrees: int, steps: int) -> tuple[FloatArray, FloatArray]:
     """Return Gauss points (k,) on -1 to 1 and half the weight times each polynomial, (degrees + 1, k).
 
-    Exact to rounding for waves of up to `steps` times _PHASE_STEP.
+    Exact to rounding for waves with a phase of up to `steps` times _PHASE_STEP_RAD.
     """
     x, weights = np.polynomial.legendre.leggauss(20 + degrees + 8 * steps)
     polynomials = np.polynomial.legendre.legvander(x, degrees).T

@@ -1,8 +1,17 @@
-"""Classical laminate theory of a steel belt: why a belt of crossed plies shears when it is bent.
+"""Classical laminate theory of a steel belt: a belt of crossed plies shears when it is bent.
 
 Ply steer paper, Eq. 10 to 18, with its misprints repaired (docs/ply-steer.md): gamma is engineering shear throughout,
 as Eq. 13 needs (Eq. 14's factor one half is dropped); Eq. 13 is the N_xy row of Eq. 10 and Eq. 18's angle phi_z is half
 of the belt's slope.
+
+The simulator uses the closed form `crossed_coupling_length`. For a belt whose plies are known, build it with `cord_ply`
+and `stack`, and pass `Laminate.coupling_length_m` to `lateral_belt.LateralBelt`:
+
+    inner, outer = (
+        cord_ply(cord_pa=200e9, rubber_pa=6e6, cord_share=0.22, thickness_m=1.2e-3, angle_rad=angle)
+        for angle in (0.4, -0.4)
+    )
+    belt = LateralBelt(coupling_length_m=stack([inner, outer]).coupling_length_m)
 
 Axes: x along the belt, y across it, z outward; ply angles from x towards y; plies are listed from the inside out.
 """
@@ -20,7 +29,6 @@ from gateway.types import FloatArray
 
 # Rubber is incompressible; 0.49 keeps its constants finite.
 RUBBER_POISSON_RATIO: Final = 0.49
-STEEL_MODULUS_PA: Final = 200e9
 STEEL_POISSON_RATIO: Final = 0.3
 
 
@@ -56,7 +64,7 @@ class Ply:
             ]
         )
         c, s = math.cos(self.angle_rad), math.sin(self.angle_rad)
-        # Strain in the cords' axes from strain in the belt's, engineering shear.
+        # Strain in the cords' axes from strain in the belt's axes, engineering shear.
         turn = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2.0 * c * s, 2.0 * c * s, c * c - s * s]])
         result: FloatArray = turn.T @ own @ turn / denominator
         return result
@@ -84,14 +92,18 @@ class Laminate:
 
     @property
     def coupling_length_m(self) -> float:
-        """B16 / A66: minus the shear per curvature of a belt bent along its length only (Eq. 12 and 13)."""
+        """B16 / A66: minus the shear per curvature of a belt bent along its length only (Eq. 12 and 13).
+
+        The slope of the streamline, which a sensor on the belt measures, is dv/dx = gamma = -k_x B16 / A66. The paper's
+        bending-twisting angle phi_z (Eq. 18) is half of it.
+        """
         return float(self.coupling[0, 2] / self.stretching[2, 2])
 
     @property
     def released_coupling_length_m(self) -> float:
-        """The same for a narrow strip, free to curve across and to twist: only k_x is imposed, all else is unloaded.
+        """Coupling length of a narrow strip that is free to curve across and to twist: only k_x is imposed.
 
-        Eq. 12 holds the belt from curving and twisting. A tire's belt lies between the two.
+        Eq. 12 holds the belt from curving across and twisting. A tire's belt lies between the two.
         """
         others = [0, 1, 2, 4, 5]
         strain = np.linalg.solve(self.matrix[np.ix_(others, others)], -self.matrix[others, 3])
@@ -149,51 +161,9 @@ def stack(plies: Sequence[Ply]) -> Laminate:
     return Laminate(*laminate)
 
 
-def steel_belt(
-    angle_rad: float,
-    separation_m: float,
-    *,
-    cord_share: float = 0.22,
-    rubber_pa: float = 6e6,
-    inside: Sequence[Ply] = (),
-    outside: Sequence[Ply] = (),
-) -> Laminate:
-    """Return a belt of two equal steel plies at +angle (inner) and -angle (outer).
-
-    Args:
-        angle_rad: of the cords from the belt's length.
-        separation_m: distance of the plies' mid-planes, which is also their thickness: they touch.
-        cord_share: volume share of steel.
-        rubber_pa: modulus of the rubber.
-        inside: plies below the belt (carcass), from the inside out.
-        outside: plies above it (cap), from the inside out.
-    """
-    inner, outer = (
-        cord_ply(
-            cord_pa=STEEL_MODULUS_PA,
-            rubber_pa=rubber_pa,
-            cord_share=cord_share,
-            thickness_m=separation_m,
-            angle_rad=angle,
-        )
-        for angle in (angle_rad, -angle_rad)
-    )
-    return stack([*inside, inner, outer, *outside])
-
-
 def crossed_coupling_length(angle_rad: float, separation_m: float) -> float:
     """Return B16 / A66 of two crossed plies of inextensible cords: -(t_sep / 2) cot(delta)."""
     return -0.5 * separation_m / math.tan(angle_rad)
-
-
-def belt_slope(coupling_length_m: float, curvature_change_pm: float) -> float:
-    """Return the slope of the streamline dv/dx = gamma = -k_x B16 / A66, which a sensor on the belt measures."""
-    return -curvature_change_pm * coupling_length_m
-
-
-def bending_twisting_angle(coupling_length_m: float, curvature_change_pm: float) -> float:
-    """Return phi_z = -k_x B16 / (2 A66) (Eq. 18): half of the streamline's slope."""
-    return 0.5 * belt_slope(coupling_length_m, curvature_change_pm)
 
 
 def _halpin_tsai(cord: float, rubber: float, share: float, shape: float) -> float:

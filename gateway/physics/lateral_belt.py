@@ -1,11 +1,11 @@
-"""The belt in lateral direction: a shear-flexible beam under tension on the sidewall, sheared by its own bending.
+"""Lateral model of the belt: a shear-flexible beam under tension on the sidewall, sheared by its own bending.
 
 A steel belt of plies at +delta / -delta that is bent flat in the contact shears in its plane by
-gamma0 = -g (kappa - 1/R), g = B16 / A66 (ply steer paper, Eq. 13; `laminate`). That is the forcing; the beam, its
-tension and the sidewall turn it into the belt's lateral shape, and the brush tread (`brush_tread`) adds the road once
-the tire rolls. Derived in docs/ply-steer.md.
+gamma0 = -g (kappa - 1/R), g = B16 / A66 (ply steer paper, Eq. 13; `laminate`). This is the excitation. Beam, tension
+and sidewall determine the lateral shape, and the brush tread (`brush_tread`) adds the road when the tire rolls. Derived
+in docs/ply-steer.md.
 
-Directions: theta as everywhere (0 at the contact centre, increasing with rotation), y positive to the vehicle's left.
+Directions: theta is 0 at the contact centre and increases with rotation; y is positive to the vehicle's left.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.brush_tread import solve_brush_on_belt
 from gateway.physics.rolling_ring import RingSolution
-from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.types import BoolArray, FloatArray
 
 
@@ -29,13 +29,14 @@ class LateralBelt:
     """Lateral properties of a belt and its tread, SI units; the defaults are a 205/55R16 car tire.
 
     Attributes:
-        coupling_length_m: g = B16 / A66; its sign goes with the order of the plies and the direction of rotation.
+        coupling_length_m: g = B16 / A66; its sign depends on the order of the plies and the direction of rotation.
         shear_stiffness_n: Ks, in-plane shear stiffness of the belt.
         bending_stiffness_nm2: EIz, in-plane bending stiffness.
         sidewall_stiffness_npm2: ky, lateral sidewall stiffness per length of belt.
         tread_stiffness_npm2: cy, lateral tread stiffness per length of belt.
         friction: mu between tread and road.
-        conicity_rad: half angle of the cone the belt is part of; flattened, it curves in its plane by conicity / R.
+        conicity_rad: half angle of the cone of which the belt is part; flattened, it curves in its plane by
+            conicity / R.
     """
 
     coupling_length_m: float = 1.2e-3
@@ -63,8 +64,8 @@ class LateralSolution:
         sliding: True where the tread slides.
         side_force_n: of the road on the tire.
         aligning_moment_nm: of the tread's force about the vertical axis at theta = 0, positive turns the tire left.
-        omega_radps: of the radial solution.
-        slip_angle_rad: as given.
+        omega_radps: angular speed of the radial solution.
+        slip_angle_rad: slip angle.
     """
 
     theta_rad: FloatArray
@@ -100,20 +101,20 @@ def solve_lateral_belt(
     """Return the lateral shape of `belt` on a radial solution.
 
     Per length of belt: (Ks (y' - psi - gamma0) + T y')' - ky y + cy delta = 0 and
-    (EIz (psi' - kappa0))' + Ks (y' - psi - gamma0) = 0, psi the turn of the belt's section, T the belt's tension
+    (EIz (psi' - kappa0))' + Ks (y' - psi - gamma0) = 0, psi the rotation of the belt's section, T the belt's tension
     without its centrifugal part (which the lateral inertia of the passing belt cancels), gamma0 = -g (kappa - 1/R),
-    kappa0 = -conicity (kappa - 1/R). Curvature, tension, contact and pressure are the radial solution's.
+    kappa0 = -conicity (kappa - 1/R). Curvature, tension, contact and pressure are those of the radial solution.
 
     Args:
         ring: radial solution; its grid is used.
         belt: lateral properties.
         slip_angle_rad: positive pulls the tire to the left (`brush_tread`).
-        camber_rad: seen by the lateral axis as g sin(camber) only, positive when that is a positive reading.
+        camber_rad: affects the lateral axis as g sin(camber) only; positive for a positive reading.
         rolling: False gives the standing tire on a road without lateral friction.
 
     Raises:
         ValueError: a stiffness that is not positive; the message names it.
-        BrushNotConvergedError: sticking and sliding did not settle.
+        BrushNotConvergedError: stick and slip of the tread did not converge.
     """
     for name in ("shear_stiffness_n", "bending_stiffness_nm2", "sidewall_stiffness_npm2", "tread_stiffness_npm2"):
         if not getattr(belt, name) > 0.0:
@@ -155,7 +156,7 @@ def solve_lateral_belt(
         deflection_m=deflection,
         sliding=sliding,
         side_force_n=float(force.sum()),
-        # The belt runs rearward through the contact, so a push behind the centre turns the tire to the right.
+        # The belt moves rearward through the contact, so a lateral force behind the centre turns the tire to the right.
         aligning_moment_nm=-float(force @ ring.theta_rad) * radius,
         omega_radps=ring.omega_radps,
         slip_angle_rad=slip_angle_rad,
@@ -175,14 +176,14 @@ def ring_tension(ring: RingSolution) -> FloatArray:
 def _assemble(ring: RingSolution, belt: LateralBelt, step: float) -> tuple[csc_array, FloatArray]:
     """Return the stiffness of (y, psi) at the nodes and the load of the bending-shear coupling.
 
-    Linear elements with the shear taken at their middle, which does not lock.
+    Linear elements with the shear evaluated at their middle, which avoids shear locking.
     """
     nodes = len(ring.theta_rad)
     here = np.arange(nodes)
     after = np.roll(here, -1)
     change = 0.5 * (ring.curvature_pm + ring.curvature_pm[after]) - 1.0 / ring.ring.radius_m
     shear, tension = belt.shear_stiffness_n, ring_tension(ring)
-    # Strain of each element by its four unknowns: y' - psi, psi' and y'.
+    # Derivatives of each element's strains y' - psi, psi' and y' by its four unknowns.
     unknowns = np.stack([here, after, nodes + here, nodes + after])
     sheared = np.array([-1.0 / step, 1.0 / step, -0.5, -0.5])
     bent = np.array([0.0, 0.0, -1.0 / step, 1.0 / step])

@@ -10,4 +10,4 @@ TABLE_3_LOAD_N: Final = 5000.0
 TABLE_3_PRESSURE_PA: Final = 2.1e5
 TABLE_3_RADIUS_M: Final = 0.32
 TABLE_3_LOAD_NUMBER: Final = TABLE_3_LOAD_N / (TABLE_3_PRESSURE_PA * TABLE_3_RADIUS_M**2)
-"""Load over pressure and radius squared."""
+"""Load over pressure and radius squared, Q / (p0 R^2)."""

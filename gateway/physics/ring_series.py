@@ -1,8 +1,8 @@
-"""The ring paper's simplified modal model: four dimensionless numbers and the orders they give.
+"""The ring paper's simplified modal model: standing-wave orders from four dimensionless numbers.
 
 Equations are those of "Tire Dimensionless Numbers for Analysis of Tire Characteristics and Intelligent Tire Signals",
 with their misprints repaired (docs/ring-paper-estimator.md lists them). The model is linear about the undeformed
-circle; it is exact for small loads only. Orders n are integers from 1 up; all functions broadcast over them.
+circle and exact for small loads only. Orders n are integers from 1 up; all functions broadcast over them.
 
 Numbers are Bs = EI / (R^4 p0), Cw = b / R, Rs = kw / p0 and Ts = kv / p0 (Eq. 17), in this order; `RingParameters` of
 `rolling_ring` turns them into a ring's stiffnesses and back.
@@ -24,10 +24,10 @@ from gateway.types import FloatArray
 
 
 class Kinematics(StrEnum):
-    """What a sensor that rides on the ring reads of a standing deformation of order n.
+    """Factor from the displacement of order n to the reading of a sensor on the ring.
 
-    PRINTED is Eq. 25: n^2, the acceleration seen from the road. CORRECTED is n^2 - 1, with the Coriolis and centripetal
-    terms of the rotating sensor: 0 at n = 1, 3/4 of the printed at n = 2.
+    PRINTED is Eq. 25: n^2, the acceleration in the frame of the road. CORRECTED is n^2 - 1, with the Coriolis and
+    centripetal terms of the rotating sensor: 0 at n = 1, 3/4 of the printed factor at n = 2.
     """
 
     PRINTED = "printed"
@@ -35,14 +35,14 @@ class Kinematics(StrEnum):
 
 
 class RoadForce(StrEnum):
-    """Direction of the uniform road push over the contact: RADIAL is Eq. 23, VERTICAL has its small tangential part."""
+    """Direction of the uniform road push: RADIAL is Eq. 23, VERTICAL includes the small tangential component."""
 
     RADIAL = "radial"
     VERTICAL = "vertical"
 
 
 def stiffness_terms(orders: ArrayLike) -> FloatArray:
-    """Return what Bs, Cw, Rs and Ts are multiplied with in Eq. 19's denominator, (n, 4)."""
+    """Return the factors of Bs, Cw, Rs and Ts in the denominator of Eq. 19, (n, 4)."""
     square = np.square(np.asarray(orders, dtype=np.float64))
     bend = square - 1.0
     return np.stack([square * bend**2, square * bend, square, np.ones_like(square)], axis=-1)
@@ -67,7 +67,7 @@ def modal_force(
     """Return alpha_n of a uniform road push, N/m, (n,).
 
     RADIAL: Q sin(n theta_r) / (n R theta_r), Eq. 22 and 23. VERTICAL: the integral of q (cos theta cos n theta +
-    sin theta sin(n theta) / n), whose small-angle limit that is.
+    sin theta sin(n theta) / n), whose small-angle limit is RADIAL.
     """
     n = np.asarray(orders, dtype=np.float64)
     if road is RoadForce.RADIAL:
@@ -107,7 +107,7 @@ def signal_orders(
 ) -> FloatArray:
     """Return the cosine coefficients of s / Omega^2, m, (n,) (Eq. 25 to 27).
 
-    PRINTED and RADIAL together are Eq. 27 as it stands; CORRECTED and VERTICAL are what the linear ring truly gives.
+    PRINTED with RADIAL is Eq. 27 as printed; CORRECTED with VERTICAL is the exact solution of the linear ring.
     """
     square = np.square(np.asarray(orders, dtype=np.float64))
     displacement = displacement_orders(

@@ -1,8 +1,9 @@
-"""When the contacts of a wheel were passed, refined against the running average of its revolutions.
+"""Contact times refined against the running average of a wheel's revolutions.
 
-The segmenter finds contacts by two level crossings, knowing nothing of the tire. Once there is an average, each contact
-is matched against it, every decision still taken on the same samples. The contact's time is that of both edges weighted
-by how steady each is: on a real tire the leading edge jitters several times as much as the trailing one.
+The segmenter finds contacts by two level crossings, without knowledge of the tire. Once there is an average, each
+contact is matched with it, using the same samples. The time of a contact is a weighted mean of those of its edges. The
+weights follow the jitter of each edge: on a real tire the leading edge jitters several times as much as the trailing
+one.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from gateway.signal.contact_template import ContactMatch, ContactTemplate, conta
 from gateway.signal.synchronous_average import AngleAverage
 from gateway.types import FloatArray
 
-# The template's own centre is kept at angle 0 by so much of its distance a revolution: a sudden step would be a step of
-# the speed.
+# Share of the distance between the template's centre and angle 0 that is corrected per revolution. A sudden correction
+# would appear as a step of the speed.
 _ANCHOR_SHARE: Final = 0.5
-# Revolutions after which the template is cut out of the average anew.
-_TEMPLATE_EVERY: Final = 8
-# Contacts in a row from which the edges' own jitter is believed, and how fast its memory fades.
-_JITTER_FROM: Final = 8
+# The template is extracted again after this many revolutions, or when their number has grown by this ratio.
+_TEMPLATE_INTERVAL: Final = 8
+_TEMPLATE_GROWTH: Final = 1.25
+# Updates from which the estimate of the edges' jitter is used, and least weight of an update.
+_MIN_JITTER_UPDATES: Final = 8
 _JITTER_WEIGHT: Final = 0.05
 
 
@@ -35,12 +37,12 @@ class TimedContact:
     """A contact in running sample numbers.
 
     Attributes:
-        found: centre as the segmenter found it, which identifies it.
-        centre: refined.
-        centre_std: one standard error.
+        found: centre as the segmenter found it; identifies the contact.
+        centre: refined centre.
+        centre_std: standard error.
         leading_rad: leading edge from `centre`; NaN when not refined.
         trailing_rad: trailing edge.
-        leading_std_rad: one standard error, definition of the edge included.
+        leading_std_rad: standard error, including the uncertainty of the edge's definition.
         trailing_std_rad: likewise.
     """
 
@@ -55,7 +57,7 @@ class TimedContact:
 
 @dataclass(frozen=True, slots=True)
 class TimedPair:
-    """One revolution between two refined contacts; `start` tells the trailing edge and `end` the leading one."""
+    """One revolution between two refined contacts; its trailing edge is that of `start`, its leading one of `end`."""
 
     start: TimedContact
     end: TimedContact
@@ -64,10 +66,10 @@ class TimedPair:
 
 
 class ContactTimer:
-    """Refines the contacts of one wheel, one revolution after the other. Deterministic."""
+    """Refines the contacts of one wheel, revolution by revolution. Deterministic."""
 
     def __init__(self) -> None:
-        """Start without memory."""
+        """Start without contacts or jitter."""
         self.reset()
 
     def reset(self) -> None:
@@ -93,11 +95,11 @@ class ContactTimer:
         """Refine a revolution's contacts.
 
         Args:
-            pair: as segmented.
+            pair: contacts as segmented.
             average: running average of the revolutions before it, None when there is none.
-            read: gives the radial axis, positive inward, of samples first to end (exclusive).
-            missing: tells how many of them were lost.
-            rate_hz: samples a second.
+            read: returns the radial axis, positive inward, of samples first to end (exclusive).
+            missing: returns how many of these samples were lost.
+            rate_hz: sampling rate.
         """
         start, previous = self._last, self._previous_period
         if start is None or start.found != pair.start.centre:
@@ -106,7 +108,7 @@ class ContactTimer:
             previous = pair.previous_period
         end = self._refine(pair, start.centre, previous, average, read, missing, rate_hz)
         refined = math.isfinite(end.leading_rad) and math.isfinite(start.trailing_rad)
-        # The segmenter's own error holds for its own contacts, its jitter included.
+        # The segmenter's standard error, which includes jitter, applies to contacts that were not refined.
         period_std = math.hypot(start.centre_std, end.centre_std) if refined else pair.period_std
         self._last, self._previous_period = end, end.centre - start.centre
         return TimedPair(start, end, previous, period_std)
@@ -144,9 +146,9 @@ class ContactTimer:
         return self._timed(guess, first, match, template, float(np.square(average.scatter_mps2).mean()))
 
     def _template_of(self, average: AngleAverage, samples: float) -> ContactTemplate | None:
-        """Cut the template anew when the average has changed enough."""
-        grown = average.count >= 1.25 * self._template_count
-        if self._template is None or grown or average.count - self._template_count >= _TEMPLATE_EVERY:
+        """Return the template, extracted again when the average has changed enough."""
+        grown = average.count >= _TEMPLATE_GROWTH * self._template_count
+        if self._template is None or grown or average.count - self._template_count >= _TEMPLATE_INTERVAL:
             self._template = contact_template(average.radial_mps2, average.omega_radps, samples)
             self._template_count = average.count
         return self._template
@@ -154,10 +156,10 @@ class ContactTimer:
     def _timed(
         self, found: float, first: int, match: ContactMatch, template: ContactTemplate, scatter2: float
     ) -> TimedContact:
-        """Put the two edges together, each with the weight that its steadiness asks for."""
+        """Combine the two edges, each weighted by its stability."""
         leading, trailing = match.leading + first, match.trailing + first
-        self._learn(leading, trailing)
-        # The average's scatter holds what the edges' jitter leaves in it; the residual of the match does not.
+        self._update_jitter(leading, trailing)
+        # The scatter of the average includes the jitter of the edges; the residual of the match does not.
         if scatter2 > 0.0:
             self._shares += 1
             weight = max(1.0 / self._shares, _JITTER_WEIGHT)
@@ -165,8 +167,8 @@ class ContactTimer:
             self._noise_share = self._noise_share + weight * change
         covariance = np.tensordot(self._noise_share, match.covariances, 1)
         variance = covariance
-        if self._jitters >= _JITTER_FROM:
-            # The two edges have in common what speed does, which is no error, and never less than the noise has.
+        if self._jitters >= _MIN_JITTER_UPDATES:
+            # The common part of both edges is due to speed and is no error. Each edge has at least its noise.
             common = min(float(covariance[0, 1]), self._jitter[1])
             own = np.maximum(np.diag(covariance) - covariance[0, 1], self._jitter[[0, 2]] - self._jitter[1])
             variance = common + np.diag(own)
@@ -186,11 +188,11 @@ class ContactTimer:
             trailing_std_rad=math.hypot(edges.trailing_std_rad, math.sqrt(covariance[1, 1]) * match.rate),
         )
 
-    def _learn(self, leading: float, trailing: float) -> None:
-        """Follow the jitter of each edge by the second differences of its times.
+    def _update_jitter(self, leading: float, trailing: float) -> None:
+        """Estimate the jitter of each edge from the second differences of its times.
 
-        What speed does is common to both edges, jitter is not: of the mean products of second differences over 6,
-        leading with leading less leading with trailing is the leading edge's own variance, and likewise trailing.
+        Changes of speed are common to both edges, jitter is not. With the mean products of second differences over 6,
+        the variance of the leading edge is leading times leading minus leading times trailing; likewise for trailing.
         """
         self._times = [*self._times[-2:], (leading, trailing)]
         if len(self._times) < 3:

@@ -1,70 +1,182 @@
-"""Following the contacts of a rolling wheel from one to the next."""
+"""Tracking of a rolling wheel's contacts, and the checks that contacts of one wheel pass."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from gateway.pipeline.contact_checks import ContactPair, Missing, edge_jitter2, kept_rolling, mend, size
 from gateway.signal.angle_resampling import MARGIN_SAMPLES
-from gateway.signal.contact_trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, turn
+from gateway.signal.contact_trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, least_level, turn
 from gateway.signal.dips import box_offsets, dip_score
 from gateway.signal.segmentation import Contact, refine_contact
 from gateway.types import FloatArray
 
 # read(first, end) -> nominally inward radial acceleration of the samples first to end (exclusive), m/s^2
 Read = Callable[[int, int], FloatArray]
+# missing(first, end) -> how many of these samples were lost and filled
+Missing = Callable[[int, int], int]
 
-# A dip is the next contact when it has this share of the depth that its period asks for.
+# A dip can be the next contact when its depth is at least this share of that expected for its period, less gravity.
 _ACCEPT_SHARE: Final = 0.45
 _ACCEPT_GRAVITY_MPS2: Final = 4.0
-# Contacts in a row that may go unseen, their samples lost or hit by an impact, when the next one is where it must be.
+# Largest number of consecutive contacts that may go unobserved, and how closely the contact after them must then agree:
+# ratio of the turn (above and below _SLOW_MPS2), of the period and of the depth.
 _MAX_UNSEEN: Final = 2
 _UNSEEN_TURN_RATIO: Final = (1.25, 1.12)
 _UNSEEN_PERIOD_RATIO: Final = 1.3
 _UNSEEN_DEPTH_RATIO: Final = 2.0
-# Below this, at 10 to 15 km/h, a wheel may have stopped or turned back instead.
+# Below this depth, at 10 to 15 km/h, a wheel may have stopped or reversed instead.
 _UNSEEN_DEPTH_MPS2: Final = 25.0
-# How far depth (in its logarithm) and time (in periods, and by how much the acceleration may change, m/s^2) stray.
-_DEPTH_SPREAD: Final = 0.3
-_TURN_SPREAD: Final = 0.12
-_SIZE_SPREAD: Final = 0.2
+# Standard deviations in the cost of a candidate: logarithms of depth, turn and size; time in periods, to which the
+# change of acceleration, m/s^2, over the depth is added up to a limit.
+_DEPTH_LOG_STD: Final = 0.3
+_TURN_LOG_STD: Final = 0.12
+_SIZE_LOG_STD: Final = 0.2
+_TIME_STD: Final = 0.02
+_ACCELERATION_CHANGE_MPS2: Final = 5.0
+_MAX_ADDED_TIME_STD: Final = 0.5
+# Cost of each unobserved contact.
 _UNSEEN_COST: Final = 4.0
-_TIME_SPREAD: Final = 0.02
-_JERK_MPS2: Final = 5.0
-_MOST_SPREAD: Final = 0.5
-_MOST_CANDIDATES: Final = 6
-_BAND: Final = (0.8, 1.25)
-# A braking wheel is not expected to go on like this: it may stop, or speed up again.
-_MOST_LONGER: Final = 1.45
-# Shallower contacts than this are passed at speeds at which a wheel can stop or turn back within a revolution.
+_MAX_CANDIDATES: Final = 6
+# Range of periods, over the expected one, that is searched at each stretch of the expected duration.
+_STRETCH_BAND: Final = (0.8, 1.25)
+# Largest ratio of the expected period to the last: a braking wheel may stop, or accelerate again.
+_MAX_PERIOD_GROWTH: Final = 1.45
+# Depth of contacts below which a wheel is slow enough to stop or reverse within a revolution.
 _SLOW_MPS2: Final = 250.0
-# A contact that lasts this much longer or shorter than it should had an edge spoilt.
-_SPOILT_SHARE: Final = 0.15
-# Depth times period squared follows pressure and load slowly.
-_DEPTH_WEIGHT: Final = 0.3
+# A contact whose duration deviates by this share from the expected one has a disturbed edge.
+_DISTURBED_SHARE: Final = 0.15
+# Weights of an update of the tracked properties, which follow pressure and load, and of the jitter.
+_PROPERTY_WEIGHT: Final = 0.3
 _JITTER_WEIGHT: Final = 0.1
-# A contact whose duration times the square root of its depth is further off is none, or spoilt beyond use.
+# A dip whose size deviates by a larger ratio, or that is shallower, is rejected.
 _SIZE_RATIO: Final = 1.6
-_LEAST_DEPTH_MPS2: Final = 6.0
-# Contacts that a search may be compared with.
+_MIN_DEPTH_MPS2: Final = 6.0
+# Number of recent contacts kept for comparison with a search.
 _RECENT: Final = 6
-# What is learnt of a wheel is believed after so many contacts of at least this depth, passed at 20 km/h or more.
+# The properties of a wheel are used after this many contacts of at least this depth (20 km/h or more).
 _KNOWN_CONTACTS: Final = 8
 _KNOWN_DEPTH_MPS2: Final = 60.0
+# Largest ratio of size and turn between neighbours in a run of located contacts.
+_RUN_SIZE_RATIO: Final = 1.5
+_RUN_TURN_RATIO: Final = 1.25
+# While a wheel rolls, the signal between two contacts exceeds that in contact everywhere by this share of the depth,
+# since its speed may change, less gravity, which changes by 2 g between contact and top.
+_ROLLING_SHARE: Final = 0.55
+_ROLLING_GRAVITY_MPS2: Final = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class ContactPair:
+    """Two neighbouring contacts: one completed revolution.
+
+    Attributes:
+        start: the contact that begins it.
+        end: the contact that ends it.
+        period_std: standard error of the period in samples. On a real road the two edges of a contact jitter
+            separately, so the jitter of the centre follows from that of the duration.
+        previous_period: samples of the revolution before, None when it was not observed.
+        decided_at: number of samples available at the decision; only samples before this may be used for the pair.
+    """
+
+    start: Contact
+    end: Contact
+    period_std: float
+    previous_period: float | None
+    decided_at: int
+
+
+def size(contact: Contact) -> float:
+    """Return duration times the square root of the depth, which is the same for all contacts of a wheel."""
+    return contact.duration * math.sqrt(contact.depth_mps2)
+
+
+def consistent(run: list[Contact], contact: Contact) -> bool:
+    """Whether a located contact may follow a run of contacts of the same wheel."""
+    last = run[-1]
+    if not 1.0 / _RUN_SIZE_RATIO < size(contact) / size(last) < _RUN_SIZE_RATIO:
+        return False
+    if len(run) < 2:
+        return True
+    before = float(turn(run[-2].depth_mps2, last.depth_mps2, last.centre - run[-2].centre))
+    after = float(turn(last.depth_mps2, contact.depth_mps2, contact.centre - last.centre))
+    return 1.0 / _RUN_TURN_RATIO < after / before < _RUN_TURN_RATIO
+
+
+def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, found: Contact, turns: int) -> bool:
+    """Whether a slow wheel kept rolling from one contact to another without stopping or reversing.
+
+    Args:
+        radial_mps2: radial axis, positive inward, from within the one contact to within the other.
+        first: number of its first sample.
+        last: the earlier contact.
+        found: the later one.
+        turns: revolutions between them.
+    """
+    start, end = round(last.centre) - first, round(found.centre) - first
+    inside = round(0.2 * found.duration)
+    floor = 0.5 * (
+        float(radial_mps2[: 2 * start + 1].mean()) + float(radial_mps2[end - inside : end + inside + 1].mean())
+    )
+    shallower = min(last.depth_mps2, found.depth_mps2)
+    if float(radial_mps2[start:end].mean()) - floor < float(least_level(shallower)):
+        return False
+    least = _ROLLING_SHARE * shallower - _ROLLING_GRAVITY_MPS2
+    one = (end - start) / turns
+    edges = [round(start + (number + share) * one) for number in range(turns) for share in (0.2, 0.4, 0.6, 0.8)]
+    parts = [radial_mps2[lo:hi] for place, (lo, hi) in enumerate(pairwise(edges)) if place % 4 < 3]
+    # Medians, so that an impact does not count as a stop.
+    return all(float(np.median(part)) - floor >= least for part in parts)
+
+
+def restore_lost_edge(contact: Contact, expected: float, missing: Missing) -> Contact | None:
+    """Reconstruct a contact with one lost edge from the other edge; None when both edges were lost on the link.
+
+    Args:
+        contact: in running sample numbers.
+        expected: expected duration in samples.
+        missing: returns the number of lost samples.
+    """
+    half = 0.5 * contact.duration
+    reach = max(2.0, 0.1 * expected)
+    lost = [
+        missing(math.floor(edge - reach), math.ceil(edge + reach) + 1) > 0
+        for edge in (contact.centre - half, contact.centre + half)
+    ]
+    if not any(lost):
+        return contact
+    if all(lost):
+        return None
+    edge = contact.centre + (half if lost[0] else -half)
+    centre = edge - (0.5 if lost[0] else -0.5) * expected
+    return replace(contact, centre=centre, duration=expected, centre_std=max(contact.centre_std, 0.05 * expected))
+
+
+def edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
+    """Return the squared error of the period, in samples, that follows from the change of the contact's duration.
+
+    The period between leading edges and that between trailing edges differ by the change of the duration. The error of
+    their mean, the period between centres, is half of it. The change due to speed is no jitter and is subtracted.
+
+    Args:
+        start: contact at the start of the period.
+        end: contact at its end.
+        speed_ratio: speed at the end over speed at the start.
+    """
+    return (0.5 * (end.duration * speed_ratio - start.duration)) ** 2
 
 
 class ContactTrack:
-    """The latest contacts of a wheel, and where the next one is to come. Deterministic."""
+    """The latest contacts of a wheel and the prediction of the next one. Deterministic."""
 
     def __init__(self, contacts: list[Contact], rate_hz: float, sign: int) -> None:
-        """Take up a run of at least three contacts."""
+        """Start from a run of at least three contacts."""
         self._rate_hz = rate_hz
         self._sign = sign
         periods = [after.centre - before.centre for before, after in pairwise(contacts)]
@@ -88,13 +200,13 @@ class ContactTrack:
 
     @property
     def known(self) -> Known | None:
-        """What has been learnt of the wheel, None while that is not sure."""
+        """Properties of the wheel, None until they are certain."""
         if self._followed < _KNOWN_CONTACTS:
             return None
         return Known(self._sign, self._turn, self._size / self._rate_hz)
 
     def _plan(self) -> None:
-        """Set when to look for the next contact."""
+        """Set when to search for the next contact."""
         self._period = self._expected_period()
         self._width = max(3.0, self._duty * self._period)
         outer = box_offsets(self._width)[2]
@@ -107,21 +219,21 @@ class ContactTrack:
         self._give_up_at = math.ceil(self.contact.centre + wait + beyond)
 
     def _expected_period(self) -> float:
-        """Period of the next revolution at constant angular acceleration."""
+        """Return the period of the next revolution at constant angular acceleration."""
         before, last = self.periods
         speed, gain = 1.0 / last, 2.0 * (1.0 / last - 1.0 / before) / (last + before)
         period = last
         for _ in range(3):
             period = 1.0 / max(speed + 0.5 * gain * (last + period), speed / INTERVAL_RATIO)
-        longest = min(last * _MOST_LONGER, LONGEST_PERIOD_S * self._rate_hz)
+        longest = min(last * _MAX_PERIOD_GROWTH, LONGEST_PERIOD_S * self._rate_hz)
         return float(np.clip(period, last / INTERVAL_RATIO, longest))
 
     def _nearest(self) -> float:
-        """Samples to the next contact at least."""
+        """Return the least number of samples to the next contact."""
         return min(0.5 * self._period, self.periods[-1] / INTERVAL_RATIO)
 
     def step(self, read: Read, missing: Missing) -> list[ContactPair] | None:
-        """Look for the next contact in the samples before `next_index`; None when the wheel is lost."""
+        """Search the next contact in the samples before `next_index`; None when the wheel is lost."""
         last, end = self.contact, self.next_index
         first = min(max(int(last.centre + self._nearest()) - box_offsets(self._width)[2], int(last.centre)), end)
         radial = read(first, end) * self._sign
@@ -133,7 +245,7 @@ class ContactTrack:
         for place, (at, width) in enumerate(candidates):
             found = refine_contact(radial, at - first, width)
             if found is not None:
-                found = mend(replace(found, centre=found.centre + first), width, missing)
+                found = restore_lost_edge(replace(found, centre=found.centre + first), width, missing)
             turns = self._turns_to(found, read) if found is not None else 0
             if found is not None and turns:
                 fitting.append((self._misfit(found, turns), place, found, turns))
@@ -145,17 +257,17 @@ class ContactTrack:
         return None
 
     def _candidates(self, prefix: FloatArray, first: int) -> tuple[list[tuple[float, float]], bool]:
-        """Dips that the next contact may be, one or more revolutions on, the likeliest first, each with its width.
+        """Return dips that may be the next contact, one or more revolutions later, likeliest first, with their widths.
 
         Args:
             prefix: cumulative sum of the signal from sample `first` on.
             first: its first sample.
 
         Returns:
-            the dips, and whether the likeliest lies so near the end that more samples may move it.
+            (sample, width) of the dips, and whether the likeliest is so near the end that more samples may move it.
         """
-        spread = self._time_spread()
-        # What the period may turn out to be while a slow wheel speeds up or brakes decides how wide a dip to look for.
+        spread = self._time_std()
+        # The period of a slow wheel that accelerates or brakes is uncertain, and so is the width of its dips.
         stretches = [1.0]
         if self.contact.depth_mps2 < _SLOW_MPS2:
             lowest = math.floor(2.0 * math.log2(self._nearest() / self._period))
@@ -166,7 +278,7 @@ class ContactTrack:
             score, offset = dip_score(prefix, width)
             if not len(score):
                 continue
-            # The least depth that may be accepted anywhere decides quickly where to look closer.
+            # Quick preselection by the least depth that could be accepted anywhere.
             farthest = (first + offset + len(score) - self.contact.centre) / (_MAX_UNSEEN + 1.0)
             least = self._depth_period2 / max(farthest, 1.5 * self._period) ** 2
             places = np.flatnonzero(score >= (_ACCEPT_SHARE - 0.2) * least)
@@ -176,7 +288,7 @@ class ContactTrack:
             good = score[places] >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
             if len(stretches) > 1:
                 relative = period / (turns * self._period * stretch)
-                good &= (relative > _BAND[0]) & (relative < _BAND[1])
+                good &= (relative > _STRETCH_BAND[0]) & (relative < _STRETCH_BAND[1])
             places, period, turns, expected = places[good], period[good], turns[good], expected[good]
             if not len(places):
                 continue
@@ -184,18 +296,18 @@ class ContactTrack:
             for lo, hi in pairwise((0, *breaks.tolist(), len(places))):
                 at = lo + int(np.argmax(score[places[lo:hi]]))
                 top = int(places[at])
-                depth_off = math.log(score[top] / expected[at]) / _DEPTH_SPREAD
+                depth_off = math.log(score[top] / expected[at]) / _DEPTH_LOG_STD
                 time_off = (period[at] / self._period - turns[at]) / (spread * turns[at])
                 cost = float(depth_off**2 + time_off**2 + _UNSEEN_COST * (turns[at] - 1.0))
                 found.append((cost, float(first + offset + top), width, top + 0.3 * width >= len(score)))
         found.sort()
-        return [(at, width) for _, at, width, _ in found[:_MOST_CANDIDATES]], bool(found) and found[0][3]
+        return [(at, width) for _, at, width, _ in found[:_MAX_CANDIDATES]], bool(found) and found[0][3]
 
     def _turns_to(self, found: Contact, read: Read) -> int:
-        """How many revolutions lie between the last contact and this one; 0 when it is none of this wheel's."""
+        """Return the number of revolutions from the last contact to this one; 0 when it is not one of this wheel's."""
         last = self.contact
         period = found.centre - last.centre
-        if not 1.0 / _SIZE_RATIO < size(found) / self._size < _SIZE_RATIO or found.depth_mps2 < _LEAST_DEPTH_MPS2:
+        if not 1.0 / _SIZE_RATIO < size(found) / self._size < _SIZE_RATIO or found.depth_mps2 < _MIN_DEPTH_MPS2:
             return 0
         unseen_limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
         for turns in range(1, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
@@ -211,26 +323,28 @@ class ContactTrack:
         return 0
 
     def _misfit(self, found: Contact, turns: int) -> float:
-        """How far a contact, `turns` revolutions on, is from what it should be, weak ones further."""
+        """Return the cost of a contact `turns` revolutions later: deviations from the prediction, less its strength."""
         late = (found.centre - self.contact.centre) / turns / self._period - 1.0
         return (
-            (math.log(self._turn_of(self.contact, found, turns) / self._turn) / _TURN_SPREAD) ** 2
-            + (math.log(size(found) / self._size) / _SIZE_SPREAD) ** 2
-            + (0.5 * late / self._time_spread()) ** 2
+            (math.log(self._turn_of(self.contact, found, turns) / self._turn) / _TURN_LOG_STD) ** 2
+            + (math.log(size(found) / self._size) / _SIZE_LOG_STD) ** 2
+            + (0.5 * late / self._time_std()) ** 2
             + _UNSEEN_COST * (turns - 1)
             - math.log(found.depth_mps2 * math.sqrt(found.duration))
         )
 
-    def _time_spread(self) -> float:
-        return _TIME_SPREAD + min(_MOST_SPREAD, 2.0 * math.pi * _JERK_MPS2 / max(self.contact.depth_mps2, 1.0))
+    def _time_std(self) -> float:
+        return _TIME_STD + min(
+            _MAX_ADDED_TIME_STD, 2.0 * math.pi * _ACCELERATION_CHANGE_MPS2 / max(self.contact.depth_mps2, 1.0)
+        )
 
     def _may_go_unseen(self, found: Contact) -> bool:
-        """Whether the wheel rolls on so steadily that a contact that was not seen can be put in its place."""
+        """Whether the wheel rolls so steadily that unobserved contacts can be interpolated."""
         shallower, deeper = sorted((self.contact.depth_mps2, found.depth_mps2))
         return shallower > _UNSEEN_DEPTH_MPS2 and deeper < _UNSEEN_DEPTH_RATIO * shallower
 
     def _rolled_through(self, last: Contact, found: Contact, turns: int, read: Read) -> bool:
-        """Whether the wheel kept rolling between two contacts; told by the signal where a wheel may stop or turn."""
+        """Whether the wheel kept rolling between two contacts; the signal is checked only where it is slow."""
         if min(last.depth_mps2, found.depth_mps2) > _SLOW_MPS2:
             return True
         first = round(last.centre - 0.35 * last.duration)
@@ -242,7 +356,7 @@ class ContactTrack:
         period = (found.centre - last.centre) / turns
         expected = self._duty * period
         excess = abs(found.duration - expected)
-        if excess > _SPOILT_SHARE * expected and excess**2 > 36.0 * self._jitter2:
+        if excess > _DISTURBED_SHARE * expected and excess**2 > 36.0 * self._jitter2:
             found = replace(found, centre_std=max(found.centre_std, 0.5 * excess))
         elif turns == 1:
             jitter2 = edge_jitter2(last, found, self.periods[-1] / period)
@@ -254,10 +368,10 @@ class ContactTrack:
             previous = end.centre - start.centre
             start = end
         if found.centre_std < 0.1 * expected:
-            self._depth_period2 += _DEPTH_WEIGHT * (found.depth_mps2 * period**2 - self._depth_period2)
-            self._turn += _DEPTH_WEIGHT * (self._turn_of(last, found, turns) - self._turn)
-            self._duty += _DEPTH_WEIGHT * (found.duration / period - self._duty)
-            self._size += _DEPTH_WEIGHT * (size(found) - self._size)
+            self._depth_period2 += _PROPERTY_WEIGHT * (found.depth_mps2 * period**2 - self._depth_period2)
+            self._turn += _PROPERTY_WEIGHT * (self._turn_of(last, found, turns) - self._turn)
+            self._duty += _PROPERTY_WEIGHT * (found.duration / period - self._duty)
+            self._size += _PROPERTY_WEIGHT * (size(found) - self._size)
             self._followed += found.depth_mps2 > _KNOWN_DEPTH_MPS2
         self.periods = (self.periods[-1] if turns == 1 else period, previous)
         self.contact = found
@@ -266,7 +380,7 @@ class ContactTrack:
         return pairs
 
     def _unseen(self, found: Contact, turns: int) -> list[Contact]:
-        """Contacts between the last and the found one, at constant angular acceleration since the revolution before."""
+        """Return the unobserved contacts, interpolated at constant angular acceleration since the revolution before."""
         last, before = self.contact, self.periods[-1]
         whole = found.centre - last.centre
         bend = (turns / whole - 1.0 / before) / (whole + before)

@@ -57,11 +57,11 @@ class SensorFlag:
 
     Attributes:
         name: one or two words.
-        text: what it is and what follows from it.
+        reason: what it is and what follows from it.
     """
 
     name: str
-    text: str
+    reason: Reason
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Preallocated ring buffer of raw samples, addressed by running sample number."""
+"""Preallocated buffer of the latest raw samples, addressed by running sample number."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-# The buffer is this many times the capacity: samples are written linearly and slid back rarely, so that every view
-# is one contiguous slice (measured faster than a modulo ring or writing twice, docs/performance.md).
+# Allocated size over capacity. Samples are written linearly and moved back rarely, so that every view is one contiguous
+# slice (measured to be faster than a circular buffer or writing twice, docs/performance.md).
 _SLACK: Final = 4
 
 
-class SampleRing:
+class SampleBuffer:
     """The latest `capacity` samples of one wheel, int16 (n, channels), indexed by running sample number.
 
-    Missing samples are filled by a straight line so that the numbering stays gapless; the gaps are kept beside it.
+    Missing samples are filled by linear interpolation, so that the numbering has no gaps; the gaps are recorded.
     """
 
     def __init__(self, capacity: int, channels: int) -> None:
         """Allocate once.
 
         Args:
-            capacity: samples that can be looked back at, > 0.
+            capacity: number of samples kept, > 0.
             channels: values per sample.
         """
         self.capacity = capacity
@@ -44,12 +44,12 @@ class SampleRing:
         return self._head - self._filled
 
     def reset(self, head: int) -> None:
-        """Forget the samples and go on at running number `head`."""
+        """Forget the samples and continue at running number `head`."""
         self._start, self._filled, self._head = 0, 0, head
         self._gaps.clear()
 
     def append(self, counts: NDArray[np.int16], unread_from: int | None = None) -> None:
-        """Append (n, channels) samples; count those pushed out at or after `unread_from`, which nobody has read yet."""
+        """Append (n, channels) samples; count the overwritten ones from `unread_from` on, which are still unread."""
         n = len(counts)
         if n > self.capacity:
             self._count_overwritten(self._head + n - self.capacity, unread_from)
@@ -83,7 +83,7 @@ class SampleRing:
         self._gaps.append((first, self._head))
 
     def patch(self, first: int, counts: NDArray[np.int16]) -> int:
-        """Put late samples where they belong; returns how many were still missing there."""
+        """Insert late samples at their place; return how many of them were missing."""
         lo, hi = max(first, self.tail), min(first + len(counts), self._head)
         repaired = 0
         remaining: list[tuple[int, int]] = []

@@ -1,7 +1,7 @@
 """Incremental segmentation of one wheel's radial axis into contacts.
 
-Every decision is taken at a sample number fixed in advance, on the samples before it and no others. Whatever the chunks
-in which samples arrive, live or from a dump, the same samples give the same contacts.
+Every decision is made at a sample number fixed in advance and uses only the samples before it. The contacts therefore
+do not depend on the chunks in which samples arrive, live or from a dump.
 """
 
 from __future__ import annotations
@@ -10,9 +10,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
-from gateway.pipeline.contact_checks import ContactPair as ContactPair
-from gateway.pipeline.contact_checks import Missing, consistent, mend
-from gateway.pipeline.contact_tracking import ContactTrack, Read
+from gateway.pipeline.contact_tracking import ContactPair as ContactPair
+from gateway.pipeline.contact_tracking import ContactTrack, Missing, Read, consistent, restore_lost_edge
 from gateway.pipeline.results import WheelState
 from gateway.signal.contact_trains import LONGEST_PERIOD_S, Known
 from gateway.signal.segmentation import Contact, find_contacts, refine_contact
@@ -20,16 +19,16 @@ from gateway.types import FloatArray
 
 SEARCH_STEP_S: Final = 0.125
 SEARCH_WINDOW_S: Final = 3.0
-# Samples older than this are never asked for: four of the longest periods without a contact seen, and some.
+# Samples older than this are never read: more than the longest periods with unobserved contacts in between.
 LOOK_BACK_S: Final = 3.4 * LONGEST_PERIOD_S
-# A wheel that shows no contact for this long, and no signal either, stands still.
+# A wheel stands still when it shows no contact for this long and its signal varies by less than this.
 STANDSTILL_S: Final = 2.0
 STANDSTILL_STD_MPS2: Final = 2.5
-# A search goes by what is known of the wheel for so long, then without.
+# A search uses the known properties of the wheel for this long.
 _TRUST_KNOWN_S: Final = 6.0
-# After so many contacts, and then every so many, an unprejudiced search looks whether these are the contacts at all.
-_FIRST_CHECK: Final = 4
-_CHECK_EVERY: Final = 48
+# After this number of contacts, and then at this interval, an independent search over the last periods checks them.
+_FIRST_CHECK_CONTACTS: Final = 4
+_CHECK_INTERVAL_CONTACTS: Final = 48
 _CHECK_PERIODS: Final = 3.6
 
 
@@ -46,17 +45,17 @@ class Segmenter:
         self._origin = self._searched_from = origin
         self._search_at = origin + self._step
         self._paired_until = float(origin)
-        self._until_check = _FIRST_CHECK
+        self._until_check = _FIRST_CHECK_CONTACTS
         self._known: Known | None = None
 
     @property
     def next_index(self) -> int:
-        """The next decision is due when there are this many samples."""
+        """Number of samples at which the next decision is due."""
         return self._track.next_index if self._track is not None else self._search_at
 
     @property
     def oldest_needed(self) -> int:
-        """Samples before this one are not looked at again."""
+        """Number of the oldest sample that may still be read."""
         window = round(SEARCH_WINDOW_S * self._rate_hz)
         if self._track is None:
             return max(self._origin, self._search_at - window)
@@ -65,14 +64,14 @@ class Segmenter:
         return max(self._origin, int(last.centre - min(back, window)) - 2)
 
     def advance(self, read: Read, missing: Missing, head: int) -> list[ContactPair]:
-        """Take every decision that is due with samples up to `head`; returns completed revolutions."""
+        """Make every decision that is due with samples up to `head`; return the completed revolutions."""
         pairs: list[ContactPair] = []
         while self.next_index <= head:
             pairs += self._decide(read, missing)
         return pairs
 
     def finish(self, read: Read, missing: Missing, head: int) -> list[ContactPair]:
-        """No more samples will come: decide with what is there."""
+        """Make the remaining decisions with the samples available, when no more will come."""
         pairs = self.advance(read, missing, head)
         for _ in range(4):
             if self.next_index <= head:
@@ -104,7 +103,7 @@ class Segmenter:
         searched_s = (end - self._searched_from) / self._rate_hz
         self._search_at = end + (self._step if searched_s < SEARCH_WINDOW_S else 2 * self._step)
         radial = read(first, end)
-        # What is known is put aside in time, should it be wrong.
+        # The known properties may be wrong, so they are dropped after a time.
         known = self._known if searched_s < _TRUST_KNOWN_S else None
         coarse, sign = find_contacts(radial, self._rate_hz, known)
         contacts = self._latest_placed(coarse, radial * sign, first, missing)
@@ -115,7 +114,7 @@ class Segmenter:
         self.sign = sign
         self.state = WheelState.ROLLING
         track = self._track = ContactTrack(contacts, self._rate_hz, sign)
-        self._until_check = _FIRST_CHECK
+        self._until_check = _FIRST_CHECK_CONTACTS
         pairs: list[ContactPair] = []
         previous: float | None = None
         for start, following in pairwise(contacts):
@@ -128,12 +127,12 @@ class Segmenter:
     def _latest_placed(
         self, coarse: list[tuple[float, float, float]], radial: FloatArray, first: int, missing: Missing
     ) -> list[Contact]:
-        """Place contacts exactly; the latest run of at least three in which each can be, else what there is."""
+        """Return the latest run of at least three consistent contacts, located exactly; empty when there is none."""
         runs: list[list[Contact]] = [[]]
         for at, _, width in coarse:
             contact = refine_contact(radial, at, width)
             if contact is not None:
-                contact = mend(replace(contact, centre=contact.centre + first), contact.duration, missing)
+                contact = restore_lost_edge(replace(contact, centre=contact.centre + first), contact.duration, missing)
             if contact is None:
                 runs.append([])
             elif not runs[-1] or consistent(runs[-1], contact):
@@ -148,7 +147,7 @@ class Segmenter:
         return n >= 4 * box and float(radial[:n].reshape(-1, box).mean(axis=1).std()) < STANDSTILL_STD_MPS2
 
     def _lose(self, resume: int, now: int) -> None:
-        """Search anew from sample `resume` on, decisions going on where they stand."""
+        """Search again from sample `resume` on; decisions continue from `now`."""
         self.state = WheelState.SEARCHING
         if self._track is not None:
             self._known = self._track.known or self._known
@@ -158,14 +157,14 @@ class Segmenter:
         self._search_at = now + self._step
 
     def _check(self, read: Read, end: int) -> None:
-        """Give up contacts that an unprejudiced search over the last revolutions places elsewhere."""
+        """Drop the track if an independent search over the last revolutions finds its contacts elsewhere."""
         track = self._track
         assert track is not None
         self._until_check -= 1
         span = round(_CHECK_PERIODS * track.periods[-1])
         if self._until_check > 0 or span > SEARCH_WINDOW_S * self._rate_hz:
             return
-        self._until_check = _CHECK_EVERY
+        self._until_check = _CHECK_INTERVAL_CONTACTS
         contact = track.contact
         first = max(int(contact.centre) - span, self._origin)
         found, sign = find_contacts(read(first, end), self._rate_hz)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
+from gateway.constants import AXIS_NAMES, STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.base import Revolution
 from gateway.pipeline.results import SensorFlag
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 # A channel that does not move by one count for so long does not measure: electrical noise alone moves it.
@@ -196,38 +197,27 @@ class SensorHealth:
 
     def _flags(self) -> Iterator[SensorFlag]:
         if self._still and len(self._still) == len(self._columns) and not any(value for _, value in self._still):
-            yield SensorFlag("dead", "every axis reads 0: the sensor is dead or its element has no supply")
+            yield SensorFlag("dead", Reason(Code.SENSOR_DEAD))
         elif self._still:
-            axes = ", ".join(f"{Axis(axis).name.lower()} at {value}" for axis, value in self._still)
-            yield SensorFlag("stuck", f"does not move by one count for a second: {axes} counts")
+            axes = tuple(Reason(Code.AXIS_READS, axis=AXIS_NAMES[axis], counts=value) for axis, value in self._still)
+            yield SensorFlag("stuck", Reason(Code.SENSOR_STUCK, duration_s=_WINDOW_S, axes=axes))
         if self._is_dc and not self._still:
             yield from self._mounting()
         if self._ringing is not None:
             frequency_hz, share = self._ringing
-            yield SensorFlag(
-                "loose",
-                f"rings at {frequency_hz:.0f} Hz behind every contact with {share:.0%} of the steady value: "
-                "the sensor may have come loose; contact lengths and tire numbers are not to be trusted",
-            )
+            yield SensorFlag("loose", Reason(Code.SENSOR_LOOSE, frequency_hz=frequency_hz, share=share))
         if self._pressure_error_pa:
             low, high = self._temperatures
-            yield SensorFlag(
-                "pressure frozen",
-                f"pressure has not moved while the temperature went over {high - low:.0f} K; it may be "
-                f"{self._pressure_error_pa * 1e-3:.0f} kPa off",
-            )
+            frozen = Reason(Code.PRESSURE_FROZEN, temperature_change_k=high - low, error_pa=self._pressure_error_pa)
+            yield SensorFlag("pressure frozen", frozen)
 
     def _mounting(self) -> Iterator[SensorFlag]:
         tilt = tilt_rad(self._mean)
         if tilt is not None:
             axis, angle = tilt
-            yield SensorFlag(
-                "mounting",
-                f"the {axis.name.lower()} axis carries what the radial one should: tilted by "
-                f"{math.degrees(angle):.0f} deg, or the axes are swapped",
-            )
+            yield SensorFlag("mounting", Reason(Code.SENSOR_TILTED, axis=AXIS_NAMES[axis], tilt_rad=angle))
         elif self._mean[Axis.RADIAL] < -_LEAST_MEAN_MPS2:
-            yield SensorFlag("mounting", "the radial axis points outward; it is turned round here")
+            yield SensorFlag("mounting", Reason(Code.SENSOR_FLIPPED))
 
 
 def _averaged(average: FloatArray, fresh: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
-"""Three clocks brought together: the sensor's sample counter, the hub's microseconds, the host's arrival times.
+"""Synchronisation of three clocks: the sensor's sample counter, the hub's microseconds, the host's arrival times.
 
-Both fits use closed windows only, chosen by the time that is asked for, so that the same frames give the same times
-however they were cut into chunks.
+Both fits use completed windows only, chosen by the requested time, so that the times do not depend on the chunks in
+which frames arrive.
 """
 
 from __future__ import annotations
@@ -12,27 +12,27 @@ from typing import Final
 
 import numpy as np
 
-# One support point of the sample clock per so many seconds of samples.
+# Distance of the support points of the sample clock, and their number in a fit.
 _SAMPLE_WINDOW_S: Final = 0.5
 _SAMPLE_WINDOWS: Final = 120
-# The nominal rate holds until the hub's stamps have spanned this long.
+# The nominal rate is used until the hub's time stamps span this long.
 _MIN_SPAN_S: Final = 2.0
-# A measured rate further than this from the nominal one is a fault of the stamps, not of the oscillator.
+# A measured rate that deviates more than this from the nominal one indicates faulty time stamps.
 _MAX_RATE_ERROR: Final = 0.1
 
 _HOST_WINDOW_US: Final = 1_000_000
 _HOST_WINDOWS: Final = 60
-# A window is settled, and stragglers for it are ignored, once a frame two windows later has been seen; a time is
-# answered from windows that are settled by then whatever the order in which wheels are processed.
-_SETTLED_AFTER: Final = 2
-_ANSWERED_AFTER: Final = 3
+# A window is closed, and late frames for it are ignored, once a frame this many windows later has arrived. A time is
+# computed from windows at least this much older, which are closed in whatever order wheels are processed.
+_CLOSED_AFTER_WINDOWS: Final = 2
+_USED_AFTER_WINDOWS: Final = 3
 
 
 class SampleClock:
     """Maps a wheel's running sample number to hub time, measuring the true sampling rate against the hub's clock."""
 
     def __init__(self, nominal_rate_hz: float) -> None:
-        """Trust the nominal rate until enough stamps are there."""
+        """Start with the nominal rate."""
         self.nominal_rate_hz = nominal_rate_hz
         self._window = max(1, round(_SAMPLE_WINDOW_S * nominal_rate_hz))
         self._indices: list[int] = []
@@ -41,7 +41,7 @@ class SampleClock:
         self._fit = (nominal_rate_hz, 0, 0.0)
 
     def stamp(self, index: int, tick_us: int) -> None:
-        """Learn that sample `index` was taken at hub time `tick_us` (unwrapped)."""
+        """Add the hub time `tick_us` (unwrapped) of sample `index`."""
         if self._indices and index < self._indices[-1] + self._window:
             return
         self._indices.append(index)
@@ -51,7 +51,7 @@ class SampleClock:
             self._fit_at = -1
 
     def _fitted(self, index: float) -> tuple[float, int, float]:
-        """Rate in Hz, anchor sample and the anchor's hub time in us, from the stamps up to `index`."""
+        """Return rate in Hz, anchor sample and the anchor's hub time in us, from the time stamps up to `index`."""
         until = max(1, bisect_right(self._indices, index))
         last = self._indices[until - 1]
         if last == self._fit_at:
@@ -70,7 +70,7 @@ class SampleClock:
         return self._fit
 
     def rate_hz(self, index: float) -> float:
-        """Return the sampling rate as known at sample `index`."""
+        """Return the sampling rate, Hz, estimated from samples up to `index`."""
         return self._fitted(index)[0]
 
     def hub_us(self, index: float) -> float:
@@ -80,12 +80,12 @@ class SampleClock:
 
 
 class HostClock:
-    """Maps hub time to host time by a line through the earliest arrivals: a link only ever adds delay."""
+    """Maps hub time to host time by a line through the earliest arrivals, since a link only adds delay."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
-        # (window, hub time in us, host minus hub time in ns) of the earliest arrival in each settled window
-        self._settled: deque[tuple[int, int, int]] = deque(maxlen=4 * _HOST_WINDOWS)
+        """Start without arrivals."""
+        # (window, hub time in us, host minus hub time in ns) of the earliest arrival in each closed window
+        self._closed: deque[tuple[int, int, int]] = deque(maxlen=4 * _HOST_WINDOWS)
         self._open: dict[int, tuple[int, int, int]] = {}
         self._open_from = 0
         self._first: tuple[int, int] | None = None
@@ -94,7 +94,7 @@ class HostClock:
         self.latency_s: float | None = None
 
     def stamp(self, tick_us: int, host_ns: int) -> None:
-        """Learn that a frame with hub time `tick_us` (unwrapped) arrived at `host_ns`."""
+        """Add the arrival at `host_ns` of a frame with hub time `tick_us` (unwrapped)."""
         window = tick_us // _HOST_WINDOW_US
         if self._first is None:
             self._first = (tick_us, host_ns)
@@ -105,20 +105,20 @@ class HostClock:
         best = self._open.get(window)
         if best is None or delay_ns < best[2]:
             self._open[window] = (window, tick_us, delay_ns)
-        if window - _SETTLED_AFTER >= self._open_from:
-            self._open_from = window - _SETTLED_AFTER + 1
-            self._settled.extend(self._open.pop(done) for done in sorted(self._open) if done < self._open_from)
+        if window - _CLOSED_AFTER_WINDOWS >= self._open_from:
+            self._open_from = window - _CLOSED_AFTER_WINDOWS + 1
+            self._closed.extend(self._open.pop(done) for done in sorted(self._open) if done < self._open_from)
 
     def measure_latency(self, tick_us: int, host_ns: int) -> None:
-        """Note how much later than the fastest frames this one came."""
+        """Set the latency: delay of this frame relative to the fastest frames."""
         self.latency_s = max(0.0, (host_ns - self.host_ns(tick_us)) * 1e-9)
 
     def host_ns(self, tick_us: float) -> int:
-        """Return the host time at which the hub's clock showed `tick_us`, less the link's least delay; 0 if unknown."""
+        """Return the host time of hub time `tick_us`, with the least delay of the link included; 0 if unknown."""
         if self._first is None:
             return 0
-        newest = tick_us // _HOST_WINDOW_US - _ANSWERED_AFTER
-        used = [point for point in self._settled if point[0] <= newest][-_HOST_WINDOWS:]
+        newest = tick_us // _HOST_WINDOW_US - _USED_AFTER_WINDOWS
+        used = [point for point in self._closed if point[0] <= newest][-_HOST_WINDOWS:]
         if not used:
             return self._first[1] + round((tick_us - self._first[0]) * 1000.0)
         key = (used[0][0], used[-1][0])
@@ -130,7 +130,7 @@ class HostClock:
 
     @staticmethod
     def _line(points: list[tuple[int, int, int]]) -> tuple[float, float]:
-        """Offset in ns and drift in ns/us about the last point, through the early half of the points."""
+        """Return offset in ns and drift in ns/us about the last point, fitted to the early half of the points."""
         _, base_us, base_ns = points[-1]
         if len(points) < 8:
             return float(min(delay for _, _, delay in points) - base_ns), 0.0

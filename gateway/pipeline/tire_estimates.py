@@ -15,6 +15,7 @@ from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revoluti
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import RunningAverage
 from gateway.types import FloatArray
 
@@ -68,7 +69,7 @@ class TireEstimates:
 
     def take(self, revolution: Revolution, end_us: float, host_ns: int) -> RevolutionResult:
         """Estimate one revolution that ended at hub time `end_us`."""
-        apart = bool(revolution.uncorrected)
+        apart = revolution.uncorrected is not None
         if apart not in self._lineages:
             self._lineages[apart] = _Lineage(self._names)
         self._current = self._lineages[apart]
@@ -89,7 +90,7 @@ class TireEstimates:
         taken: set[str] = set()
         for estimator in self._current.estimators:
             made = estimator.update(revolution, average, seeing)
-            if revolution.uncorrected and estimator.name not in _UNAFFECTED:
+            if revolution.uncorrected is not None and estimator.name not in _UNAFFECTED:
                 made = tuple(_doubted(estimate, revolution.uncorrected) for estimate in made)
             found = {estimate.name: estimate for estimate in made}
             given[estimator.name] = found
@@ -153,18 +154,18 @@ class TireEstimates:
 
     def contribution(
         self, omega_radps: float, end_us: float, *, sensor_id: int, ac_coupled: bool
-    ) -> tuple[FloatArray | None, str]:
+    ) -> tuple[FloatArray | None, Reason | None]:
         """Return what known effects add to a revolution, (3, n), or None; and why not, where effects are known."""
         table = self._setup.correction
         if table is None:
-            return None, ""
+            return None, None
         conditions = self.conditions(end_us)
         refusal = table.refusal(omega_radps, conditions.load_n, conditions.pressure_pa)
         if table.sensor_id is not None and table.sensor_id != sensor_id:
-            refusal = f"they are of sensor {table.sensor_id:08x}, and this is {sensor_id:08x}"
-        if refusal:
+            refusal = Reason(Code.EFFECTS_OF_OTHER_SENSOR, found_on=f"{table.sensor_id:08x}", sensor=f"{sensor_id:08x}")
+        if refusal is not None:
             return None, refusal
-        return table.contribution_mps2(omega_radps, ac_coupled=ac_coupled), ""
+        return table.contribution_mps2(omega_radps, ac_coupled=ac_coupled), None
 
     def latest(self, name: str) -> Estimate | None:
         """Return the latest estimate of a name, None where it is invalid or no estimator gives it."""
@@ -172,10 +173,10 @@ class TireEstimates:
         return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)
 
 
-def _doubted(estimate: Estimate, why: str) -> Estimate:
-    """Return an estimate of a waveform that still holds the known effects."""
+def _doubted(estimate: Estimate, why: Reason) -> Estimate:
+    """Return an estimate of a waveform that still contains the known effects."""
     status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
-    reason = f"known effects not taken off: {why}"
-    if reason in estimate.reason:
-        return replace(estimate, status=status)  # it repeats what the estimate that it is made of says
-    return replace(estimate, status=status, reason=f"{estimate.reason}; {reason}" if estimate.reason else reason)
+    doubt = Reason(Code.EFFECTS_NOT_SUBTRACTED, why=why)
+    if any(doubt in reason for reason in estimate.reasons):
+        return replace(estimate, status=status)  # inherited from the estimate that this one is made of
+    return replace(estimate, status=status, reasons=(*estimate.reasons, doubt))

@@ -1,21 +1,21 @@
-"""One wheel: raw samples in, revolutions and estimates out."""
+"""Pipeline of one wheel: from raw samples to revolutions and estimates."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import Axis, Coupling, Environment, Hello
+from firmware_protocol.messages import Environment, Hello
 from firmware_protocol.sequence import unwrap
 from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
-from gateway.pipeline.revolution import revolution_in_angle
-from gateway.pipeline.sample_buffer import SampleRing
+from gateway.pipeline.revolution import SensorReading, revolution_in_angle
+from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.pipeline.sensor_health import SensorHealth
 from gateway.pipeline.timebase import HostClock, SampleClock
@@ -23,22 +23,19 @@ from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
 
-RING_S: Final = 8.0
-# Longer gaps are not bridged: the wheel is searched for anew behind them.
-_MAX_BRIDGE_S: Final = 0.25
-# A late block must carry a time stamp that fits its sample number; otherwise the hub has restarted.
+BUFFER_S: Final = 8.0
+# Longer gaps are not interpolated: contacts are searched again after them.
+_MAX_GAP_S: Final = 0.25
+# Tolerance between the time stamp and the sample number of a late block. If it is exceeded, the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
 
 
 @dataclass(slots=True)
-class _Axes:
-    """How to read a wheel's samples, from its hello."""
+class _Sensor:
+    """A wheel's sensor: its hello, the conversion of its samples, and its health."""
 
     hello: Hello
-    columns: tuple[int, ...]
-    scale: FloatArray
-    offset: FloatArray
-    radial: int
+    reading: SensorReading
     health: SensorHealth
 
 
@@ -50,8 +47,8 @@ class WheelPipeline:
         self.setup = setup
         self._tire = TireEstimates(setup, estimators)
         self._timer = ContactTimer()
-        self._axes: _Axes | None = None
-        self._ring: SampleRing | None = None
+        self._sensor: _Sensor | None = None
+        self._buffer: SampleBuffer | None = None
         self._segmenter: Segmenter | None = None
         self._clock: SampleClock | None = None
         self._samples = self._lost = self._saturated = self._revolutions = 0
@@ -59,41 +56,40 @@ class WheelPipeline:
         self.blocks_before_hello = 0
 
     def hello(self, hello: Hello) -> None:
-        """Learn, or learn anew, how to read the samples; a changed sensor or rate starts the wheel afresh."""
-        known = self._axes
+        """Take the layout and scaling of the samples; a changed sensor or rate restarts the wheel's processing."""
+        known = self._sensor
         if known is not None and known.hello == hello:
             return
-        columns = tuple(axis for axis in Axis if hello.axes >> axis & 1)
+        reading = SensorReading.from_hello(hello)
         same_layout = (
             known is not None
-            and known.columns == columns
+            and known.reading.columns == reading.columns
             and known.hello.rate_hz == hello.rate_hz
             and known.hello.boot_count == hello.boot_count
             and known.hello.sensor_id == hello.sensor_id
         )
-        scale = np.array([hello.scale_mps2[axis] for axis in columns])
-        offset = np.array([hello.offset_counts[axis] for axis in columns])
-        radial = columns.index(Axis.RADIAL) if Axis.RADIAL in columns else -1
-        health = SensorHealth(columns, scale, offset, hello.rate_hz, is_dc=hello.coupling == Coupling.DC)
-        self._axes = _Axes(hello, columns, scale, offset, radial, health)
+        health = SensorHealth(
+            reading.columns, reading.scale_mps2, reading.offset_counts, hello.rate_hz, is_dc=not reading.ac_coupled
+        )
+        self._sensor = _Sensor(hello, reading, health)
         if not same_layout:
             if known is not None and known.hello.sensor_id != hello.sensor_id:
                 self._tire.reset()
-            if self._ring is not None:
-                self._overwritten_before += self._ring.overwritten
-            self._ring = SampleRing(round(RING_S * hello.rate_hz), len(columns))
+            if self._buffer is not None:
+                self._overwritten_before += self._buffer.overwritten
+            self._buffer = SampleBuffer(round(BUFFER_S * hello.rate_hz), len(reading.columns))
             self._segmenter = None
             self._timer.reset()
             self._clock = SampleClock(hello.rate_hz)
 
     def environment(self, tick_us: int, environment: Environment) -> None:
         """Take a pressure and temperature reading with its hub time."""
-        pressure_error_pa = self._axes.health.environment(environment) if self._axes is not None else 0.0
+        pressure_error_pa = self._sensor.health.environment(environment) if self._sensor is not None else 0.0
         self._tire.environment(tick_us, environment, pressure_error_pa)
 
     def restart(self) -> None:
-        """The hub started again: its counters and times are new; what was learnt of the tire stays."""
-        self._axes = None
+        """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""
+        self._sensor = None
         self._tire.forget_environment()
 
     def samples(
@@ -108,122 +104,113 @@ class WheelPipeline:
             counts: (n, channels) raw values.
             host: maps hub time to host time.
         """
-        layout, ring, clock = self._axes, self._ring, self._clock
-        if layout is None or ring is None or clock is None or axes != layout.hello.axes or layout.radial < 0:
+        sensor, buffer, clock = self._sensor, self._buffer, self._clock
+        known = sensor is not None and axes == sensor.hello.axes and sensor.reading.has_radial
+        if sensor is None or buffer is None or clock is None or not known:
             self.blocks_before_hello += 1
             return []
         if self._segmenter is None:
-            ring.reset(first_sample)
+            buffer.reset(first_sample)
             self._looked_at = first_sample
-            self._segmenter = Segmenter(layout.hello.rate_hz, first_sample)
-        first = unwrap(ring.head, first_sample)
-        step = first - ring.head
+            self._segmenter = Segmenter(sensor.hello.rate_hz, first_sample)
+        first = unwrap(buffer.head, first_sample)
+        step = first - buffer.head
         if step < 0:
             expected_us = clock.hub_us(first)
-            if first >= ring.tail and abs(ticks_us[0] - expected_us) < _LATE_TOLERANCE_US:
-                repaired = ring.patch(first, counts)
+            if first >= buffer.tail and abs(ticks_us[0] - expected_us) < _LATE_TOLERANCE_US:
+                repaired = buffer.patch(first, counts)
                 self._lost -= repaired
                 self._samples += repaired
                 return []
             self._begin_at(first_sample)
             return self.samples(first_sample, ticks_us, axes, counts, host)
-        if step > _MAX_BRIDGE_S * layout.hello.rate_hz:
+        if step > _MAX_GAP_S * sensor.hello.rate_hz:
             self._lost += step
             before = self._finish_segment(host)
             self._begin_at(first)
             return before + self.samples(first_sample, ticks_us, axes, counts, host)
         if step > 0:
             self._lost += step
-            ring.bridge(step, counts[0], self._segmenter.oldest_needed)
+            buffer.bridge(step, counts[0], self._segmenter.oldest_needed)
         block = len(counts) // len(ticks_us)
         for place, tick_us in enumerate(ticks_us):
             clock.stamp(first + place * block, tick_us)
         self._samples += len(counts)
         results: list[RevolutionResult] = []
-        # Never more at once than the ring can take without pushing out what the segmenter still needs.
-        piece = ring.capacity - round(LOOK_BACK_S * layout.hello.rate_hz) - 1
+        # At most as many samples at once as the buffer can take without overwriting samples that the segmenter needs.
+        piece = buffer.capacity - round(LOOK_BACK_S * sensor.hello.rate_hz) - 1
         for begin in range(0, len(counts), piece):
-            ring.append(counts[begin : begin + piece], self._segmenter.oldest_needed)
-            if self._segmenter.next_index <= ring.head:
+            buffer.append(counts[begin : begin + piece], self._segmenter.oldest_needed)
+            if self._segmenter.next_index <= buffer.head:
                 self._count_saturated()
-                pairs = self._segmenter.advance(self._read_radial, ring.missing_between, ring.head)
+                pairs = self._segmenter.advance(self._read_radial, buffer.missing_between, buffer.head)
                 results += [self._revolve(pair, host) for pair in pairs]
         return results
 
     def finish(self, host: HostClock) -> list[RevolutionResult]:
-        """No more samples will come: complete what can be completed."""
+        """Complete the revolutions that can be completed, when no more samples will come."""
         return self._finish_segment(host) if self._segmenter is not None else []
 
     def _count_saturated(self) -> None:
-        """Look at the samples that came since the last look; once a revolution is cheaper than once a frame."""
-        ring, layout = self._ring, self._axes
-        assert ring is not None
-        assert layout is not None
-        fresh = ring.view(max(self._looked_at, ring.tail), ring.head)
-        self._looked_at = ring.head
-        layout.health.samples(fresh)
-        limit = layout.hello.saturation_counts
-        if len(fresh) and (fresh.max() >= limit or fresh.min() <= -limit):
+        """Check the samples since the last call; once per revolution is cheaper than once per frame."""
+        buffer, sensor = self._buffer, self._sensor
+        assert buffer is not None
+        assert sensor is not None
+        fresh = buffer.view(max(self._looked_at, buffer.tail), buffer.head)
+        self._looked_at = buffer.head
+        sensor.health.samples(fresh)
+        limit = sensor.reading.saturation_counts
+        if len(fresh) and sensor.reading.is_saturated(fresh):
             self._saturated += int(((fresh >= limit) | (fresh <= -limit)).any(axis=1).sum())
 
     def _begin_at(self, head: int) -> None:
-        assert self._ring is not None
-        assert self._axes is not None
+        assert self._buffer is not None
+        assert self._sensor is not None
         self._count_saturated()
         self._looked_at = head
-        self._ring.reset(head)
-        self._segmenter = Segmenter(self._axes.hello.rate_hz, head)
+        self._buffer.reset(head)
+        self._segmenter = Segmenter(self._sensor.hello.rate_hz, head)
         self._timer.reset()
-        self._clock = SampleClock(self._axes.hello.rate_hz)
+        self._clock = SampleClock(self._sensor.hello.rate_hz)
 
     def _finish_segment(self, host: HostClock) -> list[RevolutionResult]:
-        ring, segmenter = self._ring, self._segmenter
-        assert ring is not None
+        buffer, segmenter = self._buffer, self._segmenter
+        assert buffer is not None
         assert segmenter is not None
         self._count_saturated()
-        pairs = segmenter.finish(self._read_radial, ring.missing_between, ring.head)
+        pairs = segmenter.finish(self._read_radial, buffer.missing_between, buffer.head)
         return [self._revolve(pair, host) for pair in pairs]
 
     def _read_radial(self, first: int, end: int) -> FloatArray:
-        layout, ring = self._axes, self._ring
-        assert layout is not None
-        assert ring is not None
-        column = ring.view(first, end)[:, layout.radial]
-        radial: FloatArray = (column - layout.offset[layout.radial]) * layout.scale[layout.radial]
-        return radial
+        sensor, buffer = self._sensor, self._buffer
+        assert sensor is not None
+        assert buffer is not None
+        return sensor.reading.radial_mps2(buffer.view(first, end))
 
     def _revolve(self, pair: ContactPair, host: HostClock) -> RevolutionResult:
-        layout, ring, clock, segmenter = self._axes, self._ring, self._clock, self._segmenter
-        assert layout is not None
-        assert ring is not None
+        sensor, buffer, clock, segmenter = self._sensor, self._buffer, self._clock, self._segmenter
+        assert sensor is not None
+        assert buffer is not None
         assert clock is not None
         assert segmenter is not None
-        hello = layout.hello
-        rate_hz, sign = clock.rate_hz(pair.end.centre), segmenter.sign
-        ac_coupled = hello.coupling == Coupling.AC
+        reading = replace(sensor.reading, sign=segmenter.sign, rate_hz=clock.rate_hz(pair.end.centre))
         timed = self._timer.time(
             pair,
-            self._tire.average_as_measured(ac_coupled=ac_coupled),
-            lambda first, end: self._read_radial(first, end) * sign,
-            ring.missing_between,
-            rate_hz,
+            self._tire.average_as_measured(ac_coupled=reading.ac_coupled),
+            lambda first, end: reading.radial_mps2(buffer.view(first, end)),
+            buffer.missing_between,
+            reading.rate_hz,
         )
         end_us = clock.hub_us(timed.end.centre)
-        omega_radps = 2.0 * math.pi * rate_hz / (timed.end.centre - timed.start.centre)
+        omega_radps = 2.0 * math.pi * reading.rate_hz / (timed.end.centre - timed.start.centre)
         contribution, uncorrected = self._tire.contribution(
-            omega_radps, end_us, sensor_id=hello.sensor_id, ac_coupled=ac_coupled
+            omega_radps, end_us, sensor_id=sensor.hello.sensor_id, ac_coupled=reading.ac_coupled
         )
         in_angle = revolution_in_angle(
             pair,
             timed,
-            ring=ring,
-            columns=layout.columns,
-            scale_mps2=layout.scale,
-            offset_counts=layout.offset,
-            saturation_counts=hello.saturation_counts,
-            sign=sign,
-            rate_hz=rate_hz,
-            ac_coupled=ac_coupled,
+            buffer,
+            reading,
             radius_m=self.setup.radius_m,
             index=self._revolutions,
             start_s=clock.hub_us(timed.start.centre) * 1e-6,
@@ -231,7 +218,7 @@ class WheelPipeline:
             uncorrected=uncorrected,
         )
         self._revolutions += 1
-        layout.health.revolution(in_angle)
+        sensor.health.revolution(in_angle)
         return self._tire.take(in_angle, end_us, host.host_ns(end_us))
 
     @property
@@ -244,9 +231,9 @@ class WheelPipeline:
         """Return the latest state for views."""
         conditions = self._tire.conditions(math.inf)
         load = self._tire.latest("load_n") if conditions.load_n is None else None
-        hello = self._axes.hello if self._axes is not None else None
+        hello = self._sensor.hello if self._sensor is not None else None
         state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
-        ring = self._ring
+        buffer = self._buffer
         return WheelSnapshot(
             position=self.setup.position,
             sensor_id=f"{hello.sensor_id:08x}" if hello is not None else "",
@@ -262,9 +249,9 @@ class WheelPipeline:
                 samples=self._samples,
                 samples_lost=self._lost,
                 samples_saturated=self._saturated,
-                samples_overwritten=self._overwritten_before + (ring.overwritten if ring is not None else 0),
+                samples_overwritten=self._overwritten_before + (buffer.overwritten if buffer is not None else 0),
                 revolutions=self._revolutions,
                 revolutions_rejected=self._tire.rejected,
             ),
-            flags=self._axes.health.flags() if self._axes is not None else (),
+            flags=self._sensor.health.flags() if self._sensor is not None else (),
         )

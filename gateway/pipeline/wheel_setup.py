@@ -1,13 +1,13 @@
-"""What the pipeline must know of a wheel before the first frame; made from the configuration."""
+"""Setup of one wheel in the pipeline, made from the configuration."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gateway.estimators.tire_data import LoadCalibration as LoadCalibration  # what the configuration fills in
+from gateway.estimators.tire_data import LoadCalibration as LoadCalibration  # for gateway.config, as the next ones
 from gateway.estimators.tire_data import ReferenceNumbers as ReferenceNumbers
 from gateway.estimators.tire_data import TireData as TireData
-from gateway.signal.effect_correction import CorrectedEffect as CorrectedEffect  # what an effects file fills in
+from gateway.signal.effect_correction import CorrectedEffect as CorrectedEffect
 from gateway.signal.effect_correction import CorrectionTable as CorrectionTable
 from gateway.signal.effect_correction import EffectParameter as EffectParameter
 
@@ -26,9 +26,9 @@ class WheelSetup:
         pressure_pa: stated inflation pressure, used until the sensor reports one; None when unknown.
         pressure_std_pa: its standard error.
         temperature_degc: stated temperature, used until the sensor reports one.
-        sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
+        sensor_offset_m: distance of the sensor below (inside) the belt's neutral layer.
         tire: the new tire's reference numbers, thickness and load calibration.
-        correction: known effects to take off the axes; None for none.
+        correction: known effects to subtract from the axes; None for none.
     """
 
     position: str

@@ -1,6 +1,6 @@
-"""The whole pipeline: frames of any number of links in, results of any number of wheels out.
+"""The whole pipeline, from frames of any number of links to results of any number of wheels.
 
-Synchronous and deterministic: no clock, no I/O, and the same results however the frames were cut into chunks.
+Synchronous and deterministic: no clock, no I/O. The results do not depend on the chunks in which frames arrive.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class _Hub:
-    """A hub's clock: 32-bit ticks unwrapped, mapped to host time."""
+    """Clock of a hub: unwraps its 32-bit ticks and maps them to host time."""
 
     def __init__(self) -> None:
         self.boot_count: int | None = None
@@ -53,15 +53,15 @@ class Pipeline:
         unknown: WheelSetup,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
     ) -> None:
-        """Make a wheel for every setup; others appear when they speak.
+        """Make a wheel for every setup; other wheels are added with their first frame.
 
         Args:
             setups: configured wheels.
-            unknown: pattern for wheels that are not configured; position, hub and wheel number are filled in.
+            unknown: template for wheels that are not configured; position, hub and wheel number are filled in.
             estimators: names from the registry, in the order of their output.
 
         Raises:
-            ConfigError: an estimator's name is not known.
+            ConfigError: unknown estimator.
         """
         self._estimators = tuple(estimators)
         self._unknown = unknown
@@ -92,10 +92,10 @@ class Pipeline:
         return results
 
     def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> list[RevolutionResult]:
-        """Take a block of decoded frames of a dump; same results as `frames`, wheel by wheel.
+        """Take a block of decoded frames of a dump; the results are those of `frames`, wheel by wheel.
 
         Args:
-            link: the link they came from.
+            link: link on which they arrived.
             batch: the block.
             host_ns: (frames,) arrival time of each.
         """
@@ -103,8 +103,8 @@ class Pipeline:
         groups = batch.sample_groups()
         slow = np.flatnonzero(batch.type != MessageType.SAMPLES).tolist()
         begin = 0
-        # Cut at every slow frame, so that a hello or a pressure takes effect exactly where it does live. In between,
-        # wheels do not see each other, and each wheel's blocks go in as one piece.
+        # Split at every slow frame, so that a hello or a pressure takes effect exactly where it does live. In between,
+        # wheels are independent, and each wheel's blocks are processed at once.
         for stop in (*slow, len(batch.type)):
             if stop > begin:
                 ticks_us = self._stamp(link, batch, slice(begin, stop), host_ns)
@@ -125,7 +125,7 @@ class Pipeline:
         return results
 
     def _stamp(self, link: str, batch: FrameBatch, part: slice, host_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Unwrap the hub time of a run of sample frames and let the hubs' clocks learn from them."""
+        """Unwrap the hub time of a run of sample frames and update the hubs' clocks."""
         hubs = np.asarray(batch.hub[part])
         ticks = np.asarray(batch.tick_us[part])
         arrivals = host_ns[part]
@@ -194,7 +194,7 @@ class Pipeline:
         return wheel
 
     def finish(self) -> list[RevolutionResult]:
-        """No more frames will come: complete the revolutions that can be completed."""
+        """Complete the revolutions that can be completed, when no more frames will come."""
         results: list[RevolutionResult] = []
         for (link, hub, _), wheel in self._wheels.items():
             results += wheel.finish(self._hubs[(link, hub)].host)
@@ -205,7 +205,7 @@ class Pipeline:
         return tuple(wheel.snapshot() for wheel in self._order)
 
     def position(self, link: str, hub: int, wheel: int) -> str:
-        """Return the name under which a wheel's results go."""
+        """Return the position that names a wheel in results."""
         known = self._wheels.get((link, hub, wheel))
         if known is not None:
             return known.setup.position
@@ -217,13 +217,13 @@ class Pipeline:
         return next((wheel.average_mps2 for wheel in self._order if wheel.setup.position == position), None)
 
     def latency_s(self, link: str) -> float | None:
-        """Return how much later than the fastest frames the newest of `link` came, None before time is known."""
+        """Return the delay of the newest frame of `link` relative to the fastest, None before the first frame."""
         known = [hub.host.latency_s for (of, _), hub in self._hubs.items() if of == link]
         return max((value for value in known if value is not None), default=None)
 
 
 def _in_stream_order(groups: Sequence[SampleGroup], begin: int, stop: int) -> Iterator[tuple[SampleGroup, slice]]:
-    """Yield the groups' frames from `begin` to `stop` so that each wheel's come in the order of the stream."""
+    """Yield the groups' frames from `begin` to `stop`, those of each wheel in the order of the stream."""
     parts: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
     for group in groups:
         lo, hi = np.searchsorted(group.frame_index, (begin, stop)).tolist()
@@ -234,7 +234,7 @@ def _in_stream_order(groups: Sequence[SampleGroup], begin: int, stop: int) -> It
             group, lo, hi = of_wheel[0]
             yield group, slice(lo, hi)
             continue
-        # A wheel that changed its block size or its axes: take its blocks one by one.
+        # The wheel changed its block size or its axes: its blocks are taken one by one.
         frames = [(int(group.frame_index[at]), group, at) for group, lo, hi in of_wheel for at in range(lo, hi)]
         for _, group, at in sorted(frames, key=itemgetter(0)):
             yield group, slice(at, at + 1)

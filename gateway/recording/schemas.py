@@ -2,8 +2,9 @@
 
 Only plain types are used (no unions, no null): Foxglove refuses schemas with more. A number that is not known is left
 out of the message. Fields beyond the listed ones are allowed; those of a revolution are the estimates, each as
-`<name>`, `<name>_std` and `<name>_status`. A link event may have `details`, a list of codes with their
-values, and a line of the log the `values` of its code.
+`<name>`, `<name>_std`, `<name>_status` and, where there are any, `<name>_reasons`; and `fault_reasons`. A reason is an
+object with `code`, `values` (SI units) and `text`. A link event may have `details`, a list of codes with their values,
+and a line of the log the `values` of its code.
 """
 
 from __future__ import annotations

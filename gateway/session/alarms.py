@@ -132,7 +132,7 @@ def _wheel_alarms(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[Alarm]:
             assert limit.limit is not None
             yield Alarm(wheel.position, limit.name, limit.reason(limit.value, limit.limit))
     for flag in wheel.flags:
-        yield Alarm(wheel.position, flag.name, Reason(Code.QUOTED_TEXT, text=flag.text))
+        yield Alarm(wheel.position, flag.name, flag.reason)
     saturated = wheel.counters.samples_saturated
     if saturated:
         yield Alarm(wheel.position, AlarmName.SATURATED, Reason(Code.SENSOR_RANGE_REACHED, count=saturated))

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import Conditions
+from gateway.closure.effects.base import GroupConditions
 from gateway.closure.group_making import FEW, label
 from gateway.closure.grouping import telling, tire_states
 from gateway.closure.observation import Campaign, Group, Remark
@@ -311,7 +311,7 @@ def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tupl
 
 
 def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) -> Group:
-    def placed(conditions: Conditions) -> Conditions:
+    def placed(conditions: GroupConditions) -> GroupConditions:
         own = conditions.temperature_degc
         return replace(
             conditions,

@@ -9,7 +9,7 @@ from typing import Final
 
 from gateway.closure.diagnose import diagnose
 from gateway.closure.diagnosis import Diagnosis
-from gateway.closure.effects.base import StartModel
+from gateway.closure.effects.base import BaselineModel
 from gateway.config.vehicle import VehicleConfig
 from gateway.session.campaign import read_campaign
 
@@ -24,7 +24,7 @@ def diagnose_recordings(
     *,
     vehicle: VehicleConfig | None = None,
     wheel: str | None = None,
-    model: StartModel = StartModel.EXACT,
+    model: BaselineModel = BaselineModel.EXACT,
     empirical: bool = False,
     folds: int = 5,
     jobs: int = 2,

@@ -25,7 +25,7 @@ from gateway.session.batch import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
 from gateway.session.provenance import assumed_conditions, stated_conditions
 from gateway.session.wheel_identity import SensorsHeard, configured, wheel_address
-from gateway.views.wording import notice_text
+from gateway.views.wording import notice_text, text
 
 # With several wheels and none chosen, revolutions read on to learn the names of all wheels.
 _NAMING_REVOLUTIONS: Final = 200
@@ -212,7 +212,7 @@ def _reduced(
         first_s=float(host_s.min()) if len(table) else 0.0,
         last_s=float(host_s.max()) if len(table) else 0.0,
         host_times=collected.has_host_times,
-        rejected=store.rejected,
+        rejected={_text(reason): count for reason, count in store.rejected.items()},
         clock_error=collected.clock.error(address[0]) if collected.has_host_times and address else UNKNOWN,
         assumed=assumed_conditions(vehicle, wheel, groups),
         stated=stated_conditions(
@@ -241,3 +241,7 @@ def _declared(order: ReadOrder, wheel: Wheel | None, last: RevolutionResult, sto
         reverse=order.reverse,
         ac_coupled=store.ac_coupled,
     )
+
+
+def _text(reason: str | Reason) -> str:
+    return text(reason) if isinstance(reason, Reason) else reason

@@ -28,7 +28,7 @@ def identify_content(link: str, sample: bytes) -> Reason:
         sample: a few hundred bytes or more in which no frame decodes.
     """
     if len(set(sample)) <= 1:
-        return Reason(Code.LINE_CONSTANT, byte=sample[0] if sample else 0)
+        return Reason(Code.LINE_CONSTANT, byte=f"{sample[0] if sample else 0:#04x}")
     is_serial = link.startswith(_SERIAL_SCHEME)
     remedy = Reason(Code.CHOOSE_HUB_PORT if is_serial else Code.CHECK_SOURCE_ADDRESS)
     if sum(byte in _TEXT_BYTES for byte in sample) >= _TEXT_SHARE * len(sample):

@@ -1,1 +1,1 @@
-"""Pure signal analysis on arrays: from samples to revolutions, contact edges and orders."""
+"""Signal analysis on arrays: from samples to revolutions, contact edges and orders."""

@@ -1,11 +1,11 @@
-"""From time to angle: one revolution of samples on a uniform grid of the sensor's material angle.
+"""Angular resampling: one revolution of samples on a uniform grid of the sensor's material angle.
 
 The grid is theta_k = -pi + 2 pi k / n, 0 at the contact centre. A revolution runs from one contact centre to the next,
 so theta in [0, pi) comes from its first half and theta in [-pi, 0) from its second half.
 
 The interpolation is a B-spline through the samples: cubic where they are dense, quintic (within 2e-4 up to 0.18 and
-3e-3 at 0.27 cycles per sample) where they are few. Where the sampling is much finer than the grid, a finer grid is
-interpolated first and cut to the grid's band, so that noise above it is averaged out instead of folded into low orders.
+3e-3 at 0.27 cycles per sample) where they are sparse. Where the sampling is much finer than the grid, a finer grid is
+interpolated first and limited to the grid's band, so that noise above the band is removed and does not alias.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from gateway.types import FloatArray
 
 GRID_SIZE: Final = 1024
 
-# Samples a revolution from which a cubic spline is enough: its error at order 60 is (60 / (samples - 60))^4 = 1e-4.
+# Samples per revolution from which a cubic spline suffices: its error at order 60 is (60 / (samples - 60))^4 = 1e-4.
 _CUBIC_FROM_SAMPLES: Final = 640.0
 
-# Samples beside the revolution that keep the spline's end condition (it decays by 0.43 a sample) out of it.
+# Samples on either side that keep the spline's end condition (it decays by 0.43 per sample) out of the revolution.
 MARGIN_SAMPLES: Final = 16
 
-# Neighbouring periods further apart than this are a stop, a missed contact or a gap, not an acceleration.
+# Neighbouring periods with a larger ratio indicate a stop, a missed contact or a gap, not an acceleration.
 _MAX_PERIOD_RATIO: Final = 3.0
 
-# Finest sampling, in samples per grid point, that is interpolated on the grid itself: what lies above the grid's band
-# then folds only into orders above a quarter of the grid size.
+# Finest sampling, in samples per grid point, that is interpolated on the grid directly: content above the grid's band
+# then aliases only into orders above a quarter of the grid size.
 _MAX_DENSITY: Final = 1.5
 
 
@@ -61,7 +61,7 @@ class Phase:
     def positions(self, angles_rad: FloatArray) -> FloatArray:
         """Return the sample positions of angles in [0, 2 pi], same shape."""
         speed = self._speed(angles_rad)
-        # 2 c / (b + sqrt(b^2 + 2 a c)) has no cancellation, and no division by a vanishing acceleration.
+        # 2 c / (b + sqrt(b^2 + 2 a c)) avoids cancellation and division by a vanishing acceleration.
         result: FloatArray = self.start + 2.0 * angles_rad / (self.rate + speed)
         return result
 
@@ -94,8 +94,8 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     Args:
         start: sample position of the revolution's first contact centre.
         end: sample position of its second.
-        previous: contact centre before `start`, if it belongs to the same uninterrupted rolling.
-        following: contact centre after `end`, likewise; with both the acceleration is that of mid revolution.
+        previous: contact centre before `start`, if the wheel rolled without interruption.
+        following: contact centre after `end`, likewise; with both, the acceleration is that at mid revolution.
 
     Returns:
         The phase; with constant speed when neither neighbour is usable.
@@ -107,7 +107,7 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"a revolution cannot run from sample {start} to {end}")
     accelerations = [
-        # Constant acceleration through (-before, -2 pi), (0, 0), (after, 2 pi).
+        # Constant angular acceleration through (-before, -2 pi), (0, 0), (after, 2 pi).
         4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after)
         for before, after in (
             (start - previous if previous is not None else math.nan, period),
@@ -128,11 +128,11 @@ def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SI
     Args:
         samples_mps2: (m, axes) samples uniform in time; row i is sample position i. `MARGIN_SAMPLES` rows on either
             side of the revolution avoid an end effect.
-        phase: the revolution, in positions of these rows.
+        phase: phase of the revolution, in positions of these rows.
         n: grid size, even.
 
     Returns:
-        (axes, n) in the unit of the samples. A row that is not finite anywhere stays not finite.
+        (axes, n) in the unit of the samples. An axis with values that are not finite stays not finite.
 
     Raises:
         ValueError: the samples do not cover the revolution, or `n` is odd or below 8.
@@ -146,7 +146,7 @@ def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SI
     positions = np.clip(phase.positions(elapsed_angles(n * density)), phase.start, phase.end)
     first = max(0, math.floor(phase.start) - MARGIN_SAMPLES)
     last = min(rows, math.ceil(phase.end) + MARGIN_SAMPLES + 1)
-    # Axes first, so that the filter and the look-ups run along contiguous memory.
+    # Axes first, so that filter and interpolation run along contiguous memory.
     samples = np.ascontiguousarray(samples_mps2[first:last].T, dtype=np.float64)
     order: Literal[3, 5] = 3 if phase.samples >= _CUBIC_FROM_SAMPLES else 5
     coefficients = spline_filter1d(samples, order=order, axis=1, mode="mirror")
@@ -156,7 +156,7 @@ def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SI
         map_coordinates(coefficients[axis], positions, output=fine[axis], order=order, mode="mirror", prefilter=False)
     if density == 1:
         return fine
-    # The irfft of the first n/2 + 1 bins is the fine curve without the orders that the grid cannot carry.
+    # The inverse transform of the first n/2 + 1 bins is the fine curve without the orders above the grid's band.
     spectrum = np.fft.rfft(fine, axis=1)[:, : n // 2 + 1]
     spectrum[:, -1] = 0.0
     result: FloatArray = np.fft.irfft(spectrum, n=n, axis=1) / density

@@ -1,4 +1,4 @@
-"""Signals that are cut off at a level nobody declared."""
+"""Detection of signals that are clipped below their declared range."""
 
 from __future__ import annotations
 
@@ -8,22 +8,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-# The top of an overshoot falls off by d over a width of about this, in rad, times the root of d over its height; cut
-# off, it is level over several times as much.
+# A smooth peak of height h stays within d of its top over this angle times sqrt(d / h). When clipped, it is level over
+# several times that angle.
 _TOP_WIDTH_RAD: Final = 0.2
-_TIMES: Final = 4.0
-_LEAST_RUN: Final = 3
-
-# What a revolution that was cut off says of itself, in its `faults`.
-SATURATED_FAULT: Final = "the radial axis reached the end of its range"
-CLIPPED_FAULT: Final = "the radial axis is cut off at its highest value: clipped below the range that the hub states"
+_WIDTH_RATIO: Final = 4.0
+_MIN_RUN_SAMPLES: Final = 3
 
 
 def is_clipped(counts: NDArray[np.integer[Any]]) -> bool:
-    """Whether one revolution of raw values is cut off at its highest.
+    """Whether one revolution of raw values is clipped at its maximum.
 
-    A smooth top is level to one count over a few samples only, and with noise on it over fewer. So a run of equal
-    highest values that is several times as long has been cut.
+    A smooth peak is level to one count over a few samples only, and with noise over fewer. A run of equal maximum
+    values that is several times as long is clipped.
 
     Args:
         counts: (n,) raw values of one revolution.
@@ -33,8 +29,8 @@ def is_clipped(counts: NDArray[np.integer[Any]]) -> bool:
         return False
     at_top = np.flatnonzero(counts == top)
     natural = len(counts) / (2.0 * math.pi) * _TOP_WIDTH_RAD * math.sqrt(1.0 / float(top))
-    needed = max(_LEAST_RUN, math.ceil(_TIMES * natural))
+    needed = max(_MIN_RUN_SAMPLES, math.ceil(_WIDTH_RATIO * natural))
     if len(at_top) < needed:
         return False
-    # A run of that length: its last sample lies as many places after its first.
+    # In a run of that length, the last sample is needed - 1 places after the first.
     return bool((at_top[needed - 1 :] - at_top[: len(at_top) - needed + 1] == needed - 1).any())

@@ -1,9 +1,10 @@
 """Leading and trailing contact edges from the angle-domain radial waveform.
 
-A belt that rolls steadily reads s = V^2 kappa: zero on a flat road, the baseline R Omega^2 in the free part, overshoots
-on either side of the contact. The edge is defined as the place where contact pressure ends. The waveform's steepest
-slope, which is what noise leaves sharpest, lies inside that; the distance was measured on the geometrically exact ring
-and is added here (docs/ring-paper-estimator.md), its spread over tires and loads being part of the standard error.
+On a belt that rolls steadily the sensor reads s = V^2 kappa: zero on a flat road, the baseline R Omega^2 in the free
+part, overshoots on either side of the contact. The edge is defined as the place where contact pressure ends. The
+steepest slope of the waveform, which is the feature most robust to noise, lies inside it. The distance was measured on
+the geometrically exact ring (docs/ring-paper-estimator.md) and is added here. Its spread over tires and loads is part
+of the standard error.
 """
 
 from __future__ import annotations
@@ -14,47 +15,49 @@ from typing import Final
 
 import numpy as np
 
+from gateway.constants import AXIS_NAMES
+from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.order_spectrum import coefficient_std
 from gateway.types import FloatArray
 
-# How far inside the edge the steepest slope of the smoothed waveform lies, against the smoothing in orders: mean and
-# spread over loads, pressures, wear, belts and treads of the exact ring (tools/bench_ring_paper.py prints the table).
+# Distance of the steepest slope of the smoothed waveform inside the edge, by smoothing in orders: mean and standard
+# deviation over loads, pressures, wear, belts and treads of the exact ring. tools/bench_ring_paper.py prints the table.
 _OFFSET_ORDERS: Final = (15.0, 20.0, 25.0, 30.0, 40.0)
 _OFFSETS_RAD: Final = (0.0161, 0.0192, 0.0207, 0.0214, 0.0219)
 _OFFSET_STDS_RAD: Final = (0.0131, 0.0097, 0.0080, 0.0070, 0.0060)
 
-# What the definition of the edge is uncertain by at the usual smoothing: the same for every revolution of a tire.
+# Standard error of the edge's definition at the usual smoothing: a constant error for all revolutions of a tire.
 EDGE_MODEL_STD_RAD: Final = _OFFSET_STDS_RAD[-1]
 
-# Orders kept in the smoothed derivative: a Gaussian of this standard width, less when the sampling carries less.
+# The smoothed derivative keeps orders by a Gaussian of this standard width, narrower when the sampling is coarse.
 SMOOTHING_ORDER: Final = 40.0
 _SMOOTHING_SHARE: Final = 0.3
 
-# The contact is looked for within this angle of 0 and the free belt outside the second angle.
+# The contact is searched within the first angle around 0; the free belt is what lies beyond the second.
 _SEARCH_RAD: Final = 0.9
 _FREE_RAD: Final = 1.1
-# A contact cannot be shorter than this on either side, nor is anything steeper than the edge itself within it.
+# Every contact extends at least this far to either side of 0.
 _CENTRE_RAD: Final = 0.2
-# Step between baseline and contact over the noise of the smoothed waveform below which no edge is claimed.
+# Smallest accepted step between baseline and contact, over the noise of the smoothed waveform.
 _MIN_CONTRAST: Final = 6.0
 
 
 @dataclass(frozen=True, slots=True)
 class ContactEdges:
-    """Edges of one contact, or why there are none.
+    """Edges of one contact, or the reason why none were found.
 
     Attributes:
         leading_rad: leading edge, negative; NaN when not found.
         trailing_rad: trailing edge, positive; NaN when not found.
-        leading_std_rad: one standard error, noise and spread of the edge's definition.
+        leading_std_rad: standard error: noise and uncertainty of the edge's definition.
         trailing_std_rad: likewise.
-        leading_noise_std_rad: the part that differs from revolution to revolution.
+        leading_noise_std_rad: the part that varies from revolution to revolution.
         trailing_noise_std_rad: likewise.
         plateau_mps2: level in the middle of the contact.
         baseline_mps2: level of the free belt.
         contrast: (baseline - plateau) over the noise of the smoothed waveform.
-        reason: why the edges are NaN; empty when they are found.
+        reason: why the edges are NaN; None when they are found.
     """
 
     leading_rad: float
@@ -66,12 +69,12 @@ class ContactEdges:
     plateau_mps2: float
     baseline_mps2: float
     contrast: float
-    reason: str = ""
+    reason: Reason | None = None
 
     @property
     def found(self) -> bool:
         """Whether both edges were found."""
-        return not self.reason
+        return self.reason is None
 
 
 def find_contact_edges(
@@ -79,11 +82,11 @@ def find_contact_edges(
 ) -> ContactEdges:
     """Find both edges of the contact around theta = 0.
 
-    Works on the shape alone: any constant may be added to the waveform, so AC- and DC-coupled sensors are alike.
+    The result does not depend on a constant added to the waveform, so AC- and DC-coupled sensors are treated alike.
 
     Args:
         radial_mps2: (n,) radial waveform on the angle grid, positive inward, gravity removed.
-        samples_per_revolution: samples in time it was made from; few samples mean stronger smoothing.
+        samples_per_revolution: time samples that it was made from; fewer samples need stronger smoothing.
         noise_coefficient_mps2: noise of one real order coefficient; estimated from the high orders when None.
 
     Returns:
@@ -91,7 +94,7 @@ def find_contact_edges(
         values.
     """
     if not np.isfinite(radial_mps2).all():
-        return _nothing("the radial waveform is not finite")
+        return _not_found(Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
     n = radial_mps2.shape[0]
     if noise_coefficient_mps2 is None:
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
@@ -106,20 +109,20 @@ def find_contact_edges(
     floor = float(smooth[inside])
     crossings = _half_level_crossings(smooth, inside, 0.5 * (floor + baseline), round(_SEARCH_RAD / step_rad))
     if crossings is None:
-        return _nothing("no contact around angle 0", floor, baseline)
+        return _not_found(Reason(Code.NO_CONTACT), floor, baseline)
     first, last = crossings
     quarter = (last - first) // 4
     plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
-    # Second pass with the level of the plateau instead of the deepest point, which noise and overshoots pull down.
+    # Second pass with the level of the plateau instead of the minimum, which noise and overshoots bias.
     crossings = _half_level_crossings(
         smooth, (first + last) // 2, 0.5 * (plateau + baseline), round(_SEARCH_RAD / step_rad)
     )
     if crossings is None:
-        return _nothing("no contact around angle 0", plateau, baseline)
+        return _not_found(Reason(Code.NO_CONTACT), plateau, baseline)
     noise = noise_coefficient_mps2 * math.sqrt(float(np.sum(gain**2)))
     contrast = (baseline - plateau) / noise if noise > 0.0 else math.inf
     if not contrast > _MIN_CONTRAST:
-        return _nothing("the contact does not stand out of the noise", plateau, baseline, contrast)
+        return _not_found(Reason(Code.CONTACT_IN_NOISE), plateau, baseline, contrast)
     noise_curvature = noise_coefficient_mps2 * math.sqrt(float(np.sum((gain_orders**2 * gain) ** 2)))
     edges = []
     for index, direction in zip(crossings, (-1, 1), strict=True):
@@ -129,17 +132,17 @@ def find_contact_edges(
         edges.append((angle, math.hypot(noise_std, model_std), noise_std))
     (leading, leading_std, leading_noise), (trailing, trailing_std, trailing_noise) = edges
     if not (leading < 0.0 < trailing and math.isfinite(leading_std) and math.isfinite(trailing_std)):
-        return _nothing("the contact edges have no clear slope", plateau, baseline, contrast)
+        return _not_found(Reason(Code.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
     return ContactEdges(
         leading, trailing, leading_std, trailing_std, leading_noise, trailing_noise, plateau, baseline, contrast
     )
 
 
 def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> slice | None:
-    """Return the grid points of the middle quarter of the contact, of a (n,) waveform; None when there is no contact.
+    """Return the grid points of the middle quarter of the contact in a (n,) waveform; None without a contact.
 
-    Curvature vanishes in a flat contact: on the exact ring the level there is -0.06 to +0.01 of R Omega^2 from a
-    half angle of 0.14 rad up. A shorter contact is not flat (+0.2 at 0.11 rad), and a drum of radius Rd leaves -R / Rd.
+    Curvature vanishes in a flat contact: on the exact ring the level there is -0.06 to +0.01 of R Omega^2 for contact
+    half angles from 0.14 rad up. A shorter contact is not flat (+0.2 at 0.11 rad). A drum of radius Rd gives -R / Rd.
     """
     edges = find_contact_edges(radial_mps2, samples_per_revolution)
     if not edges.found:
@@ -153,12 +156,12 @@ def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> 
 
 
 def smoothing_order(samples_per_revolution: float) -> float:
-    """Return the standard width, in orders, of the Gaussian that the waveform is smoothed with."""
+    """Return the standard width, in orders, of the smoothing Gaussian."""
     return min(SMOOTHING_ORDER, _SMOOTHING_SHARE * samples_per_revolution)
 
 
 def edge_offset(width: float) -> tuple[float, float]:
-    """Return how far inside the edge the steepest slope lies at a smoothing width in orders, and its spread, rad."""
+    """Return the distance of the steepest slope inside the edge and its standard error, rad, for a width in orders."""
     return (
         float(np.interp(width, _OFFSET_ORDERS, _OFFSETS_RAD)),
         float(np.interp(width, _OFFSET_ORDERS, _OFFSET_STDS_RAD)),
@@ -166,7 +169,7 @@ def edge_offset(width: float) -> tuple[float, float]:
 
 
 def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the smoothed waveform and its derivative by angle, (n,), and the orders kept with their gains."""
+    """Return the smoothed waveform, its derivative by angle, (n,) each, and the orders kept with their gains."""
     n = waveform.shape[0]
     orders = np.arange(1.0, min(n // 2, math.ceil(3.5 * width)))
     gain = np.exp(-0.5 * (orders / width) ** 2)
@@ -180,7 +183,7 @@ def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray,
 
 
 def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: int) -> tuple[int, int] | None:
-    """Return the last indices at or below the level on either side of `inside`, or None where it is never crossed."""
+    """Return the last indices at or below the level on either side of `inside`, or None without crossings."""
     if not smooth[inside] < level:
         return None
     above = smooth > level
@@ -192,7 +195,7 @@ def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: 
 
 
 def _steepest(slope: FloatArray, index: int) -> tuple[float, float]:
-    """Climb from `index` to the slope's peak; return its sub-sample place and minus its second difference."""
+    """Climb from `index` to the peak of the slope; return its interpolated place and minus its second difference."""
     n = slope.shape[0]
     while 0 < index < n - 1:
         if slope[index + 1] > slope[index]:
@@ -208,8 +211,8 @@ def _steepest(slope: FloatArray, index: int) -> tuple[float, float]:
     return index + 0.5 * float(right - left) / bend, bend
 
 
-def _nothing(
-    reason: str, plateau: float = math.nan, baseline: float = math.nan, contrast: float = math.nan
+def _not_found(
+    reason: Reason, plateau: float = math.nan, baseline: float = math.nan, contrast: float = math.nan
 ) -> ContactEdges:
     nan = math.nan
     return ContactEdges(nan, nan, nan, nan, nan, nan, plateau, baseline, contrast, reason)

@@ -1,12 +1,13 @@
-"""Timing of a contact by matching it against the running average: both edges, to a few microseconds.
+"""Timing of a contact, to a few microseconds, by matching both edges with the running average.
 
-A single edge crossing uses the few samples near one level. The whole edge, matched against its own average, uses all of
-them, and the two edges are matched apart, because on a real road they jitter apart. Around a contact the samples are
+A level crossing uses only the few samples near the level. Matching the whole edge with its average uses all of its
+samples. The two edges are matched separately, because on a real road they jitter separately. The samples around a
+contact are
 
     s(t) = gain T(theta) + offset + ramp theta + g cos(psi),  theta = Omega (t - centre) + Omega' (t - centre)^2 / 2
 
-with the leading half of T shifted by one angle and the trailing half by another. All are fitted by least squares; gain,
-offset and ramp take up load, speed and what an AC-coupled sensor does to low frequencies.
+with the leading half of T shifted by one angle and the trailing half by another. Both shifts, gain, offset and ramp are
+fitted by least squares; the latter absorb load, speed and the high-pass filter of an AC-coupled sensor.
 """
 
 from __future__ import annotations
@@ -24,30 +25,31 @@ from gateway.signal.contact_edges import ContactEdges, find_contact_edges, smoot
 from gateway.signal.segmentation import refine_contact
 from gateway.types import FloatArray
 
-# The template reaches so far beyond the edges: the overshoots with all of their slope.
+# The template extends this far beyond the edges, to include the full slope of the overshoots.
 _BEYOND_RAD: Final = 0.35
-# So much beyond either edge must be there at least.
-_LEAST_BEYOND_RAD: Final = 0.12
-# Samples next to the end of the data that the interpolation's end condition reaches.
+# The samples must extend at least this far beyond either edge.
+_MIN_BEYOND_RAD: Final = 0.12
+# Samples at either end of the data that are affected by the end condition of the interpolation.
 _END_SAMPLES: Final = 4
-_STEPS: Final = 2
-_LEAST_POINTS: Final = 16
-# A contact is another one, or damaged, when it does not look like the average within these.
-_GAIN: Final = (0.6, 1.6)
-_MAX_SHIFT: Final = 0.3
-_MAX_RESIDUAL: Final = 0.2
-# The half-level crossings lie this share of the contact apart.
+_ITERATIONS: Final = 2
+_MIN_POINTS: Final = 16
+# A contact that deviates from the average by more than these is rejected as damaged or not a contact: range of the
+# gain, largest shift over the contact's width, largest rms residual over the template's span.
+_GAIN_RANGE: Final = (0.6, 1.6)
+_MAX_SHIFT_SHARE: Final = 0.3
+_MAX_RESIDUAL_SHARE: Final = 0.2
+# Distance of the half-level crossings over that of the edges.
 _HALF_LEVEL_SHARE: Final = 0.85
-# Orders that the derivative is taken of.
-_DERIVED_ORDERS: Final = 160
+# The derivative keeps orders below this.
+_DERIVATIVE_ORDERS: Final = 160
 
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Least squares over a part of the template's points.
+    """Least-squares solution over some of the template's points.
 
     Attributes:
-        rows: (5, m) from the change of the samples to shifts, gain, offset and ramp.
+        rows: (5, m) matrix from the change of the samples to shifts, gain, offset and ramp.
         power: (2, 2, 2, orders) cross spectra of the two shifts' rows in the leading and in the trailing half.
     """
 
@@ -61,15 +63,15 @@ class ContactTemplate:
 
     Attributes:
         first: index of its first point on the angle grid.
-        angles_rad: (m,) of its points.
+        angles_rad: (m,) angles of its points.
         values: (m,) average over the square of its angular speed.
-        model: (m, 5) change of `values` with a shift of the leading, of the trailing half, with gain, offset and ramp.
-        weights: (m, 5) the smoothed form of `model`: what the samples are multiplied with.
-        fit: over all points.
+        model: (m, 5) derivative of `values` by shift of the leading half, of the trailing half, gain, offset and ramp.
+        weights: (m, 5) smoothed form of `model`, by which the samples are weighted.
+        fit: solution over all points.
         gravity_mps2: (m,) g cos(psi).
-        edges: the average's own.
-        middle_rad: midway between its half-level crossings, which is how the segmenter defines a contact's centre.
-        span: largest less smallest of `values`.
+        edges: contact edges of the average.
+        middle_rad: midway between the half-level crossings; the segmenter defines the contact centre this way.
+        span: range of the smoothed `values`.
     """
 
     first: int
@@ -89,12 +91,12 @@ class ContactMatch:
     """A contact timed against a template.
 
     Attributes:
-        leading: sample position at which the leading edge says that angle 0 of the template passes.
-        trailing: likewise the trailing edge.
-        covariances: (2, 2, 2) of the two in samples^2, from the scatter from revolution to revolution in the leading
-            half of the contact region, and in the trailing half.
+        leading: sample position of the template's angle 0 according to the leading edge.
+        trailing: likewise according to the trailing edge.
+        covariances: (2, 2, 2) covariance of the two in samples^2, from the revolution-to-revolution scatter in the
+            leading half of the contact region, and from that in the trailing half.
         rate: rad/sample at the contact.
-        residual_mps2: (2,) root mean square of what the fit leaves in the two halves.
+        residual_mps2: (2,) rms residual of the fit in the two halves.
     """
 
     leading: float
@@ -107,15 +109,15 @@ class ContactMatch:
 def contact_template(
     radial_mps2: FloatArray, omega_radps: float, samples_per_revolution: float
 ) -> ContactTemplate | None:
-    """Cut the template out of an average.
+    """Extract the template from an average.
 
     Args:
         radial_mps2: (n,) averaged radial waveform on the angle grid, gravity removed.
         omega_radps: its angular speed.
-        samples_per_revolution: samples in time that a revolution has.
+        samples_per_revolution: time samples per revolution.
 
     Returns:
-        the template, or None when the average has no contact, or one that touches its own end.
+        the template; None when the average has no contact, or when the contact region wraps around.
     """
     edges = find_contact_edges(radial_mps2, samples_per_revolution)
     n = radial_mps2.shape[0]
@@ -176,21 +178,21 @@ def match_contact(
     Args:
         template: from the running average.
         samples_mps2: (m,) radial axis around the contact, positive inward, uniform in time.
-        passage: angle against sample position, 0 at the guessed centre; in positions of `samples_mps2`.
-        rate_hz: samples a second.
-        order_variance_mps4: (61,) variance of one real order coefficient from revolution to revolution, NaN where
-            not known; what is above the last known order is taken as that.
+        passage: angle against sample position, 0 at the approximate centre; in positions of `samples_mps2`.
+        rate_hz: sampling rate.
+        order_variance_mps4: (61,) revolution-to-revolution variance of one real order coefficient, NaN where unknown;
+            orders above the last known one are assumed to have its variance.
         n: size of the angle grid.
 
     Returns:
-        the match, or None when the samples do not cover the contact or do not look like the template.
+        the match; None when the samples do not cover the contact or do not resemble the template.
     """
     where = passage.positions(template.angles_rad)
     begin, end = np.searchsorted(where, (_END_SAMPLES, len(samples_mps2) - 1 - _END_SAMPLES)).tolist()
     part = slice(begin, end)
     angles, where = template.angles_rad[part], where[part]
-    low, high = template.edges.leading_rad - _LEAST_BEYOND_RAD, template.edges.trailing_rad + _LEAST_BEYOND_RAD
-    if end - begin < _LEAST_POINTS or angles[0] > low or angles[-1] < high:
+    low, high = template.edges.leading_rad - _MIN_BEYOND_RAD, template.edges.trailing_rad + _MIN_BEYOND_RAD
+    if end - begin < _MIN_POINTS or angles[0] > low or angles[-1] < high:
         return None
     model, values, fit = template.model[part], template.values[part], template.fit
     if end - begin < len(template.values):
@@ -200,31 +202,32 @@ def match_contact(
     factor = scale / (1.0 + (2.0 * passage.acceleration / passage.rate**2) * angles)
     level = template.gravity_mps2[part] * factor + values
     common, shift = 0.0, np.zeros(2)
-    for _ in range(_STEPS):
+    for _ in range(_ITERATIONS):
         moved = where + common / passage.rate
         read = map_coordinates(coefficients, moved[np.newaxis], order=5, mode="mirror", prefilter=False)
         change = read * factor - level
         fitted = fit.rows @ change
         gain = 1.0 + float(fitted[2])
-        if not _GAIN[0] < gain < _GAIN[1]:
+        if not _GAIN_RANGE[0] < gain < _GAIN_RANGE[1]:
             return None
         shift = common + fitted[:2] / gain
         common = 0.5 * float(shift[0] + shift[1])
     residual2 = np.square(change - model @ fitted)
     width = template.edges.trailing_rad - template.edges.leading_rad
     misfit = math.sqrt(float(residual2.mean()))
-    if not (max(abs(shift[0]), abs(shift[1])) < _MAX_SHIFT * width and misfit < _MAX_RESIDUAL * template.span):
+    if not (np.abs(shift).max() < _MAX_SHIFT_SHARE * width and misfit < _MAX_RESIDUAL_SHARE * template.span):
         return None
     middle = int(np.searchsorted(angles, 0.0))
-    left = np.sqrt([residual2[:middle].mean(), residual2[middle:].mean()]) / scale
-    spread = _spread(order_variance_mps4, min(fit.power.shape[-1], math.ceil(math.pi / passage.rate) + 1))
-    covariances = fit.power[..., : len(spread)] @ spread * (scale / passage.rate) ** 2
+    residual = np.sqrt([residual2[:middle].mean(), residual2[middle:].mean()]) / scale
+    orders = min(fit.power.shape[-1], math.ceil(math.pi / passage.rate) + 1)
+    variances = _extended_variance(order_variance_mps4, orders)
+    covariances = fit.power[..., : len(variances)] @ variances * (scale / passage.rate) ** 2
     leading, trailing = (passage.start + shift / passage.rate).tolist()
-    return ContactMatch(leading, trailing, covariances, passage.rate, left)
+    return ContactMatch(leading, trailing, covariances, passage.rate, residual)
 
 
 def _fit(model: FloatArray, weights: FloatArray, angles: FloatArray, first: int, n: int) -> _Fit:
-    """Solve the normal equations of consecutive points from `first` of the angle grid on."""
+    """Solve the normal equations for consecutive points, starting at index `first` of the angle grid."""
     rows: FloatArray = np.linalg.lstsq(weights.T @ model, weights.T, rcond=None)[0].astype(np.float64)
     padded = np.zeros((2, 2, n))
     padded[:, :, first : first + len(angles)] = np.stack([angles < 0.0, angles >= 0.0])[:, np.newaxis] * rows[:2]
@@ -233,23 +236,23 @@ def _fit(model: FloatArray, weights: FloatArray, angles: FloatArray, first: int,
     return _Fit(rows, power)
 
 
-def _spread(variance: FloatArray, orders: int) -> FloatArray:
-    """Return the variance of order coefficients 0 to `orders` - 1; the offset takes up order 0."""
+def _extended_variance(variance: FloatArray, orders: int) -> FloatArray:
+    """Return the variance of order coefficients 0 to `orders` - 1; order 0 is absorbed by the fitted offset."""
     known = variance[np.isfinite(variance)]
-    spread = np.full(orders, float(known[-1]) if len(known) else math.nan)
+    extended = np.full(orders, float(known[-1]) if len(known) else math.nan)
     count = min(orders, len(known))
-    spread[:count] = known[:count]
-    spread[0] = 0.0
-    return spread
+    extended[:count] = known[:count]
+    extended[0] = 0.0
+    return extended
 
 
 def _curves(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the smoothed waveform, its derivative by angle, and that of the waveform itself, (n,) each."""
+    """Return the smoothed waveform, its derivative by angle, and the derivative without smoothing, (n,) each."""
     n = waveform.shape[0]
     orders = np.arange(n // 2 + 1.0)
     gain = np.exp(-0.5 * (orders / width) ** 2)
     spectrum = np.fft.rfft(waveform)
     turned = spectrum * (1j * orders)
-    turned[_DERIVED_ORDERS:] = 0.0
+    turned[_DERIVATIVE_ORDERS:] = 0.0
     curves: FloatArray = np.fft.irfft(np.stack([spectrum * gain, turned * gain, turned]), n=n, axis=1)
     return curves[0], curves[1], curves[2]

@@ -1,4 +1,8 @@
-"""Which dips are the contacts of one rolling wheel: consecutive ones that obey its kinematics."""
+"""Selection of the dips that are contacts of one rolling wheel: trains of consecutive dips that obey its kinematics.
+
+Depth d of a contact is about R Omega^2. Its duration w and the time T between contacts therefore give two invariants of
+a wheel: the size w sqrt(d), and the turn T (sqrt(d1) + sqrt(d2)) / (4 pi), about the square root of the radius.
+"""
 
 from __future__ import annotations
 
@@ -13,57 +17,61 @@ from numpy.typing import NDArray
 from gateway.signal.dips import Dips
 from gateway.types import BoolArray, FloatArray
 
-# Contact duration over period, L / (2 pi R).
+# Range of the contact duration over the period, L / (2 pi R).
 DUTY: Final = (0.015, 0.22)
-# Neighbouring intervals differ by less than this, even when a wheel speeds up from 10 km/h at 3 m/s^2.
+# Largest ratio of neighbouring intervals; it covers a wheel that accelerates from 10 km/h at 3 m/s^2.
 INTERVAL_RATIO: Final = 1.9
-# The square root of the depth goes with the speed, and the mean of it at both contacts times the period with the
-# radius: (T (sqrt d1 + sqrt d2) / 4 pi)^2 = R times 1 to 2 for the edges' overshoot, less where gravity flattens dips.
+# Range of the squared turn, in m: the radius times 1 to 2 for the overshoot at the edges, less where gravity makes dips
+# shallower.
 _TURN2_M: Final = (0.1, 1.7)
-# A clipped signal is shallower than it should be by any factor; its contacts still go through most of its span.
+# In a clipped signal, dips are too shallow by an unknown factor, but contacts still span most of the signal's range.
 _CLIPPED_TURN2_M: Final = 1e-3
-_CLIPPED_SHARE: Final = 0.3
-# That product is the same for all revolutions of a wheel within this factor, noise included.
+_CLIPPED_DEPTH_SHARE: Final = 0.3
+# Largest ratio of the turns of two revolutions of one wheel, noise included; within a train it is smaller.
 TURN_RATIO: Final = 1.4
 _TRAIN_TURN_RATIO: Final = 1.35
-# duration * sqrt(depth) of neighbouring contacts agrees within this factor, the steps of the durations included.
+# Largest ratio of the sizes of neighbouring contacts, including the steps in which durations are searched.
 _SIZE_RATIO: Final = 2.0
 _DEPTH_RATIO: Final = 6.0
-# Between contacts the signal is R Omega^2 higher than in them unless the wheel stops or turns back there: then less
-# than a third is left. Gravity stands against it, one g in the contact.
+# Between contacts the mean signal is R Omega^2 above that in contact. If the wheel stops or reverses in between, less
+# than a third of that remains. Gravity reduces it by up to 1 g.
 _LEVEL_SHARE: Final = 0.45
 _LEVEL_GRAVITY_MPS2: Final = 6.5
-# Longest period, 8 km/h on a radius of 0.55 m.
+# Longest period: 8 km/h on a radius of 0.55 m.
 LONGEST_PERIOD_S: Final = 1.6
-# Dips that take part at most, the latest.
-_MOST_DIPS: Final = 240
-# While nothing is known of the wheel: dips below this may be gravity's or an overshoot's at walking pace.
-_LEAST_DEPTH_MPS2: Final = 11.0
-# What is known of a wheel holds within these factors: load and pressure change, noise and gravity have their share.
+# Largest number of dips considered; the latest are kept.
+_MAX_DIPS: Final = 240
+# Below this depth, dips of an unknown wheel may be caused by gravity, or by an overshoot at walking pace.
+_MIN_DEPTH_MPS2: Final = 11.0
+# Largest ratio to the known invariants of a wheel: load and pressure change, noise and gravity contribute.
 _KNOWN_TURN_RATIO: Final = 1.4
 _KNOWN_SIZE_RATIO: Final = 1.8
-# A run of up to so many contacts is doubted when there are dips about it so many times deeper.
-_FEW: Final = 3
-# A dip hides shallower ones, not wider, within this share of the shortest period that its width allows.
-_SHADOW: Final = 0.5
-_SHADOW_DEPTH: Final = 3.0
+# A dip hides shallower dips that are not wider, within this share of the shortest period that its width allows, unless
+# it is this many times deeper: then it may be an impact beside a contact.
+_SHADOW_SHARE: Final = 0.5
+_SHADOW_DEPTH_RATIO: Final = 3.0
+# A train is doubtful when dips of the other sign, deeper by the ratio and of at least the share of squared contact
+# length, occur in this share of its intervals.
 _OUTDONE_SHARE: Final = 0.4
-_OUTDONE_DEPTH: Final = 1.15
-_OUTDONE_LENGTH: Final = 0.25
-# A dip between two contacts is one, too, when it is nearly as deep and as long.
-_SKIPPED_SHARE: Final = 0.7
+_OUTDONE_DEPTH_RATIO: Final = 1.15
+_OUTDONE_LENGTH_SHARE: Final = 0.25
+# A dip between two contacts counts as a skipped contact when its depth is at least this share of theirs and the
+# logarithm of its squared length differs by less than this.
+_SKIPPED_DEPTH_SHARE: Final = 0.7
 _SKIPPED_LENGTH_LOG: Final = 0.7
-_OUTDONE_NEAR: Final = 2.0
+# A train of up to this many contacts is doubtful when dips around it are deeper by this ratio.
+_SHORT_TRAIN: Final = 3
+_NEAR_DEPTH_RATIO: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known of a wheel from having followed it.
+    """Properties of a wheel learnt by tracking it.
 
     Attributes:
         sign: makes its radial axis positive inward.
-        turn: see `turn`, square root of m.
-        size: contact's duration in s times the square root of its depth.
+        turn: see the function `turn`, in m^(1/2).
+        size: contact duration in s times the square root of its depth.
     """
 
     sign: int
@@ -72,37 +80,37 @@ class Known:
 
 
 def turn(depth: FloatArray | float, other: FloatArray | float, period_s: FloatArray | float) -> FloatArray:
-    """Return the square root of the radius that two contacts and the time between them tell, times 1 to 1.4."""
+    """Return the turn of two contacts: the square root of the radius times 1 to 1.4, in m^(1/2)."""
     return np.asarray(period_s * (np.sqrt(depth) + np.sqrt(other)) * (0.25 / np.pi), np.float64)
 
 
 def least_level(depth: FloatArray | float) -> FloatArray:
-    """Return by how much the mean over a revolution exceeds the contact's at least, for the shallower contact."""
+    """Return the least height of a revolution's mean above the contact level, given the shallower contact's depth."""
     return np.asarray(_LEVEL_SHARE * depth - _LEVEL_GRAVITY_MPS2, np.float64)
 
 
 def best_train(
     dips: Dips, prefix: FloatArray, rate_hz: float, *, clipped_span: float = 0.0, known: Known | None = None
 ) -> tuple[list[int], float]:
-    """Find the strongest run of three or more dips that one rolling wheel can have made.
+    """Find the strongest train of three or more dips that one rolling wheel can have made.
 
     Args:
         dips: candidates in time order.
-        prefix: (n + 1,) cumulative sum of the signal that they are dips of.
+        prefix: (n + 1,) cumulative sum of the signal in which they were found.
         rate_hz: its sampling rate.
-        clipped_span: span of the signal when it is clipped, so that depths may be too small by any factor; else 0.
-        known: what is known of the wheel.
+        clipped_span: range of the signal when it is clipped, so that depths may be too small by any factor; else 0.
+        known: properties of the wheel, if known.
 
     Returns:
-        places in `dips` in time order, none when there is no such run; and its strength.
+        indices into `dips` in time order, empty without such a train; and the strength of the train.
     """
-    places = _undominated(dips)[-_MOST_DIPS:]
+    places = _undominated(dips)[-_MAX_DIPS:]
     if len(places) < 3:
         return [], 0.0
     at, depth, width, floor = (values[places] for values in (dips.at, dips.depth, dips.width, dips.floor))
     least = _CLIPPED_TURN2_M if clipped_span else _TURN2_M[0]
     before, after, turns = _possible_pairs(at, depth, width / rate_hz, floor, prefix, rate_hz, least)
-    good = np.minimum(depth[before], depth[after]) >= _CLIPPED_SHARE * clipped_span
+    good = np.minimum(depth[before], depth[after]) >= _CLIPPED_DEPTH_SHARE * clipped_span
     if known is not None:
         size = 0.5 * (width * np.sqrt(depth))[np.stack((before, after))].sum(axis=0) / rate_hz
         good &= (turns < _KNOWN_TURN_RATIO * known.turn) & (known.turn < _KNOWN_TURN_RATIO * turns)
@@ -113,26 +121,25 @@ def best_train(
 
 
 def _undominated(dips: Dips) -> NDArray[np.int64]:
-    """Places of the dips that do not lie in the shadow of a deeper and longer one, nearer than a period can be."""
-    near = np.abs(dips.at[:, None] - dips.at[None, :]) < _SHADOW * dips.width[None, :] / DUTY[1]
+    """Return the indices of dips that are not hidden by a deeper and longer one nearer than a period can be."""
+    near = np.abs(dips.at[:, None] - dips.at[None, :]) < _SHADOW_SHARE * dips.width[None, :] / DUTY[1]
     ratio = dips.depth[None, :] / dips.depth[:, None]
-    # What is many times deeper may be an impact beside a contact.
-    near &= (ratio > 1.0) & (ratio < _SHADOW_DEPTH) & (dips.width[None, :] > 0.7 * dips.width[:, None])
+    near &= (ratio > 1.0) & (ratio < _SHADOW_DEPTH_RATIO) & (dips.width[None, :] > 0.7 * dips.width[:, None])
     return np.flatnonzero(~near.any(axis=1))
 
 
 def _strongest(
     before: list[int], after: list[int], turns: list[float], at: list[float], energy: FloatArray
 ) -> tuple[list[int], float]:
-    """Join pairs into the run of three or more dips with the greatest sum of energies."""
+    """Join pairs into the train of three or more dips with the greatest sum of energies."""
     energies = energy.tolist()
-    # Runs that end with each dip, by their last pair: value, place in `history`, interval, turn, dips.
+    # Trains that end with each dip, by their last pair: value, index into `history`, interval, turn, number of dips.
     ending: list[list[tuple[float, int, float, float, int]]] = [[] for _ in at]
     history: list[tuple[int, int, int]] = []
     best, best_value, latest = -1, 0.0, -1
     for i, j, own in zip(before, after, turns, strict=True):
         if j != latest:
-            # No more pairs end in the dip before this one; those that begin there look for the best first.
+            # All pairs that end with the previous dip are known; sort its trains, best first.
             if latest >= 0:
                 ending[latest].sort(reverse=True)
             latest = j
@@ -170,10 +177,10 @@ def _possible_pairs(
     rate_hz: float,
     least_turn2_m: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
-    """Dips that may be neighbouring contacts: places of both, in the order of the later one, and their turn."""
+    """Return pairs of dips that may be neighbouring contacts: indices of both, ordered by the later, and their turn."""
     at_s = at / rate_hz
-    i, j = np.nonzero(_rough(at_s, width_s))
-    # Sorted by the later dip, then by the earlier one, so that runs grow in time order.
+    i, j = np.nonzero(_period_fits_width(at_s, width_s))
+    # Sorted by the later dip, then by the earlier one, so that trains grow in time order.
     order = np.lexsort((i, j))
     i, j = i[order], j[order]
     period = at_s[j] - at_s[i]
@@ -191,7 +198,8 @@ def _possible_pairs(
     return i[good], j[good], own[good]
 
 
-def _rough(at_s: FloatArray, width_s: FloatArray) -> BoolArray:
+def _period_fits_width(at_s: FloatArray, width_s: FloatArray) -> BoolArray:
+    """Return (k, k), [i, j] True where the time from dip i to dip j is a period that their widths allow."""
     period = at_s[None, :] - at_s[:, None]
     wider = np.maximum(width_s[None, :], width_s[:, None])
     result: BoolArray = (period > wider / (INTERVAL_RATIO * DUTY[1])) & (
@@ -201,39 +209,41 @@ def _rough(at_s: FloatArray, width_s: FloatArray) -> BoolArray:
 
 
 def doubtful(train: list[int], dips: Dips, others: Dips) -> bool:
-    """Whether other dips, of the other sign, between those of a train or beside a short one, make better contacts.
+    """Whether other dips are better contacts: of the other sign, between those of a train, or near a short train.
 
-    An edge's overshoot is a dip of the negative signal, and three of them may be in view before three contacts are.
-    What is better repeats in every interval; what does not is an impact of the road.
+    The overshoot of an edge is a dip of the negative signal, and three of them may be in view before three contacts
+    are. Better contacts repeat in every interval; a road impact does not.
 
     Args:
-        train: places in `dips`.
-        dips: of the train's own sign.
-        others: of the other sign.
+        train: indices into `dips`.
+        dips: dips of the train's own sign.
+        others: dips of the other sign.
     """
     depth, at = dips.depth[train], dips.at[train]
-    if float(np.median(depth)) < _LEAST_DEPTH_MPS2:
+    if float(np.median(depth)) < _MIN_DEPTH_MPS2:
         return True
     length = depth * dips.width[train] ** 2
     other_length = others.depth * others.width**2
     better = 0
     for place, (before, after) in enumerate(pairwise(at.tolist())):
         inside = (others.at >= before) & (others.at <= after)
-        inside &= others.depth >= _OUTDONE_DEPTH * math.sqrt(depth[place] * depth[place + 1])
-        inside &= other_length >= _OUTDONE_LENGTH * math.sqrt(length[place] * length[place + 1])
+        inside &= others.depth >= _OUTDONE_DEPTH_RATIO * math.sqrt(depth[place] * depth[place + 1])
+        inside &= other_length >= _OUTDONE_LENGTH_SHARE * math.sqrt(length[place] * length[place + 1])
         skipped = (
-            (dips.at > before) & (dips.at < after) & (dips.depth >= _SKIPPED_SHARE * depth[place : place + 2].min())
+            (dips.at > before)
+            & (dips.at < after)
+            & (dips.depth >= _SKIPPED_DEPTH_SHARE * depth[place : place + 2].min())
         )
         skipped &= np.abs(np.log(dips.depth * dips.width**2 / length[place])) < _SKIPPED_LENGTH_LOG
         better += bool(inside.any() or skipped.any())
     if better >= _OUTDONE_SHARE * (len(train) - 1):
         return True
-    if len(train) > _FEW:
+    if len(train) > _SHORT_TRAIN:
         return False
     reach = 1.5 * float(np.diff(at).max())
     longest = float(np.median(length))
     for near in (dips, others):
-        beside = (near.at > at[0] - reach) & (near.at < at[-1] + reach) & (near.depth > _OUTDONE_NEAR * depth.max())
-        if (near.depth[beside] * near.width[beside] ** 2 > _OUTDONE_LENGTH * longest).any():
+        beside = (near.at > at[0] - reach) & (near.at < at[-1] + reach) & (near.depth > _NEAR_DEPTH_RATIO * depth.max())
+        if (near.depth[beside] * near.width[beside] ** 2 > _OUTDONE_LENGTH_SHARE * longest).any():
             return True
     return False

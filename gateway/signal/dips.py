@@ -1,4 +1,7 @@
-"""Dips of a signal at every duration that a contact can have, of either sign."""
+"""Detection of dips, of either sign, at every duration that a contact can have.
+
+A multi-scale search: each scale is a box filter of the width of one contact duration.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +14,24 @@ from scipy.ndimage import maximum_filter1d
 from gateway.types import FloatArray
 
 MIN_DEPTH_MPS2: Final = 4.0
-# depth * duration^2 is about 1.3 L^2 / R; contact lengths of 40 to 550 mm on radii of 0.2 to 0.6 m.
+# Range of depth * duration^2, which is about 1.3 L^2 / R: contact lengths of 40 to 550 mm on radii of 0.2 to 0.6 m.
 DEPTH_DURATION2_M: Final = (0.004, 1.5)
-# 250 km/h with a short contact, 9 km/h with a long one.
+# Range of contact durations: 250 km/h with a short contact, 9 km/h with a long one.
 DURATION_S: Final = (0.0006, 0.22)
-# Gravity makes dips too, half a revolution wide: a dip that grows up to durations beyond a contact's is one of those.
-_LONGEST_LOOK_S: Final = 0.9
+# Gravity makes dips of half a revolution. Scales up to this duration identify them: their score keeps growing beyond
+# the longest contact.
+_LONGEST_SCALE_S: Final = 0.9
 # Boxes of the dip score in units of the contact duration: centre +-0.35, flanks 0.75 to 1.5 on either side.
-_CENTRE, _FLANK_IN, _FLANK_OUT = 0.35, 0.75, 1.5
-_SCALE_STEP: Final = 2.0**0.5
-# A dip is looked for as far back as four of the longest periods that its duration allows, and at least so long.
+_CENTRE_HALF, _FLANK_INNER, _FLANK_OUTER = 0.35, 0.75, 1.5
+_SCALE_RATIO: Final = 2.0**0.5
+# The search reaches back four of the longest periods that a duration allows, and at least this long.
 _LOOK_BACK_DURATIONS: Final = 160.0
 _LOOK_BACK_S: Final = 0.5
-# Durations of more samples than this are looked at in a signal of half the rate.
-_MOST_SAMPLES: Final = 17.0
+# The sampling rate is halved until a duration has at most this many samples.
+_MAX_DURATION_SAMPLES: Final = 17.0
+# Least score over the standard deviation that noise gives it.
 _NOISE_FACTOR: Final = 5.0
-# A signal that is at its own extreme for this share of the samples is clipped: depths say less than they should.
+# A signal that is at its maximum or minimum for this share of the samples is clipped.
 _CLIPPED_SHARE: Final = 0.05
 
 
@@ -44,14 +49,14 @@ class Dips:
 
 
 def box_offsets(width: float) -> tuple[int, int, int]:
-    """Half centre box, inner and outer flank distances in samples for a contact of `width` samples."""
-    centre = max(1, round(_CENTRE * width))
-    inner = max(centre + 1, round(_FLANK_IN * width))
-    return centre, inner, max(inner + 1, round(_FLANK_OUT * width))
+    """Return half the centre box, and the inner and outer flank distance, in samples, for a contact of `width`."""
+    centre = max(1, round(_CENTRE_HALF * width))
+    inner = max(centre + 1, round(_FLANK_INNER * width))
+    return centre, inner, max(inner + 1, round(_FLANK_OUTER * width))
 
 
 def _boxes(prefix: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """Means of the centre and of both flanks about every sample that has them, and the first such sample."""
+    """Return the means of centre, left and right flank around every sample that has all of them, and the first one."""
     centre, inner, outer = box_offsets(width)
     count = len(prefix) - 1 - 2 * outer
     if count <= 0:
@@ -67,14 +72,14 @@ def _boxes(prefix: FloatArray, width: float) -> tuple[FloatArray, FloatArray, Fl
 
 
 def dip_score(prefix: FloatArray, width: float) -> tuple[FloatArray, int]:
-    """Score every sample as the centre of a dip of `width` samples: the lower flank's mean minus the centre's mean.
+    """Score every sample as the centre of a dip of `width` samples: mean of the lower flank minus that of the centre.
 
     Args:
         prefix: (n + 1,) cumulative sum of the signal, starting with 0.
         width: expected contact duration in samples.
 
     Returns:
-        scores in the signal's unit and the sample number that the first belongs to; no scores when n is too small.
+        scores in the signal's unit and the sample number of the first score; no scores when n is too small.
     """
     centre, left, right, first = _boxes(prefix, width)
     flanks = np.minimum(left, right, out=left)
@@ -83,7 +88,7 @@ def dip_score(prefix: FloatArray, width: float) -> tuple[FloatArray, int]:
 
 
 def noise_std_mps2(signal: FloatArray) -> float:
-    """Standard deviation of the white noise of a signal, robust against dips: median of second differences."""
+    """Return the standard deviation of a signal's white noise, from the median of second differences (robust)."""
     if len(signal) < 8:
         return 0.0
     second = signal[2:] - 2.0 * signal[1:-1] + signal[:-2]
@@ -92,9 +97,15 @@ def noise_std_mps2(signal: FloatArray) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """Scores of one duration by sign: sample i lies at `first + i * step` of the signal; `centre` is not negated.
+    """Scores at one duration.
 
-    `highest` is the highest score within half a duration on either side.
+    Attributes:
+        width: duration in samples of the signal.
+        first: sample number of the first score.
+        step: samples of the signal from score to score.
+        score: (n,) scores by sign.
+        highest: (n,) highest score within half a duration on either side, by sign.
+        centre: (n,) mean of the centre box; not negated for sign -1.
     """
 
     width: float
@@ -106,7 +117,7 @@ class _Scale:
 
 
 def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
-    """Find the dips of a signal and those of its negative that may be contacts, each at the duration that fits it best.
+    """Find the dips of a signal and of its negative that may be contacts, each at its best-fitting duration.
 
     Args:
         signal: (n,) radial axis in m/s^2.
@@ -117,7 +128,7 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
     """
     scales = _scales(signal, rate_hz)
     noise = noise_std_mps2(signal[-round(2.0 * rate_hz) :])
-    lowest = 0.0 if is_clipped(signal) else DEPTH_DURATION2_M[0]
+    lowest = 0.0 if is_at_range_end(signal) else DEPTH_DURATION2_M[0]
     longest = DURATION_S[1] * rate_hz
     found: dict[int, Dips] = {}
     for sign in (1, -1):
@@ -145,12 +156,12 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
             parts.append(
                 np.stack((at[best], depth[best], np.full(len(top), scale.width), sign * scale.centre[top])),
             )
-        found[sign] = _without_doubles(np.concatenate(parts, axis=1) if parts else np.empty((4, 0)))
+        found[sign] = _without_duplicates(np.concatenate(parts, axis=1) if parts else np.empty((4, 0)))
     return found
 
 
-def is_clipped(signal: FloatArray) -> bool:
-    """Whether a signal lies at its own extreme so often that it must be the end of the sensor's range."""
+def is_at_range_end(signal: FloatArray) -> bool:
+    """Whether a signal equals its maximum or minimum so often that it must be the end of the sensor's range."""
     limit = _CLIPPED_SHARE * len(signal)
     return bool(np.count_nonzero(signal == signal.max()) > limit or np.count_nonzero(signal == signal.min()) > limit)
 
@@ -160,9 +171,9 @@ def _scales(signal: FloatArray, rate_hz: float) -> list[_Scale]:
     step, start = 1, 0
     prefix = np.concatenate(([0.0], np.cumsum(signal)))
     width = max(3.0, DURATION_S[0] * rate_hz)
-    while width <= _LONGEST_LOOK_S * rate_hz:
-        while width > _MOST_SAMPLES * step:
-            # Blocks end where the signal ends; what does not fill one is left at the beginning.
+    while width <= _LONGEST_SCALE_S * rate_hz:
+        while width > _MAX_DURATION_SAMPLES * step:
+            # Blocks end where the signal ends; samples that do not fill a block are dropped at the beginning.
             step *= 2
             kept = (len(signal) // step) * step
             start = len(signal) - kept
@@ -176,12 +187,12 @@ def _scales(signal: FloatArray, rate_hz: float) -> list[_Scale]:
         around = 2 * max(1, round(0.5 * width / step)) + 1
         highest = {sign: maximum_filter1d(values, around, mode="nearest") for sign, values in score.items()}
         scales.append(_Scale(width, start + (skip + first + 0.5) * step - 0.5, step, score, highest, centre))
-        width *= _SCALE_STEP
+        width *= _SCALE_RATIO
     return scales
 
 
 def _highest_at(scale: _Scale, sign: int, at: FloatArray) -> FloatArray:
-    """Highest scores of a scale about other scales' samples; -inf where it has none."""
+    """Return a scale's highest scores around the samples of another scale; -inf where it has none."""
     index = np.rint((at - scale.first) / scale.step).astype(np.int64)
     inside = (index >= 0) & (index < len(scale.highest[sign]))
     values = np.full(len(at), -np.inf)
@@ -189,8 +200,8 @@ def _highest_at(scale: _Scale, sign: int, at: FloatArray) -> FloatArray:
     return values
 
 
-def _without_doubles(parts: FloatArray) -> Dips:
-    """Keep the deepest of dips that overlap by more than half."""
+def _without_duplicates(parts: FloatArray) -> Dips:
+    """Return the deepest of dips that overlap by more than half."""
     order = np.argsort(-parts[1], kind="stable")
     at, _, width, _ = parts[:, order]
     kept: list[int] = []

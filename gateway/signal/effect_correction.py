@@ -1,6 +1,6 @@
-"""What known effects add to a revolution, as a table over the speed: taken off before anything is averaged.
+"""Correction table: contribution of known effects to a revolution, by speed, subtracted before averaging.
 
-A diagnosis finds the effects and makes the table; here it is only looked up.
+A diagnosis finds the effects and makes the table; the pipeline only looks it up.
 """
 
 from __future__ import annotations
@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import GRID_SIZE
 from gateway.types import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
-    """A fitted parameter of an effect, for the user to read; `value` and `std` are in `unit`."""
+    """A fitted parameter of an effect, for display; `value` and `std` are in `unit`."""
 
     name: str
     value: float
@@ -25,7 +26,7 @@ class EffectParameter:
 
 @dataclass(frozen=True, slots=True)
 class CorrectedEffect:
-    """An effect whose contribution is in a table."""
+    """An effect whose contribution a table contains."""
 
     name: str
     parameters: tuple[EffectParameter, ...] = ()
@@ -33,23 +34,23 @@ class CorrectedEffect:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CorrectionTable:
-    """What a set of effects adds to the axes of one wheel's sensor; a table equals itself only.
+    """Contribution of a set of effects to the axes of one wheel's sensor. A table equals only itself.
 
     Attributes:
-        position: of the wheel.
+        position: position of the wheel.
         omega_radps: (k,) angular speeds, ascending.
         orders_mps2: (k, 3, m) coefficients c - i s of orders 0 to m - 1 of the contribution to the circumferential,
-            lateral and radial axis (positive inward) as measured, theta = 0 where the pipeline sees the contact's
-            centre; m from 2 to 512.
-        effects: whose contribution it is.
-        radius_m: belt radius that it was found with.
-        omega_range_radps: lowest and highest angular speed that it holds for.
-        load_range_n: likewise; None when nobody stated the load, then any will do.
+            lateral and radial axis (positive inward) as measured, theta = 0 at the contact centre as the pipeline
+            finds it; m from 2 to 512.
+        effects: the effects that contribute.
+        radius_m: belt radius used in the diagnosis.
+        omega_range_radps: lowest and highest angular speed for which the table is valid.
+        load_range_n: likewise; None when the load was not stated: valid for any load.
         pressure_range_pa: likewise.
-        sensor_offset_m: sensor below the neutral layer as declared when it was found; with another one the same
+        sensor_offset_m: sensor below the neutral layer as declared in the diagnosis; with another offset the same
             effects would be counted twice or not at all.
-        sensor_id: serial number of the sensor, None when not known, then any will do.
-        sources: recordings that it was found in.
+        sensor_id: serial number of the sensor, None when unknown: valid for any sensor.
+        sources: recordings in which the effects were found.
     """
 
     position: str
@@ -80,35 +81,34 @@ class CorrectionTable:
         if (np.diff(omega) <= 0.0).any():
             raise ValueError("a table's speeds must ascend")
 
-    def refusal(self, omega_radps: float, load_n: float | None, pressure_pa: float | None) -> str:
-        """Return why the table does not hold under these conditions, in words; empty when it does.
+    def refusal(self, omega_radps: float, load_n: float | None, pressure_pa: float | None) -> Reason | None:
+        """Return why the table does not hold under these conditions; None when it does.
 
         What is not known of the conditions is not held against them.
         """
         low, high = self.omega_range_radps
         if not low <= omega_radps <= high:
-            speeds = [3.6 * omega * self.radius_m for omega in (omega_radps, low, high)]
-            return "{:.0f} km/h is outside of the {:.0f} to {:.0f} km/h that the effects were found at".format(*speeds)
+            speed, slowest, fastest = (omega * self.radius_m for omega in (omega_radps, low, high))
+            return Reason(Code.EFFECTS_OUTSIDE_SPEEDS, speed_mps=speed, low_mps=slowest, high_mps=fastest)
         if load_n is not None and self.load_range_n is not None:
             low, high = self.load_range_n
             if not low <= load_n <= high:
-                return f"{load_n:.0f} N is outside of the {low:.0f} to {high:.0f} N that the effects were found at"
+                return Reason(Code.EFFECTS_OUTSIDE_LOADS, load_n=load_n, low_n=low, high_n=high)
         if pressure_pa is not None and self.pressure_range_pa is not None:
             low, high = self.pressure_range_pa
             if not low <= pressure_pa <= high:
-                kpa = [1e-3 * pressure for pressure in (pressure_pa, low, high)]
-                return "{:.0f} kPa is outside of the {:.0f} to {:.0f} kPa that the effects were found at".format(*kpa)
-        return ""
+                return Reason(Code.EFFECTS_OUTSIDE_PRESSURES, pressure_pa=pressure_pa, low_pa=low, high_pa=high)
+        return None
 
     def contribution_mps2(self, omega_radps: float, n: int = GRID_SIZE, *, ac_coupled: bool = False) -> FloatArray:
         """Return the contribution at a speed on the angle grid theta = -pi + 2 pi k / n, (3, n).
 
-        Between the table's speeds it goes with the square of the speed, beyond them it stays.
+        It is linear in the square of the speed between the table's speeds and constant beyond them.
 
         Args:
             omega_radps: angular speed.
             n: size of the grid, even, above twice the table's highest order.
-            ac_coupled: True leaves order 0 out, which such a sensor does not pass.
+            ac_coupled: True omits order 0, which such a sensor does not pass.
         """
         square, at = np.square(self.omega_radps), omega_radps * omega_radps
         above = int(np.clip(np.searchsorted(square, at), 1, max(1, len(square) - 1)))

@@ -1,11 +1,11 @@
 """Lateral deformation of the belt from the lateral axis, by double integration in the order domain.
 
 The lateral axis reads a = Omega^2 d2y/dtheta2 (ply steer paper, Eq. 8), so order n of y is -a_n / (n Omega)^2 and order
-n of the slope of the streamline dy/ds, s = R theta, is a_n / (i n Omega^2 R). Integration favours low orders: noise in
-a trusted order n reaches the slope as 1/n. Order 0 of a is camber, zero-g offset and roll tilt and says nothing of y,
-whose mean stays unknown (Eq. 21 leaves it open).
+n of the slope of the streamline dy/ds, s = R theta, is a_n / (i n Omega^2 R). Integration amplifies low orders: noise
+in order n contributes to the slope in proportion to 1/n. Order 0 of a is camber, zero-g offset and roll tilt; it
+carries no information on the mean of y, which stays unknown (Eq. 21 leaves it open).
 
-A lateral record is used as the vector of its coefficients over Omega^2, x = (c_lo .. c_hi, s_lo .. s_hi), metres; every
+A lateral record is the vector of its coefficients over Omega^2, x = (c_lo .. c_hi, s_lo .. s_hi), in metres. Every
 slope of the streamline is then a row times x, and its variance is row C row'.
 """
 
@@ -24,11 +24,11 @@ HIGHEST_ORDER: Final = 40
 
 
 def trusted_orders(order_max: int, lowest: int = LOWEST_ORDER, highest: int = HIGHEST_ORDER) -> range:
-    """Return the orders that are integrated: from `lowest` to `highest` as far as the sampling carries them.
+    """Return the orders that are integrated: from `lowest` to `highest`, limited by the sampling.
 
-    Cutting at order 40 / 30 / 20 costs up to 0.0013 / 0.003 / 0.012 deg of a tire's steepest slope and adds hardly any
-    noise, which lives on the low orders. Leaving order 1 out would halve the noise's variance but cost 0.02 to 0.05 deg
-    of the mean slope in the first half of the contact, so it is kept; gravity reaches it through the sensor's yaw.
+    Truncation at order 40 / 30 / 20 changes a tire's steepest slope by up to 0.0013 / 0.003 / 0.012 deg and the noise
+    hardly at all, since low orders dominate it. Omitting order 1 would halve the variance of the noise but bias the
+    mean slope in the first half of the contact by 0.02 to 0.05 deg, so it is kept. A yawed sensor adds gravity to it.
     """
     return range(lowest, min(highest, order_max) + 1)
 
@@ -88,10 +88,10 @@ def line_row(first_rad: float, last_rad: float, orders: range, radius_m: float) 
 
 
 def remove_roll(lateral: FloatArray, radial: FloatArray, roll_rad: float) -> FloatArray:
-    """Return the lateral axis without what a roll tilt mixes into it; any arrays of one shape.
+    """Return the lateral axis corrected for roll tilt, for arrays of any one shape.
 
     A sensor rolled by tau reads cos(tau) lateral + sin(tau) radial on its lateral axis and cos(tau) radial - sin(tau)
-    lateral on its radial axis, gravity included, so gravity's share goes with it.
+    lateral on its radial axis. Gravity is included in both, so its contribution is removed as well.
     """
     result: FloatArray = math.cos(roll_rad) * lateral - math.sin(roll_rad) * radial
     return result

@@ -1,7 +1,7 @@
-"""What is not locked to the wheel: a spectrum over time with the angle-locked part taken off, and its lines.
+"""Power spectrum of the nonsynchronous part of a signal, which is not locked to the wheel, and its spectral lines.
 
-Road roughness, the cavity's resonance and engine orders of another shaft do not repeat from revolution to revolution.
-The time synchronous average holds what does, so the difference, put back on the time axis, holds the rest.
+Road roughness, cavity resonance and orders of other shafts do not repeat from revolution to revolution. The time
+synchronous average contains what repeats, so its difference from the signal, on the time axis, contains the rest.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ import numpy as np
 
 from gateway.types import FloatArray
 
-# A line stands above the floor by what 800 bins of noise exceed once in a hundred spectra.
+# Detection threshold, as a quantile of the normal distribution: 800 bins of noise exceed it once in a hundred spectra.
 _NORMAL_QUANTILE: Final = 4.2
-# Bins on either side that the floor is the median of, and that a line may take up.
+# Number of bins on either side: for the median that estimates the noise floor, and largest extent of a line.
 _FLOOR_BINS: Final = 24
 _LINE_BINS: Final = 10
-# A line ends where it sinks to this many times the floor.
-_LINE_END: Final = 1.5
+# A line ends where the power falls below this many times the floor.
+_LINE_END_RATIO: Final = 1.5
+# Equivalent noise bandwidth of the Hann window.
 _HANN_NOISE_BINS: Final = 1.5
-# Square of the correlation of Hann segments that overlap by half.
-_OVERLAP: Final = 1.0 / 36.0
+# Squared correlation of Hann segments that overlap by half.
+_OVERLAP_CORRELATION2: Final = 1.0 / 36.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +34,7 @@ class Spectrum:
     Attributes:
         frequency_hz: (m,) evenly spaced.
         density_m2ps3: (m,) (m/s^2)^2 per Hz.
-        averages: independent segments behind each value.
+        averages: effective number of independent segments averaged.
     """
 
     frequency_hz: FloatArray
@@ -42,7 +43,7 @@ class Spectrum:
 
     @property
     def step_hz(self) -> float:
-        """Distance of two frequencies."""
+        """Frequency resolution."""
         return float(self.frequency_hz[1] - self.frequency_hz[0])
 
     def rms_mps2(self, low_hz: float, high_hz: float) -> tuple[float, float]:
@@ -58,13 +59,13 @@ class Spectrum:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A peak that stands out of its surroundings, with the floor under it taken off.
+    """A spectral line above the noise floor, with the floor subtracted.
 
     Attributes:
-        frequency_hz: of its centre.
-        frequency_std_hz: one standard error.
+        frequency_hz: frequency of its centre.
+        frequency_std_hz: standard error.
         rms_mps2: root mean square.
-        rms_std_mps2: one standard error.
+        rms_std_mps2: standard error.
     """
 
     frequency_hz: float
@@ -73,27 +74,13 @@ class Line:
     rms_std_mps2: float
 
 
-def asynchronous_part(samples_mps2: FloatArray, angle_rad: FloatArray, average_mps2: FloatArray) -> FloatArray:
-    """Return samples in time less what the wheel repeats.
-
-    Args:
-        samples_mps2: (m,) signal over time.
-        angle_rad: (m,) material angle of the sensor at each sample, unwrapped or not.
-        average_mps2: (n,) time synchronous average on the angle grid theta = -pi + 2 pi k / n, at these samples' speed.
-    """
-    n = len(average_mps2)
-    place = (angle_rad / (2.0 * math.pi) + 0.5) * n
-    result: FloatArray = samples_mps2 - np.interp(place % n, np.arange(n + 1), np.append(average_mps2, average_mps2[0]))
-    return result
-
-
 def welch_spectrum(signal_mps2: FloatArray, rate_hz: float, segment: int) -> Spectrum | None:
-    """Return the averaged spectrum of overlapping Hann segments, or None when the signal is shorter than one.
+    """Return the averaged spectrum of overlapping Hann segments (Welch); None when the signal is shorter than one.
 
     Args:
         signal_mps2: (m,) evenly spaced in time.
-        rate_hz: samples a second.
-        segment: samples of one segment, even; the resolution is rate_hz / segment.
+        rate_hz: sampling rate.
+        segment: samples per segment, even; the resolution is rate_hz / segment.
     """
     hop = segment // 2
     count = (len(signal_mps2) - segment) // hop + 1
@@ -107,7 +94,7 @@ def welch_spectrum(signal_mps2: FloatArray, rate_hz: float, segment: int) -> Spe
     power: FloatArray = (spectra.real**2 + spectra.imag**2).sum(axis=0) * (scale / count)
     power[0] *= 0.5
     power[-1] *= 0.5
-    averages = count / (1.0 + 2.0 * _OVERLAP * (count - 1) / count)
+    averages = count / (1.0 + 2.0 * _OVERLAP_CORRELATION2 * (count - 1) / count)
     frequency: FloatArray = np.arange(segment // 2 + 1, dtype=np.float64) * (rate_hz / segment)
     return Spectrum(frequency, power, averages)
 
@@ -115,7 +102,7 @@ def welch_spectrum(signal_mps2: FloatArray, rate_hz: float, segment: int) -> Spe
 def spectral_lines(spectrum: Spectrum, low_hz: float, high_hz: float) -> tuple[Line, ...]:
     """Return the lines between two frequencies, strongest first.
 
-    A line's width is that of the spectrum's window or its own, whichever is more.
+    The width of a line is that of the window or its own, whichever is larger.
     """
     inside = np.flatnonzero((spectrum.frequency_hz >= low_hz) & (spectrum.frequency_hz <= high_hz))
     if len(inside) < 2 * _FLOOR_BINS:
@@ -125,7 +112,7 @@ def spectral_lines(spectrum: Spectrum, low_hz: float, high_hz: float) -> tuple[L
     padded = np.pad(power, _FLOOR_BINS, mode="reflect")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * _FLOOR_BINS + 1)
     freedom = 2.0 * spectrum.averages
-    # Median of the averaged power over its mean, and what a bin of noise exceeds rarely (Wilson and Hilferty).
+    # Ratio of median to mean of the averaged power, and the threshold of a noise bin (Wilson and Hilferty).
     floor = np.median(around, axis=1) / (1.0 - 2.0 / (9.0 * freedom)) ** 3
     limit = floor * (1.0 - 2.0 / (9.0 * freedom) + _NORMAL_QUANTILE * math.sqrt(2.0 / (9.0 * freedom))) ** 3
     lines = []
@@ -141,14 +128,14 @@ def spectral_lines(spectrum: Spectrum, low_hz: float, high_hz: float) -> tuple[L
         centre = float(own @ frequency[part]) / total
         spread2 = float(own @ np.square(frequency[part] - centre)) / total
         rms = math.sqrt(total * spectrum.step_hz)
-        # Both for a narrow band of noise; a steady tone is known better than this.
+        # Both standard errors are those of a narrow band of noise; the errors of a steady tone are smaller.
         variance = _HANN_NOISE_BINS * float(np.square(power[part]).sum()) / spectrum.averages
         lines.append(Line(centre, math.sqrt(spread2 / spectrum.averages), rms, 0.5 * rms * math.sqrt(variance) / total))
     return tuple(sorted(lines, key=lambda line: -line.rms_mps2))
 
 
 def _extent(power: FloatArray, floor: FloatArray, peak: int) -> tuple[int, int]:
-    """Return the first and last bin of the line around a peak; two on either side at least belong to the window."""
+    """Return the first and last bin of the line around a peak; at least two on either side belong to the window."""
     ends = []
     for step in (-1, 1):
         at = peak
@@ -156,7 +143,7 @@ def _extent(power: FloatArray, floor: FloatArray, peak: int) -> tuple[int, int]:
             following = at + step
             if not 0 <= following < len(power):
                 break
-            if distance > 2 and power[following] < _LINE_END * floor[following]:
+            if distance > 2 and power[following] < _LINE_END_RATIO * floor[following]:
                 break
             at = following
         ends.append(at)

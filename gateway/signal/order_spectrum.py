@@ -1,4 +1,4 @@
-"""Order coefficients of an angle-domain waveform and what noise does to them.
+"""Order coefficients of an angle-domain waveform and their noise.
 
 With theta_k = -pi + 2 pi k / n and x = c_0 + sum c_n cos(n theta) + s_n sin(n theta), the coefficient of order n is the
 complex number c_n - i s_n; order 0 is the mean.
@@ -15,14 +15,15 @@ from gateway.types import ComplexArray, FloatArray
 
 ORDER_COUNT: Final = 61
 
-# Share of the Nyquist order up to which a sampled and spline-interpolated order is right within half a percent.
+# Share of the Nyquist order up to which a sampled and spline-interpolated order is accurate within 0.5 %.
 _USABLE_BAND: Final = 0.56
 
 
 def highest_order(samples_per_revolution: float) -> int:
     """Return the highest order that the sampling carries, at most 60.
 
-    The quintic interpolation of `resample` is within 0.5 % up to 0.56 of the Nyquist order (0.28 cycles per sample).
+    The quintic interpolation of `resample_revolution` is within 0.5 % up to 0.56 of the Nyquist order (0.28 cycles per
+    sample).
     """
     return max(0, min(ORDER_COUNT - 1, math.floor(_USABLE_BAND * samples_per_revolution / 2.0)))
 
@@ -45,31 +46,22 @@ def order_coefficients(waveform: FloatArray, order_max: int = ORDER_COUNT - 1) -
     return result
 
 
-def waveform_from_orders(coefficients: ComplexArray, n: int) -> FloatArray:
-    """Return the waveform (..., n), n >= 122, of coefficients (..., 61); NaN coefficients count as zero."""
-    spectrum = np.zeros((*coefficients.shape[:-1], n // 2 + 1), dtype=np.complex128)
-    spectrum[..., :ORDER_COUNT] = np.nan_to_num(coefficients) * _SIGNS * (n / 2.0)
-    spectrum[..., 0] *= 2.0
-    result: FloatArray = np.fft.irfft(spectrum, n=n, axis=-1)
-    return result
-
-
 def coefficient_std(waveform: FloatArray, samples_per_revolution: float) -> float:
-    """Estimate the noise of one real order coefficient from the orders above the tire's own.
+    """Estimate the noise of one real order coefficient from the orders above the tire's own content.
 
-    Takes the median power of the upper part of the carried orders, at best above order 150 where a tire's shape has
-    decayed. With few samples a revolution the band still holds signal, and the estimate errs to the high side.
+    Uses the median power of the upper part of the sampled orders, if possible above order 150, where a tire's shape has
+    decayed. With few samples per revolution the band still contains signal, and the estimate is too high.
 
     Args:
         waveform: (n,) on the angle grid.
-        samples_per_revolution: samples in time that the waveform was made from.
+        samples_per_revolution: time samples that the waveform was made from.
 
     Returns:
         Standard deviation of a cosine or sine coefficient, in the unit of the waveform; NaN when the waveform is.
     """
     n = waveform.shape[-1]
     nyquist = min(n, samples_per_revolution) / 2.0
-    # Above 0.7 of the band the interpolation's own roll-off would make the noise look smaller.
+    # Above 0.7 of the band, the roll-off of the interpolation attenuates the noise.
     high = max(3, min(n // 2, math.floor(0.7 * nyquist)))
     low = min(150, max(1, math.floor(0.45 * nyquist)))
     band = np.fft.rfft(waveform)[low:high]
@@ -79,10 +71,11 @@ def coefficient_std(waveform: FloatArray, samples_per_revolution: float) -> floa
 
 
 def sample_std(coefficient_std_mps2: float, samples_per_revolution: float, n: int) -> float:
-    """Return the noise of one angle-domain sample, given white noise of one real coefficient."""
+    """Return the noise of one angle-domain sample from that of one real coefficient, for white noise."""
     carried = min(n, samples_per_revolution)
     return coefficient_std_mps2 * math.sqrt(carried / 2.0)
 
 
+# The grid starts at -pi, so odd orders change sign.
 _SIGNS: Final = np.where(np.arange(ORDER_COUNT) % 2, -1.0, 1.0)
 _SIGNS.setflags(write=False)

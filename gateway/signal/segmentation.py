@@ -1,8 +1,8 @@
-"""Where the sensor passes through the contact: dips of the radial axis, found by their physics.
+"""Passages of the sensor through the contact: dips of the radial axis, identified by their physics.
 
 Outside the contact a radial inner-liner sensor reads R Omega^2, inside it about zero, with overshoots at both edges
-(curvature law s = V^2 kappa). A contact of length L at speed v therefore is a dip of depth about R Omega^2 = v^2 / R
-and duration w = L / v, so that depth * w^2 = L^2 / R whatever the speed. That product tells contacts from the rest.
+(curvature law s = V^2 kappa). A contact of length L at speed v is therefore a dip of depth about R Omega^2 = v^2 / R
+and duration w = L / v, so that depth * w^2 = L^2 / R at any speed. That product distinguishes contacts from other dips.
 """
 
 from __future__ import annotations
@@ -13,17 +13,18 @@ from typing import Final
 import numpy as np
 
 from gateway.signal.contact_trains import Known, best_train, doubtful
-from gateway.signal.dips import box_offsets, find_dips, is_clipped, noise_std_mps2
+from gateway.signal.dips import box_offsets, find_dips, is_at_range_end, noise_std_mps2
 from gateway.types import FloatArray
 
-# The search looks at no more than this many samples a second; the shortest contact still spans three.
+# Highest sampling rate of the search; the shortest contact still spans three samples.
 SEARCH_RATE_HZ: Final = 4800.0
-# Dips of the nominal sign win unless the other sign's are clearly stronger.
+# The strength of trains of the nominal sign is multiplied by this.
 _SIGN_PREFERENCE: Final = 1.15
-# A crossing between two samples is placed by a straight line; few samples a contact leave this error of the centre.
+# Linear interpolation of the crossings leaves this error of the centre, in samples, falling with the contact's width
+# above the second number of samples.
 _SAMPLING_STD: Final = 0.1
 _SAMPLING_WIDTH: Final = 8.0
-# Depth over the noise that is left when a contact's edges are looked for.
+# Depth over noise that smoothing must reach before crossings are searched.
 _CROSSING_FACTOR: Final = 8.0
 
 
@@ -36,8 +37,8 @@ class Contact:
         duration: samples between the half-level crossings.
         depth_mps2: flanks minus contact, positive.
         centre_std: standard error of `centre` in samples.
-        predicted: True when this contact was not seen, its samples lost or hit by an impact, and its place follows from
-            its neighbours.
+        predicted: True when this contact was not observed, because its samples were lost or disturbed by an impact, and
+            its place was interpolated between its neighbours.
     """
 
     centre: float
@@ -55,11 +56,11 @@ def find_contacts(
     Args:
         radial_mps2: (n,) radial axis, nominally positive inward.
         rate_hz: sampling rate.
-        known: what is known of the wheel, if it is to be used.
+        known: properties of the wheel, if known.
 
     Returns:
-        (sample, depth, duration in samples) of at least three consecutive contacts, the latest there are, in time
-        order and coarsely placed (see `refine_contact`), or none; and the sign that makes the axis positive inward.
+        (sample, depth, duration in samples) of the latest train of at least three consecutive contacts, in time order
+        and coarsely placed (see `refine_contact`), or none; and the sign that makes the axis positive inward.
     """
     decimation = max(1, int(rate_hz // SEARCH_RATE_HZ))
     n = len(radial_mps2) // decimation * decimation
@@ -67,7 +68,7 @@ def find_contacts(
     rate = rate_hz / decimation
     both = find_dips(signal, rate)
     prefix = np.concatenate(([0.0], np.cumsum(signal)))
-    clipped_span = float(np.ptp(signal)) if is_clipped(signal) else 0.0
+    clipped_span = float(np.ptp(signal)) if is_at_range_end(signal) else 0.0
     best: list[int] = []
     best_sign, best_strength = 1, 0.0
     for sign in (1, -1) if known is None else (known.sign,):
@@ -82,7 +83,7 @@ def find_contacts(
 
 
 def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Contact | None:
-    """Place a contact to a fraction of a sample by its two half-level crossings.
+    """Locate a contact to a fraction of a sample by its two half-level crossings.
 
     Args:
         radial_mps2: (n,) radial axis, positive inward.
@@ -94,46 +95,52 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     """
     middle = round(guess)
     reach = int(np.ceil(1.6 * width)) + 2
-    first, end = middle - reach, middle + reach + 1
-    if first < 0 or end > len(radial_mps2):
-        first, end = max(first, 0), min(end, len(radial_mps2))
+    first, end = max(middle - reach, 0), min(middle + reach + 1, len(radial_mps2))
     segment = radial_mps2[first:end]
-    centre, inner, outer = box_offsets(width)
     at = middle - first
+    levels = _dip_levels(segment, at, width)
+    if levels is None:
+        return None
+    low, depth = levels
+    # More noise needs more smoothing, or the first noisy sample beyond the level is mistaken for the edge.
+    noise = noise_std_mps2(segment)
+    smooth = max(1, round(width * 0.08), round(min(0.35 * width, (_CROSSING_FACTOR * noise / depth) ** 2)))
+    smoothed = np.convolve(segment, np.full(smooth, 1.0 / smooth), mode="valid") if smooth > 1 else segment
+    shift = 0.5 * (smooth - 1)
+    level = low + 0.5 * depth
+    start = min(max(round(at - shift), 0), len(smoothed) - 1)
+    after, before = _crossing(smoothed, start, level, 1), _crossing(smoothed, start, level, -1)
+    if after is None or before is None:
+        return None
+    trailing = after - float(smoothed[after] - level) / float(smoothed[after] - smoothed[after - 1])
+    leading = before + float(smoothed[before] - level) / float(smoothed[before] - smoothed[before + 1])
+    # Timing error of a crossing: noise after smoothing, divided by the slope over the smoothing length.
+    slopes = np.maximum([_mean_slope(smoothed, place, smooth) for place in (after, before)], np.finfo(float).tiny)
+    centre_std = 0.5 * noise / smooth**0.5 * float(np.hypot(*(1.0 / slopes)))
+    centre_std = float(np.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width)))
+    return Contact(first + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
+
+
+def _dip_levels(segment: FloatArray, at: int, width: float) -> tuple[float, float] | None:
+    """Return the level of the dip around sample `at`, and its depth below the lower flank; None without a dip."""
+    centre, inner, outer = box_offsets(width)
     if at - inner < 1 or at + inner + 1 >= len(segment):
         return None
     low = float(segment[max(at - centre, 0) : at + centre + 1].mean())
     left = float(segment[max(at - outer, 0) : at - inner + 1].mean())
     right = float(segment[at + inner : at + outer + 1].mean())
     depth = min(left, right) - low
-    if depth <= 0.0:
-        return None
-    # In noise a crossing needs a longer mean, or the first sample beyond the level is taken for the edge.
-    noise = noise_std_mps2(segment)
-    smooth = max(1, round(width * 0.08), round(min(0.35 * width, (_CROSSING_FACTOR * noise / depth) ** 2)))
-    kernel = np.full(smooth, 1.0 / smooth)
-    smoothed = np.convolve(segment, kernel, mode="valid") if smooth > 1 else segment
-    shift = 0.5 * (smooth - 1)
-    level = low + 0.5 * depth
-    start = min(max(round(at - shift), 0), len(smoothed) - 1)
-    rising = np.flatnonzero(smoothed[start:] > level)
-    falling = np.flatnonzero(smoothed[: start + 1][::-1] > level)
-    if not len(rising) or not len(falling) or rising[0] == 0 or falling[0] == 0:
-        return None
-    after = start + int(rising[0])
-    before = start - int(falling[0])
-    up = smoothed[after] - smoothed[after - 1]
-    down = smoothed[before] - smoothed[before + 1]
-    trailing = after - float(smoothed[after] - level) / float(up)
-    leading = before + float(smoothed[before] - level) / float(down)
-    # Timing error of a crossing: noise after smoothing over the slope across the smoothing length.
-    span = max(1, smooth)
-    lo, hi = max(after - span, 0), min(after + span, len(smoothed) - 1)
-    slope_up = abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
-    lo, hi = max(before - span, 0), min(before + span, len(smoothed) - 1)
-    slope_down = abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
-    noise /= smooth**0.5
-    tiny = np.finfo(float).tiny
-    centre_std = 0.5 * noise * float(np.hypot(1.0 / max(slope_up, tiny), 1.0 / max(slope_down, tiny)))
-    centre_std = float(np.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width)))
-    return Contact(first + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
+    return (low, depth) if depth > 0.0 else None
+
+
+def _crossing(smoothed: FloatArray, start: int, level: float, direction: int) -> int | None:
+    """Return the first sample above the level from `start` on, in direction 1 or -1; None without a crossing."""
+    values = smoothed[start:] if direction > 0 else smoothed[start::-1]
+    above = np.flatnonzero(values > level)
+    return start + direction * int(above[0]) if len(above) and above[0] > 0 else None
+
+
+def _mean_slope(smoothed: FloatArray, place: int, span: int) -> float:
+    """Return the absolute slope over `span` samples on either side of a place, within the signal."""
+    lo, hi = max(place - span, 0), min(place + span, len(smoothed) - 1)
+    return abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)

@@ -1,9 +1,12 @@
-"""How a sensor sits in the tire, from its circumferential axis: offset below the neutral layer and pitch tilt.
+"""Mounting of a sensor in the tire: offset below the neutral layer, pitch tilt and roll tilt.
 
-On an inextensible belt that rolls steadily a sensor e below the neutral layer reads s = V^2 kappa (1 - e kappa) inward
-and -e Omega^2 d(kappa R)/dtheta along. A pitch tilt mixes the radial axis into the circumferential one. Gravity along
-the belt and the reaction to angular acceleration are known. All of it is linear in e, the tilt and the zero-g offset
-once kappa is known, and kappa depends on e to second order only.
+Offset and pitch come from the circumferential axis. On an inextensible belt that rolls steadily, a sensor e below the
+neutral layer reads s = V^2 kappa (1 - e kappa) inward and -e Omega^2 d(kappa R)/dtheta along the belt. A pitch tilt
+mixes the radial axis into the circumferential one. Gravity along the belt and the reaction to angular acceleration are
+known. Given kappa, all of this is linear in e, the tilt and the zero-g offset, and kappa depends on e to second order
+only.
+
+Roll comes from the means of the lateral and radial axes (`RollCalibration`).
 """
 
 from __future__ import annotations
@@ -18,21 +21,31 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid
 from gateway.types import ComplexArray, FloatArray
 
-# Orders used: above them there is noise and nothing of a tire's slope.
+# Highest order used: above it there is noise but no signal of a tire's slope.
 HIGHEST_ORDER: Final = 60
+
+# Prior of the constant in the mean of the lateral axis: zero-g offset after the calibration in the hello (0.1 g) and
+# gravity times camber (1 m/s^2 is 6 deg).
+OFFSET_STD_MPS2: Final = 1.0
+# Deviation of the mean of one revolution: cornering, crossfall, noise.
+REVOLUTION_STD_MPS2: Final = 0.5
+# Accuracy of mounting by hand. It stays the standard error when the means are lost (AC coupling).
+MOUNTING_STD_RAD: Final = math.radians(1.0)
+# Wide prior of the roll tilt; keeps the estimate finite in the first revolutions.
+_ROLL_PRIOR_STD_RAD: Final = math.radians(10.0)
 
 
 @dataclass(frozen=True, slots=True)
 class BeltKinematics:
-    """What a belt's shape says of a sensor on it.
+    """Kinematics of a sensor on a belt of known shape.
 
     Attributes:
-        along: (HIGHEST_ORDER + 1,) coefficients of -d(kappa R)/dtheta: what 1 m below the neutral layer feels along the
-            belt, over Omega^2.
+        along: (HIGHEST_ORDER + 1,) coefficients of -d(kappa R)/dtheta: the circumferential signal over Omega^2 of a
+            sensor 1 m below the neutral layer.
         inclination_rad: (n,) angle of the tangent from the horizontal.
-        mean_square: of kappa R.
-        signal_order_1: cosine order 1, about the contact's centre and over the mean, that the signal of the closed belt
-            has, whatever was measured.
+        mean_square: mean square of kappa R.
+        signal_order_1: cosine order 1 of the signal of the closed belt, about the contact centre and over the mean. It
+            follows from closure and does not depend on the measured order 1.
         gravity_order_1: cosine order 1 of cos(inclination).
     """
 
@@ -51,7 +64,7 @@ class MountingRows:
         normal: (3, 3) normal matrix; the third row and column are zero without the mean.
         right: (3,) right-hand side.
         square: sum of squares of the left-hand side.
-        count: equations.
+        count: number of equations.
     """
 
     normal: FloatArray
@@ -60,7 +73,7 @@ class MountingRows:
     count: float
 
     def and_then(self, other: MountingRows, keep: float) -> MountingRows:
-        """Return these, weighted with `keep`, and other equations of the same unknowns."""
+        """Return these equations, weighted with `keep`, combined with others for the same unknowns."""
         return MountingRows(
             keep * self.normal + other.normal,
             keep * self.right + other.right,
@@ -69,9 +82,9 @@ class MountingRows:
         )
 
     def solve(self) -> tuple[FloatArray, FloatArray]:
-        """Return the unknowns and their standard errors, (3,) each; NaN where no equation holds them.
+        """Return the unknowns and their standard errors, (3,) each; NaN for unknowns without equations.
 
-        The errors go by what the equations leave, as if that were white noise.
+        The errors assume that the residuals are white noise.
         """
         solution, stds = np.full((2, 3), math.nan)
         known = np.diag(self.normal) > 0.0
@@ -84,13 +97,13 @@ class MountingRows:
             return solution, stds
         right = self.right[known]
         solution[known] = inverse @ right
-        left = max(self.square - float(solution[known] @ right), 0.0) / max(self.count - size, 1.0)
-        stds[known] = np.sqrt(np.diag(inverse) * left)
+        variance = max(self.square - float(solution[known] @ right), 0.0) / max(self.count - size, 1.0)
+        stds[known] = np.sqrt(np.diag(inverse) * variance)
         return solution, stds
 
 
 def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:
-    """Return kappa R, (n,), of mean 1, of a waveform with gravity removed and its steady value.
+    """Return kappa R, (n,), of mean 1, from a waveform without gravity that includes its steady value.
 
     Args:
         radial_mps2: (n,) on the angle grid; its mean must be positive.
@@ -107,7 +120,7 @@ def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:
 
 
 def belt_kinematics(radial_mps2: FloatArray, offset: float, centre_rad: float) -> BeltKinematics:
-    """Return what a belt's shape says, from a waveform with gravity removed and its steady value.
+    """Return the kinematics of the belt, from a waveform without gravity that includes its steady value.
 
     Args:
         radial_mps2: (n,) on the angle grid; its mean must be positive.
@@ -122,7 +135,7 @@ def belt_kinematics(radial_mps2: FloatArray, offset: float, centre_rad: float) -
     inclination = (turn - float(np.interp(0.0, theta, turn))) * step
     cosine, sine = np.cos(inclination), np.sin(inclination)
     spectrum = np.fft.rfft(curvature)[: HIGHEST_ORDER + 1] * (2.0 / n)
-    # One Newton step: order 1 is off by what gravity leaves in it, a small thing.
+    # One Newton step suffices: order 1 is wrong only by a small residual of gravity.
     closing = float(cosine.sum()) / float(sine @ np.sin(theta))
     closed = curvature + closing * np.cos(theta)
     signal = closed * (1.0 - offset * closed)
@@ -151,12 +164,12 @@ def mounting_rows(
     Args:
         circumferential_mps2: (n,) as measured, on the angle grid.
         radial_mps2: (n,) as measured.
-        belt: its shape, from an average.
+        belt: kinematics of the belt, from an average.
         omega_radps: mean angular speed.
         omega_dot_radps2: angular acceleration.
         radius_m: belt radius.
-        order_max: highest order that the sampling carries.
-        with_mean: False leaves order 0 out, for AC-coupled sensors.
+        order_max: highest order in the sampled band.
+        with_mean: False omits order 0, for AC-coupled sensors.
     """
     n = len(radial_mps2)
     angle = belt.inclination_rad
@@ -167,10 +180,67 @@ def mounting_rows(
     rows[:2] = measured
     rows[2] = omega_radps**2 * belt.along[:count]
     rows[3, 0] = 2.0
-    # The mean is one equation, every other order two of the same weight.
+    # The mean is one equation; every other order is two, of the same weight.
     rows[:, 0] *= math.sqrt(0.5) if with_mean else 0.0
     products = (rows @ rows.conj().T).real
     order = [2, 1, 3]
     return MountingRows(
         products[np.ix_(order, order)], products[order, 0], float(products[0, 0]), 2 * count - 1 - (not with_mean)
     )
+
+
+class RollCalibration:
+    """Roll tilt of a sensor: fit of mean(lateral) = tan(roll) mean(radial) + offset, with a prior on the offset.
+
+    Over a closed belt the lateral displacement adds nothing to the mean, and the radial mean is R Omega^2. At a single
+    speed the tilt is as accurate as the offset is known (1 m/s^2 at 65 km/h is 0.06 deg). Revolutions at different
+    speeds separate the two. Old revolutions are forgotten exponentially, so the fit follows temperature.
+    """
+
+    def __init__(self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = 500.0) -> None:
+        """Start at no tilt and no offset.
+
+        Args:
+            offset_std_mps2: prior standard error of the constant in the lateral mean.
+            horizon_revolutions: length of the memory in revolutions.
+        """
+        self._prior = np.diag([math.tan(_ROLL_PRIOR_STD_RAD) ** -2, offset_std_mps2**-2])
+        self._keep = 1.0 - 1.0 / horizon_revolutions
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._information = np.zeros((2, 2))
+        self._weighted = np.zeros(2)
+        self.count = 0
+        self._roll_rad, self._roll_std_rad, self._offset_mps2 = 0.0, MOUNTING_STD_RAD, 0.0
+
+    def update(self, mean_lateral_mps2: float, mean_radial_mps2: float) -> None:
+        """Add the means of one revolution as measured; ignored if the radial mean is not positive (AC coupling)."""
+        if not (math.isfinite(mean_lateral_mps2) and mean_radial_mps2 > 0.0):
+            return
+        row = np.array([mean_radial_mps2, 1.0]) / REVOLUTION_STD_MPS2
+        self._information = self._keep * self._information + np.outer(row, row)
+        self._weighted = self._keep * self._weighted + row * (mean_lateral_mps2 / REVOLUTION_STD_MPS2)
+        self.count += 1
+        (aa, ab), (_, bb) = self._information + self._prior
+        determinant = aa * bb - ab * ab
+        a, b = self._weighted
+        self._roll_rad = math.atan((bb * a - ab * b) / determinant)
+        self._roll_std_rad = math.sqrt(bb / determinant)
+        self._offset_mps2 = float((aa * b - ab * a) / determinant)
+
+    @property
+    def roll_rad(self) -> float:
+        """Best estimate of the tilt; 0 before the first revolution."""
+        return self._roll_rad
+
+    @property
+    def roll_std_rad(self) -> float:
+        """Standard error of the tilt."""
+        return self._roll_std_rad
+
+    @property
+    def offset_mps2(self) -> float:
+        """Best estimate of the constant in the lateral mean."""
+        return self._offset_mps2

@@ -1,4 +1,4 @@
-"""The running time synchronous average of revolutions in the angle domain."""
+"""Running time synchronous average of revolutions in the angle domain, and running moments of vectors."""
 
 from __future__ import annotations
 
@@ -10,20 +10,54 @@ import numpy as np
 
 from gateway.signal.angle_resampling import GRID_SIZE
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
-from gateway.signal.moments import RunningMoments
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import ComplexArray, FloatArray
 
 DEFAULT_HORIZON_REVOLUTIONS: Final = 50.0
 
 
+class RunningMoments:
+    """Running weighted mean, and variance or covariance, of vectors.
+
+    Attributes:
+        count: number of vectors added.
+        mean: (size,); every update makes a new array, so that references to earlier means stay valid.
+        weight_square: sum of the squared normalised weights, 1 over the effective count: a scalar, or one value per
+            element when the weights are arrays.
+    """
+
+    def __init__(self, size: int, *, covariance: bool = False) -> None:
+        """Start empty; with `covariance` the full covariance matrix is kept, which needs scalar weights."""
+        self.count = 0
+        self.mean: FloatArray = np.zeros(size)
+        self.weight_square: float | FloatArray = 1.0
+        self._full = covariance
+        self._spread: FloatArray = np.zeros((size, size) if covariance else size)
+
+    def update(self, values: FloatArray, weight: float | FloatArray) -> None:
+        """Add values with `weight`, their share of the new mean; a weight of 0 leaves them out."""
+        self.count += 1
+        change = values - self.mean
+        step = weight * change
+        self.mean = self.mean + step
+        self._spread = (1.0 - weight) * (self._spread + (np.outer(step, change) if self._full else step * change))
+        self.weight_square = (1.0 - weight) ** 2 * self.weight_square + weight * weight
+
+    def variance(self) -> FloatArray:
+        """Return the unbiased variance (with `covariance`, the matrix) of one value; NaN after a single update."""
+        freedom = 1.0 - np.asarray(self.weight_square)
+        known = freedom > 1e-12
+        result: FloatArray = np.where(known, self._spread / np.where(known, freedom, 1.0), math.nan)
+        return result
+
+
 @dataclass(frozen=True, slots=True)
 class AngleAverage:
-    """The running time synchronous average over revolutions, scaled to a common angular speed.
+    """The running time synchronous average over revolutions, scaled to one angular speed.
 
     Attributes:
         count: revolutions averaged so far.
-        effective_count: number of revolutions of equal weight that would have the same variance.
+        effective_count: number of equally weighted revolutions with the same variance of the mean.
         omega_radps: angular speed that the average is scaled to.
         radial_mps2: (n,) mean of the revolutions' `radial_mps2` times (omega / omega_i)^2.
         scatter_mps2: (n,) standard deviation from revolution to revolution at each angle; NaN while count < 2.
@@ -49,18 +83,18 @@ class AngleAverage:
 
 
 class RunningAverage:
-    """Exponentially weighted average over revolutions, a plain mean until the horizon is full.
+    """Exponentially weighted average over revolutions; a plain mean until the horizon is reached.
 
-    A revolution's waveform scales with the square of its angular speed, so it is kept over omega^2 and given back at
-    the latest revolution's speed. Deterministic; O(n) work and memory.
+    The waveform of a revolution scales with the square of its angular speed, so it is stored over omega^2 and returned
+    at the speed of the latest revolution. Deterministic; O(n) time and memory.
     """
 
     def __init__(self, horizon_revolutions: float = DEFAULT_HORIZON_REVOLUTIONS, n: int = GRID_SIZE) -> None:
         """Start empty.
 
         Args:
-            horizon_revolutions: revolution count of the memory, at least 1; a new revolution never weighs less than its
-                inverse. The effective count settles at 2 horizon - 1.
+            horizon_revolutions: length of the memory in revolutions, at least 1; the weight of a new revolution is at
+                least its inverse. The effective count converges to 2 horizon - 1.
             n: size of the angle grid.
 
         Raises:
@@ -99,24 +133,25 @@ class RunningAverage:
         edges_std_rad: tuple[float, float],
         noise_mps2: float,
     ) -> AngleAverage:
-        """Take one revolution in and return the new average.
+        """Add one revolution and return the new average.
 
         Args:
             radial_mps2: (n,) normalised radial waveform.
-            orders_mps2: (61,) its coefficients, NaN above the highest carried order; such orders keep their average.
+            orders_mps2: (61,) its coefficients; orders that are NaN keep their average.
             omega_radps: mean angular speed.
-            edges_rad: leading and trailing edge; NaN edges leave the mean edges alone.
-            edges_std_rad: standard errors of the two, the edge model's spread included.
+            edges_rad: leading and trailing edge; NaN edges do not change the mean edges.
+            edges_std_rad: standard errors of the two, including the uncertainty of the edge's definition.
             noise_mps2: noise of one angle-domain sample, used for standard errors until the scatter is known.
 
         Returns:
             The average at this revolution's speed.
 
         Raises:
-            ValueError: a waveform of another size, not finite, or a speed that is not positive; nothing changes then.
+            ValueError: the waveform has the wrong size or is not finite, or the speed is not positive; the average is
+                unchanged.
         """
         if radial_mps2.shape != (self._n,) or not np.isfinite(radial_mps2).all():
-            raise ValueError(f"the average takes {self._n} finite samples a revolution")
+            raise ValueError(f"the average takes {self._n} finite samples per revolution")
         if not (math.isfinite(omega_radps) and omega_radps > 0.0):
             raise ValueError(f"the average needs a positive angular speed, not {omega_radps}")
         self._count += 1
@@ -146,7 +181,7 @@ class RunningAverage:
         orders = np.full(ORDER_COUNT, complex(math.nan, math.nan))
         orders[seen] = (self._cosine.mean + 1j * self._sine.mean)[seen] * square
         # Order 0 has no sine. Scatter has one degree of freedom per coefficient and revolution: below three revolutions
-        # the noise's own estimate is the better one.
+        # the estimate of the noise is better.
         variance = 0.5 * (self._cosine.variance() + self._sine.variance())
         variance[0] *= 2.0
         noise = np.full(ORDER_COUNT, self._order_noise)
@@ -156,12 +191,12 @@ class RunningAverage:
         edges, edges_std = np.full(2, math.nan), np.full(2, math.nan)
         if self._edges.count:
             edges = self._edges.mean
-            # What the stated errors hold beyond the scatter is the edge's definition: off by the same amount every
-            # time, so averaging does not lessen it.
-            least = EDGE_MODEL_STD_RAD**2
-            seen_often = self._edges.count >= 3
-            scatter = self._edges.variance() if seen_often else np.maximum(self._edge_square - least, 0.0)
-            definition = np.maximum(self._edge_square - scatter, least)
+            # The part of the stated errors beyond the scatter is the uncertainty of the edge's definition. It is a
+            # constant error, so averaging does not reduce it.
+            model_variance = EDGE_MODEL_STD_RAD**2
+            known = self._edges.count >= 3
+            scatter = self._edges.variance() if known else np.maximum(self._edge_square - model_variance, 0.0)
+            definition = np.maximum(self._edge_square - scatter, model_variance)
             edges_std = np.sqrt(scatter * self._edges.weight_square + definition)
         return AngleAverage(
             count=self._count,

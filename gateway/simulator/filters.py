@@ -1,4 +1,4 @@
-"""Causal second-order filters that run block by block; a band solve does the recursion, so scipy.signal stays out."""
+"""Causal second-order filters in blocks. A banded solve runs the recursion, which avoids importing scipy.signal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Biquad:
         self._past: tuple[FloatArray, FloatArray] | None = None
 
     def __call__(self, block: FloatArray) -> FloatArray:
-        """Filter the next block (n, channels); n may be anything from 0."""
+        """Filter the next block (n, channels); n may be 0."""
         if not len(block):
             return block
         (b0, b1, b2), (a1, a2) = self._b, self._a
@@ -69,7 +69,7 @@ def resonator(centre_hz: float, width_hz: float, rate_hz: float) -> Biquad:
 
 
 def loose_mass(resonance_hz: float, quality: float, rate_hz: float) -> Biquad:
-    """Return what a mass on a damped spring feels of its base: gain 1 below, sqrt(1 + Q^2) at the resonance."""
+    """Return the transmissibility of a damped spring-mass: gain 1 below, sqrt(1 + Q^2) at the resonance."""
     k = math.tan(math.pi * resonance_hz / rate_hz)
     across = k / quality
     scale = 1.0 + across + k * k
@@ -80,13 +80,13 @@ def loose_mass(resonance_hz: float, quality: float, rate_hz: float) -> Biquad:
 
 
 def lowpass_noise_gain(corner_hz: float, rate_hz: float) -> float:
-    """Return the standard deviation of unit white noise behind `lowpass`."""
+    """Return the standard deviation of unit white noise after `lowpass`."""
     # The poles lie within corner_hz, so this many samples hold all of the impulse response.
     return _noise_gain(lowpass(corner_hz, rate_hz), max(64, round(8.0 * rate_hz / corner_hz)))
 
 
 def band_noise_gain(centre_hz: float, width_hz: float, rate_hz: float) -> float:
-    """Return the standard deviation of unit white noise behind `resonator`."""
+    """Return the standard deviation of unit white noise after `resonator`."""
     return _noise_gain(resonator(centre_hz, width_hz, rate_hz), max(64, round(8.0 * rate_hz / width_hz)))
 
 

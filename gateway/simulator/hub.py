@@ -1,4 +1,4 @@
-"""One hub: when which message is sent, numbered and stamped by the hub's own clock."""
+"""Simulated hub: message schedule, counters and time stamps of the hub's own clock."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class TimedFrame(NamedTuple):
 
 
 class _Due(NamedTuple):
-    """A message to be sent: when, of which wheel, with which hub time (us) on it."""
+    """A message to be sent: its true time, wheel and hub time stamp (us)."""
 
     time_s: float
     wheel: int
@@ -54,12 +54,12 @@ class _Due(NamedTuple):
 
 
 class HubSimulator:
-    """Turns the samples of its wheels into frames, block by block."""
+    """Frames the samples of its wheels, block by block."""
 
     def __init__(
         self, hub: Hub, wheels: Sequence[WheelSimulator], title: str, signer: FrameSigner | None = None
     ) -> None:
-        """Take the hub's data, its wheels, what its log says at the start, and what signs, if anything."""
+        """Take the hub's data, its wheels, its first log text and an optional signer."""
         self._signer = signer
         self._identities = {wheel.plan.wheel: sensor_identity(wheel.plan.sensor_id) for wheel in wheels}
         self._identities[HUB_ITSELF] = hub_identity(_HUB_ID + hub.hub)
@@ -74,11 +74,11 @@ class HubSimulator:
 
     @staticmethod
     def identities(hub: Hub, sensor_ids: Iterable[int]) -> list[str]:
-        """Return who would sign: the sensors of a hub and the hub itself."""
+        """Return the identities that sign: the sensors of a hub and the hub itself."""
         return [*map(sensor_identity, sensor_ids), hub_identity(_HUB_ID + hub.hub)]
 
     def advance(self, until_s: float) -> list[TimedFrame]:
-        """Return the frames of the time since the last call up to before `until_s`, in the order of sending."""
+        """Return the frames sent since the last call and before `until_s`, in sending order."""
         due = [*self._periodic(self._now_s, until_s)]
         for pending in self._pending.values():
             due += pending.blocks(until_s, self._tick)

@@ -1,33 +1,212 @@
-"""What can go wrong on a link, as composable, seeded transforms of chunks; each counts what it did."""
+"""Link faults: composable, seeded transforms of chunks that count their effects."""
 
 from __future__ import annotations
 
+import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from firmware_protocol import wire
+from firmware_protocol.codec import decode_payload, encode_frame
+from firmware_protocol.messages import Frame, Hello, HubStatus, Message, MessageType, SampleBlock, TimeSync
 from gateway.errors import SourceError
 from gateway.io.source import Chunk
-from gateway.simulator.frame_pieces import Piece, frame_pieces
-from gateway.simulator.hub_reboot import reboot
+
+
+class Piece(NamedTuple):
+    """Consecutive bytes: one intact frame, or bytes outside frames.
+
+    Attributes:
+        data: the bytes.
+        whole: whether they are an intact frame.
+    """
+
+    data: bytes
+    whole: bool
+
+
+def frame_pieces(chunks: Iterable[Chunk]) -> Iterator[tuple[str, int, list[Piece]]]:
+    """Yield (link, time, pieces) per chunk; a frame belongs to the chunk that completes it. No byte is lost."""
+    tails: dict[str, bytes] = {}
+    times: dict[str, int] = {}
+    for chunk in chunks:
+        pieces, tails[chunk.link] = cut(tails.get(chunk.link, b"") + chunk.data)
+        times[chunk.link] = chunk.host_ns
+        if pieces:
+            yield chunk.link, chunk.host_ns, pieces
+    for link, tail in tails.items():
+        if tail:
+            yield link, times[link], [Piece(tail, False)]
+
+
+def cut(data: bytes) -> tuple[list[Piece], bytes]:
+    """Return the pieces of `data`, and the bytes at its end that may begin a frame."""
+    pieces: list[Piece] = []
+    start = at = 0
+    while (at := data.find(wire.SYNC, at)) >= 0:
+        if at + wire.LENGTH_KNOWN_BYTES > len(data):
+            break
+        length = data[at + wire.LENGTH_OFFSET]
+        end = at + wire.OVERHEAD_BYTES + length
+        if length > wire.MAX_PAYLOAD_BYTES:
+            at += 1
+            continue
+        if end > len(data):
+            break
+        if zlib.crc32(data[at:end]) != wire.CRC_RESIDUE:
+            at += 1
+            continue
+        if at > start:
+            pieces.append(Piece(data[start:at], False))
+        pieces.append(Piece(data[at:end], True))
+        start = at = end
+    if at < 0:
+        at = len(data) - 1 if data.endswith(wire.SYNC[:1]) else len(data)
+        at = max(at, start)
+    if at > start:
+        pieces.append(Piece(data[start:at], False))
+    return pieces, data[at:]
+
+
+_HEADER = struct.Struct(wire.HEADER_FORMAT)
+_MASK = 0xFFFF_FFFF
+# Time from power-up to the first frame. The tick of a block is that of its first sample, which may precede the
+# previous frame.
+_BOOT_US = 100_000
+
+
+@dataclass(slots=True)
+class _Life:
+    """State of one hub's stream since its last start.
+
+    Attributes:
+        boots: restarts so far.
+        tick_zero_us: time stamp that now counts as 0; None until the first frame after the restart.
+        next_seq: counter of the next frame, per wheel number.
+        sample_zero: running sample number that now counts as 0, per wheel number.
+        hellos: last hello of each wheel.
+    """
+
+    boots: int = 0
+    tick_zero_us: int | None = None
+    next_seq: dict[int, int] = field(default_factory=dict)
+    sample_zero: dict[int, int] = field(default_factory=dict)
+    hellos: dict[int, Hello] = field(default_factory=dict)
+
+
+def reboot(
+    chunks: Iterable[Chunk],
+    at_s: float,
+    every_s: float,
+    gap_s: float,
+    counted: Callable[[], None],
+    swallowed: Callable[[int], None],
+) -> Iterator[Chunk]:
+    """Yield the chunks with every hub restarting `at_s` after the first chunk, and every `every_s` after that.
+
+    During the gap nothing arrives; then every hub sends its hellos with the next boot count, and counters, time stamps
+    and sample numbers begin at 0. Bytes that are no frame of this version are left as
+    they are.
+
+    Args:
+        chunks: of one hub or more.
+        at_s: time of the first restart.
+        every_s: time from restart to restart, 0 for one only.
+        gap_s: silence of a restart.
+        counted: called at each restart.
+        swallowed: called with the number of bytes lost in a gap.
+    """
+    lives: dict[tuple[str, int], _Life] = {}
+    begin_ns: int | None = None
+    silent_until_ns = 0
+    due_s = at_s
+    for link, host_ns, pieces in frame_pieces(chunks):
+        begin_ns = host_ns if begin_ns is None else begin_ns
+        if host_ns - begin_ns >= due_s * 1e9:
+            counted()
+            silent_until_ns = host_ns + int(gap_s * 1e9)
+            due_s = due_s + every_s if every_s > 0 else float("inf")
+            for old in lives.values():
+                old.boots += 1
+                old.tick_zero_us = None
+                old.next_seq.clear()
+                old.sample_zero.clear()
+        parts: list[bytes] = []
+        for piece in pieces:
+            frame = _frame(piece)
+            life = lives.setdefault((link, frame.hub), _Life()) if frame else None
+            if frame and life and isinstance(frame.message, Hello):
+                life.hellos[frame.wheel] = frame.message
+            if host_ns < silent_until_ns:
+                swallowed(len(piece.data))
+            elif frame and life and life.boots:
+                parts += _relived(life, frame)
+            else:
+                parts.append(piece.data)
+        if data := b"".join(parts):
+            yield Chunk(link, host_ns, data)
+
+
+def _frame(piece: Piece) -> Frame | None:
+    """Return an intact frame of this protocol version, None for anything else."""
+    if not piece.whole:
+        return None
+    _, version, kind, length, hub, wheel, _, seq, tick = _HEADER.unpack_from(piece.data)
+    if version != wire.VERSION_BYTE:
+        return None
+    try:
+        message = decode_payload(kind, piece.data[wire.HEADER_BYTES : wire.HEADER_BYTES + length])
+    except ValueError:
+        return None
+    return Frame(kind, hub, wheel, seq, tick, message)
+
+
+def _relived(life: _Life, frame: Frame) -> list[bytes]:
+    """Return a frame of the hub's new life, after its hellos when it is the first."""
+    parts: list[bytes] = []
+    if life.tick_zero_us is None:
+        life.tick_zero_us = (frame.tick_us - _BOOT_US) & _MASK
+        for wheel, hello in sorted(life.hellos.items()):
+            parts.append(_encoded(life, MessageType.HELLO, frame.hub, wheel, 0, hello))
+    now = (frame.tick_us - life.tick_zero_us) & _MASK
+    message = frame.message
+    if isinstance(message, SampleBlock):
+        zero = life.sample_zero.setdefault(frame.wheel, message.first_sample)
+        message = message._replace(first_sample=(message.first_sample - zero) & _MASK)
+    elif isinstance(message, TimeSync):
+        message = message._replace(hub_us=now)
+    elif isinstance(message, HubStatus):
+        message = message._replace(uptime_s=now // 1_000_000, frames_sent=sum(life.next_seq.values()))
+    parts.append(_encoded(life, frame.type, frame.hub, frame.wheel, now, message))
+    return parts
+
+
+def _encoded(life: _Life, kind: int, hub: int, wheel: int, tick_us: int, message: Message) -> bytes:
+    if isinstance(message, Hello):
+        message = message._replace(boot_count=message.boot_count + life.boots)
+    seq = life.next_seq.get(wheel, 0)
+    life.next_seq[wheel] = seq + 1
+    return encode_frame(Frame(kind, hub, wheel, seq, tick_us, message))
+
 
 ChunkTransform = Callable[[Iterable[Chunk]], Iterator[Chunk]]
 
 
 @dataclass(slots=True)
 class FaultCounts:
-    """What a fault did.
+    """Effects of a fault.
 
     Attributes:
-        frames_seen: whole frames that passed by (frame faults).
+        frames_seen: whole frames seen (frame faults).
         frames_hit: frames changed, dropped, doubled or moved.
         chunks_hit: chunks cut or delayed.
-        bytes_changed: bits flipped count their bytes.
-        bytes_dropped: bytes taken away.
-        bytes_added: bytes put in.
+        bytes_changed: bytes with flipped bits.
+        bytes_dropped: bytes removed.
+        bytes_added: bytes inserted.
         reboots: restarts of a hub.
     """
 
@@ -51,7 +230,7 @@ class Fault:
     Attributes:
         kind: name in FAULTS.
         options: every option, defaults filled in.
-        counts: what it did so far.
+        counts: its effects so far.
     """
 
     kind: str
@@ -60,7 +239,7 @@ class Fault:
     counts: FaultCounts = field(default_factory=FaultCounts)
 
     def __call__(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-        """Return the chunks with the fault in them."""
+        """Return the chunks with the fault applied."""
         return FAULTS[self.kind].transform(self, chunks)
 
     def __str__(self) -> str:
@@ -70,13 +249,13 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A number that a fault takes.
+    """A numeric option of a fault.
 
     Attributes:
-        default: when not given.
+        default: value when not given.
         low: smallest allowed.
         high: largest allowed.
-        text: what it is.
+        text: its meaning.
     """
 
     default: float
@@ -90,9 +269,9 @@ class FaultKind:
     """An entry of the registry.
 
     Attributes:
-        text: what it does, one line.
+        text: its effect, one line.
         options: its options.
-        transform: does it.
+        transform: applies it.
     """
 
     text: str
@@ -154,7 +333,7 @@ def _per_frame(change: Callable[[Fault, bytes], list[bytes]]) -> Callable[[Fault
 
 
 def _hits(fault: Fault) -> bool:
-    """Return whether this frame is one of the chosen, and count it."""
+    """Draw whether this frame is hit, and count it."""
     fault.counts.frames_seen += 1
     hit = bool(fault.rng.random() < fault.options["rate"])
     fault.counts.frames_hit += hit
@@ -198,7 +377,7 @@ def _split(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
 
 
 def _delay(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-    """Let chunks arrive up to `ms` late; those behind wait, as in a queue."""
+    """Delay chunks by up to `ms`; later chunks wait, as in a queue."""
     free_ns = -(1 << 63)
     for chunk in chunks:
         host_ns = chunk.host_ns
@@ -224,7 +403,7 @@ def _reboot(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
 _RATE: Final = {"rate": Option(0.01, 0.0, 1.0, "share of the frames")}
 _CHUNK_RATE: Final = {"rate": Option(1.0, 0.0, 1.0, "share of the chunks")}
 
-# The one registry: name -> what it does.
+# Registry of faults by name.
 FAULTS: Final[dict[str, FaultKind]] = {
     "flip": FaultKind(
         "Flip bits in frames.", {**_RATE, "bits": Option(1, 1, 1000, "bits flipped in a frame")}, _per_frame(_flip)
@@ -269,10 +448,10 @@ def parse_fault(text: str, seed: Sequence[int] | int = 1) -> Fault:
 
     Args:
         text: kind and options.
-        seed: of its random numbers; the same text and seed do the same.
+        seed: of its random numbers; the same text and seed give the same faults.
 
     Raises:
-        ValueError: an unknown kind or option, or a value out of range; tells what is allowed.
+        ValueError: an unknown kind or option, or a value out of range; the message states what is allowed.
     """
     name, _, rest = text.strip().partition(":")
     kind = FAULTS.get(name)
@@ -296,7 +475,7 @@ def parse_fault(text: str, seed: Sequence[int] | int = 1) -> Fault:
 
 
 def parse_faults(texts: Iterable[str], seed: int = 1) -> list[Fault]:
-    """Return the faults of several texts, each with random numbers of its own.
+    """Return the faults of several texts, each with its own random numbers.
 
     Raises:
         SourceError: a text is wrong.
@@ -306,12 +485,12 @@ def parse_faults(texts: Iterable[str], seed: int = 1) -> list[Fault]:
         try:
             faults.append(parse_fault(text, (seed, number)))
         except ValueError as error:
-            raise SourceError(f"fault '{text}' is not known: allowed is {error}", describe_faults()) from error
+            raise SourceError(f"fault '{text}' is invalid; allowed: {error}", describe_faults()) from error
     return faults
 
 
 def apply_faults(faults: Iterable[ChunkTransform], chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-    """Return the chunks with every fault in turn."""
+    """Return the chunks with every fault applied in turn."""
     current = iter(chunks)
     for fault in faults:
         current = fault(current)
@@ -319,7 +498,7 @@ def apply_faults(faults: Iterable[ChunkTransform], chunks: Iterable[Chunk]) -> I
 
 
 def describe_faults() -> str:
-    """Return one line a kind of fault, for the user."""
+    """Return one line per kind of fault, for the user."""
     return "\n  ".join(
         f"{name}:{','.join(f'{key}={option.default:g}' for key, option in kind.options.items())}  {kind.text}"
         for name, kind in FAULTS.items()

@@ -1,7 +1,9 @@
-"""Speed over time, integrated exactly: how far a wheel has rolled at any moment, and when it had rolled so far."""
+"""Motion of a wheel: the vehicle's speed integrated exactly, the wheel's angle, and torsional ripple."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +11,89 @@ import numpy as np
 from gateway.simulator.time_series import Series
 from gateway.types import FloatArray
 
-# A profile that does not repeat is held at its last speed; it is laid out this far.
+# Each pass of the inversion multiplies the error by at most the ripple's amplitude: 0.2 to the power 24 is 1e-17.
+_PASSES = 24
+
+
+class Turning(NamedTuple):
+    """Rotation at given times, arrays of the same shape.
+
+    Attributes:
+        angle_rad: unwrapped material angle of the sensor.
+        omega_radps: angular speed.
+        omega_dot_radps2: angular acceleration.
+        speed_mps: of the vehicle.
+    """
+
+    angle_rad: FloatArray
+    omega_radps: FloatArray
+    omega_dot_radps2: FloatArray
+    speed_mps: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Ripple:
+    """Torsional ripple, omega (1 + amplitude cos(order angle + phase)), with the angle taken without ripple.
+
+    Attributes:
+        amplitude: share of the angular speed, below 1.
+        order: periods per revolution; an integer order repeats in every revolution.
+        phase_rad: at angle 0.
+    """
+
+    amplitude: float = 0.0
+    order: float = 2.0
+    phase_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class WheelRotation:
+    """A wheel's angle over time.
+
+    Attributes:
+        motion: of the vehicle.
+        radius_m: belt radius.
+        phase_rad: angle at time 0, without ripple.
+        ripple: over the steady rotation.
+    """
+
+    motion: MotionProfile
+    radius_m: float
+    phase_rad: float
+    ripple: Ripple
+
+    def at(self, time_s: FloatArray) -> Turning:
+        """Return the rotation at `time_s` >= 0."""
+        rolling = self.motion.at(time_s)
+        per_m = 1.0 / self.radius_m
+        angle = rolling.distance_m * per_m + self.phase_rad
+        omega = rolling.speed_mps * per_m
+        omega_dot = rolling.acceleration_mps2 * per_m
+        share, order = self.ripple.amplitude, self.ripple.order
+        if share:
+            place = order * angle + self.ripple.phase_rad
+            cosine, sine = np.cos(place), np.sin(place)
+            omega_dot = omega_dot * (1.0 + share * cosine) - share * order * omega * omega * sine
+            angle = angle + share / order * sine
+            omega = omega * (1.0 + share * cosine)
+        return Turning(angle, omega, omega_dot, rolling.speed_mps)
+
+    def times_at(self, angle_rad: FloatArray) -> FloatArray:
+        """Return the first times at which the sensor has these angles; infinity for angles never reached."""
+        smooth = angle_rad
+        if self.ripple.amplitude:
+            share, order = self.ripple.amplitude, self.ripple.order
+            for _ in range(_PASSES):
+                smooth = angle_rad - share / order * np.sin(order * smooth + self.ripple.phase_rad)
+        return self.motion.time_at((smooth - self.phase_rad) * self.radius_m)
+
+    def bottoms_rad(self, begin_s: float, end_s: float) -> FloatArray:
+        """Return the angles in [begin, end) at which the sensor is directly below the axle: multiples of 2 pi."""
+        first, last = self.at(np.array([begin_s, end_s])).angle_rad / (2.0 * math.pi)
+        return 2.0 * math.pi * np.arange(math.ceil(first), math.ceil(last))
+
+
+# End of a profile that does not repeat and holds its last speed.
 _FOREVER_S = 1e9
 
 
@@ -19,7 +103,7 @@ class Rolling(NamedTuple):
     Attributes:
         distance_m: rolled since the beginning.
         speed_mps: speed.
-        acceleration_mps2: its slope.
+        acceleration_mps2: acceleration.
     """
 
     distance_m: FloatArray
@@ -28,10 +112,10 @@ class Rolling(NamedTuple):
 
 
 class MotionProfile:
-    """A speed profile of straight lines, held at its last value or repeated for ever."""
+    """A piecewise linear speed profile, held at its last value or repeated."""
 
     def __init__(self, speed_kmh: Series, repeat: bool = False) -> None:
-        """Lay out the profile; repeated, it must end at the speed it begins with."""
+        """Lay out the profile. A repeated profile must end at its initial speed."""
         times, speeds = speed_kmh.times_s, speed_kmh.values / 3.6
         if times[0] != 0.0:
             # Held before the first point; times before 0 are cut off.
@@ -65,12 +149,12 @@ class MotionProfile:
         return Rolling(distance + laps * self._distances[-1], speed, slope)
 
     def time_at(self, distance_m: FloatArray) -> FloatArray:
-        """Return the first time at which so much has been rolled; infinity for what is never reached."""
+        """Return the first time at which so much has been rolled; infinity for angles never reached."""
         laps = np.zeros_like(distance_m)
         within = distance_m
         total = self._distances[-1]
         if self._period_s and total > 0.0:
-            # The end of a lap belongs to it: a lap that ends standing still reaches it before the next begins.
+            # The end belongs to its lap: a lap that ends at standstill reaches its end before the next one begins.
             laps = np.maximum(np.ceil(distance_m / total) - 1.0, 0.0)
             within = distance_m - laps * total
         segment = np.clip(np.searchsorted(self._distances, within, side="left") - 1, 0, len(self._slopes) - 1)

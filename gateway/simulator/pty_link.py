@@ -1,4 +1,4 @@
-"""A pseudo-terminal that stands in for a hub's serial port."""
+"""A pseudo-terminal in place of a hub's serial port."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ BACKLOG_BYTES: Final = 1 << 16
 
 
 class PtyPort:
-    """The hub's end of a serial line: takes bytes whether or not somebody reads the other end.
+    """The hub's end of a serial line. It accepts bytes whether or not a reader is connected.
 
     Like a real line it never waits: bytes that nobody reads are gone, and of a reader that is too slow whole chunks
     are lost once BACKLOG_BYTES wait for it.
 
     Attributes:
         path: of the other end, for a reader to open.
-        sent: bytes that a reader was given.
-        unread: bytes that went nowhere because no reader was there.
-        dropped: bytes of chunks that a slow reader missed.
+        sent: bytes delivered to a reader.
+        unread: bytes discarded because there was no reader.
+        dropped: bytes of chunks lost to a slow reader.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class PtyPort:
         self._master, slave = os.openpty()
         self.path = os.ttyname(slave)
         tty.setraw(slave)
-        # Opened and closed once: from now on the system tells whether a reader holds the other end.
+        # Opened and closed once, so that the system reports whether a reader holds the other end.
         os.close(slave)
         os.set_blocking(self._master, False)
         self._poll = select.poll()
@@ -50,11 +50,11 @@ class PtyPort:
 
     @property
     def connected(self) -> bool:
-        """Whether somebody holds the other end open."""
+        """Whether a reader holds the other end open."""
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
 
     def write(self, data: bytes) -> None:
-        """Hand a chunk to the reader, as far as it takes it now; the rest waits for the next call."""
+        """Hand a chunk to the reader, as much as it accepts now; the rest waits for the next call."""
         if not self.connected:
             self.unread += len(data) + self._waiting_bytes
             self._waiting.clear()
@@ -68,13 +68,13 @@ class PtyPort:
         self.flush()
 
     def flush(self) -> None:
-        """Hand over as much of what waits as the reader takes now."""
+        """Hand over as many waiting bytes as the reader accepts now."""
         self._drain_input()
         while self._waiting:
             try:
                 written = os.write(self._master, self._waiting[0])
             except OSError:
-                # Full (the reader is slow) or hung up just now (told by the next poll).
+                # Full (the reader is slow) or just disconnected (the next poll reports it).
                 return
             self.sent += written
             self._waiting_bytes -= written
@@ -83,13 +83,13 @@ class PtyPort:
                 self._waiting.appendleft(left)
 
     def close(self) -> None:
-        """Take the line away; a reader sees it vanish. May be called twice."""
+        """Close the line; the reader sees it disappear. May be called twice."""
         if self._master >= 0:
             os.close(self._master)
             self._master = -1
 
     def _drain_input(self) -> None:
-        """Throw away what the reader sends, as a hub without commands does."""
+        """Discard bytes from the reader, as a hub without commands does."""
         with contextlib.suppress(OSError):
             while os.read(self._master, 4096):
                 pass

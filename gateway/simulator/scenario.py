@@ -1,4 +1,4 @@
-"""Find and read scenarios, built in or the user's, and tell the vehicle that belongs to them."""
+"""Reader of scenarios, built in or from files, and their vehicle configurations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SUFFIX = ".toml"
 
 
 def builtin_scenarios() -> dict[str, str]:
-    """Return the built-in scenarios: name -> what it shows, its first comment."""
+    """Return the built-in scenarios: name and description, its first comment."""
     found = {}
     for entry in sorted(resources.files("gateway.simulator").joinpath("scenarios").iterdir(), key=lambda e: e.name):
         if entry.name.endswith(_SUFFIX):
@@ -57,7 +57,7 @@ def parse_scenario(text: str, origin: str) -> Scenario:
 
 
 def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
-    """Return the vehicle configuration that a user of this vehicle would write: what is known, not what is simulated.
+    """Return the vehicle configuration that a user would write: the known values, not the simulated errors.
 
     Loads and pressures are those of the beginning. The new tire's numbers are stated, its wear is not. What the
     scenario says is stated wrongly is stated so, and nobody knows of a sensor that is upside down. Sensors that sign
@@ -100,5 +100,5 @@ def _said(stated: float | None, true: float) -> float:
 
 
 def _meant(angle_deg: float) -> float:
-    """Return the angle that a mounting was meant to have: beyond 45 deg it is a mistake."""
+    """Return the intended mounting angle; an angle beyond 45 deg is a mounting error."""
     return angle_deg if abs(angle_deg) <= 45.0 else 0.0

@@ -1,4 +1,4 @@
-"""What is inconsistent between the keys of a scenario, on the raw document."""
+"""Consistency checks between the keys of a scenario, on the raw document."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gateway.config.validation import Fault, show
 
 
 def scenario_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield what is inconsistent between keys, on the raw document."""
+    """Yield the inconsistencies between keys."""
     wheels = [item for item in _list(data.get("wheel")) if isinstance(item, Mapping)]
     taken = "another wheel has it already; each needs its own"
     yield from _repeated("wheel", "position", [show(wheel.get("position")) for wheel in wheels], taken)
@@ -61,7 +61,7 @@ def _given(table: Mapping[str, Any], *names: str) -> bool:
 
 
 def _number(value: object) -> float:
-    """Return a number as such, NaN for anything else: no comparison with it is true."""
+    """Return a number, or NaN for anything else, so that every comparison is false."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
 
 

@@ -1,18 +1,55 @@
-"""The sensor: mounting, gain, offset, noise, bandwidth, coupling, range and 16 bit."""
+"""Simulated sensor: mounting, gain, offset, noise, bandwidth, coupling, range, quantisation and defects."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
-from gateway.simulator.filters import Biquad, highpass, lowpass
+from gateway.simulator.filters import Biquad, highpass, loose_mass, lowpass
 from gateway.simulator.scenario_tables import Defect, Sensor
-from gateway.simulator.sensor_defect import SensorDefect
 from gateway.types import FloatArray
+
+
+class SensorDefect:
+    """Defects of some channels of a sensor, applied block by block."""
+
+    def __init__(self, defect: Defect, channels: Sequence[str], rate_hz: float) -> None:
+        """Take the defect table and the names of the channels in order."""
+        self._hit = [i for i, name in enumerate(channels) if name in defect.axes]
+        self._clip_mps2 = None if defect.clip_g is None else defect.clip_g * STANDARD_GRAVITY_MPS2
+        self._loose = None if defect.loose_hz is None else loose_mass(defect.loose_hz, defect.loose_q, rate_hz)
+        self._dead_s = math.inf if defect.dead_from_s is None else defect.dead_from_s
+        self._stuck_s = math.inf if defect.stuck_from_s is None else defect.stuck_from_s
+        self._last: NDArray[np.int16] | None = None
+
+    def mechanical(self, signal: FloatArray) -> None:
+        """Apply the ringing of a loose sensor: a mass on a spring, driven by the true signal."""
+        if self._loose is not None and self._hit:
+            signal[:, self._hit] = self._loose(signal[:, self._hit])
+
+    def element(self, signal: FloatArray, counts_per_mps2: FloatArray) -> None:
+        """Saturate the sensing element below its declared range, undetected by the converter."""
+        if self._clip_mps2 is not None:
+            for channel in self._hit:
+                limit = self._clip_mps2 * abs(float(counts_per_mps2[channel]))
+                np.clip(signal[:, channel], -limit, limit, out=signal[:, channel])
+
+    def output(self, counts: NDArray[np.int16], time_s: FloatArray) -> None:
+        """Freeze channels at their last value, or at 0, from a given time on."""
+        if not len(counts):
+            return
+        for channel in self._hit:
+            if (stuck := int(np.searchsorted(time_s, self._stuck_s))) < len(counts):
+                held = counts[stuck - 1] if stuck else counts[0] if self._last is None else self._last
+                counts[stuck:, channel] = held[channel]
+            counts[int(np.searchsorted(time_s, self._dead_s)) :, channel] = 0
+        self._last = counts[-1].copy()
+
 
 FULL_SCALE_COUNTS = 32767
 REFERENCE_DEGC = 25.0
@@ -28,14 +65,14 @@ class SensorChain:
     Attributes:
         axes: axis mask of the channels.
         channels: number of channels.
-        coupling: as the hello tells it.
-        highpass_hz: its corner, likewise, 0 when DC.
+        coupling: as declared in the hello.
+        highpass_hz: corner frequency as declared, 0 when DC.
         range_mps2: full scale per axis, 0 for absent ones.
-        scale_mps2: m/s^2 per count per axis as the hello tells it.
+        scale_mps2: m/s^2 per count per axis as declared in the hello.
     """
 
     def __init__(self, sensor: Sensor, rng: np.random.Generator, defect: Defect = NO_DEFECT) -> None:
-        """Take the sensor's data sheet, its random numbers and what is broken."""
+        """Take the sensor's data sheet, random generator and defects."""
         present = sorted({_AXES[name] for name in sensor.axes})
         self._columns = [int(axis) for axis in present]
         self.channels = len(present)
@@ -103,7 +140,7 @@ class SensorChain:
 def mounting_matrix(roll_deg: float, pitch_deg: float, yaw_deg: float = 0.0) -> FloatArray:
     """Return the matrix from the belt's directions (circumferential, lateral, radial) to the sensor's axes.
 
-    Roll, about the circumferential axis, lets the radial acceleration leak into +lateral; pitch, about the lateral
+    Roll, about the circumferential axis, projects the radial acceleration onto +lateral; pitch, about the lateral
     axis, lets it leak into +circumferential; yaw, about the radial axis and first of the three, lets the
     circumferential acceleration leak into +lateral.
     """

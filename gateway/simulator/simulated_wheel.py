@@ -1,4 +1,4 @@
-"""One wheel over time: from speed, load and pressure to raw counts."""
+"""Simulated wheel: from speed, load and pressure to raw counts."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.simulator.edge_jitter import EdgeJitter
+from gateway.simulator.disturbances import Blows, EdgeJitter, HubMotion, NarrowNoise, RoadNoise
 from gateway.simulator.sensor import SensorChain
-from gateway.simulator.shaking import Blows, HubMotion, NarrowNoise, RoadNoise
 from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, look_up
 from gateway.simulator.wheel_plan import WheelPlan
 from gateway.types import FloatArray
@@ -33,17 +32,17 @@ class WheelSimulator:
     """Simulates one wheel block by block; the same blocks with the same generator give the same samples."""
 
     def __init__(self, plan: WheelPlan, rng: np.random.Generator) -> None:
-        """Solve the tire where that was not done before.
+        """Solve the tire unless it has been solved before.
 
         Args:
             plan: the wheel.
-            rng: its random numbers, used by nobody else.
+            rng: its own random generator.
         """
         self.plan = plan
         self.phase_rad = float(rng.uniform(-math.pi, math.pi)) if plan.phase_rad is None else plan.phase_rad
         self.chain = SensorChain(plan.sensor, rng, plan.defect)
         rate = plan.sensor.rate_hz
-        # Streams of their own, so that one effect does not change the noise of another.
+        # Separate streams, so that one effect does not change the noise of another.
         hub_rng, cavity_rng, edge_rng = rng.spawn(3)
         self._rotation = plan.rotation(self.phase_rad)
         self._road = RoadNoise(plan.road, rate, rng)
@@ -95,14 +94,14 @@ class WheelSimulator:
         force[:, 0] = square * shape[:, 1] + gravity * shape[:, 3] + spin * shape[:, 5]
         force[:, 1] = square * shape[:, LATERAL] + STANDARD_GRAVITY_MPS2 * np.sin(camber)
         if self.plan.reverse:
-            # theta grows with the rotation, but the sensor stays as it was glued.
+            # theta grows with the rotation, but the orientation of the sensor is fixed.
             np.negative(force[:, 0], out=force[:, 0])
         self._road.add(force, turning.speed_mps)
         force[:, 2] += self._cavity(turning.speed_mps) + self._blows(time_s)
         return force
 
     def _waveform_at(self, time_s: float) -> WaveformTable:
-        """Return the tire's waveform under the conditions of a moment; the one at hand when they are the same."""
+        """Return the waveform of the tire under the given conditions, cached while they do not change."""
         plan = self.plan
         omega = float(plan.motion.at(np.array([time_s])).speed_mps[0]) / plan.radius_m
         at = (

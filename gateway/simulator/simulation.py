@@ -1,4 +1,4 @@
-"""A whole scenario as chunks of link bytes on a simulated clock."""
+"""Simulation of a whole scenario: chunks of link bytes on a simulated clock."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gateway.simulator.truth import WheelTruth
 from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 
 BLOCK_S = 0.25
-"""Simulated at a time; part of what the seed determines."""
+"""Block length of the simulation; the result for a seed depends on it."""
 
 
 @dataclass(slots=True)
@@ -31,10 +31,10 @@ class Simulation:
 
     Attributes:
         scenario: what is simulated.
-        duration_s: length, None for no end.
+        duration_s: length, None for endless.
         faults: on the link, with their counts.
-        truth: what the estimators should find, by position.
-        wheels: being simulated, in the scenario's order.
+        truth: true values of the estimates, by position.
+        wheels: in the scenario's order.
     """
 
     scenario: Scenario
@@ -84,12 +84,12 @@ def simulate(
     faults: tuple[Fault, ...] = (),
     key_file: Path | None = None,
 ) -> Simulation:
-    """Return a scenario ready to run; the tires are solved now.
+    """Return a scenario ready to run. Solves the tires.
 
     Args:
         scenario: what to simulate.
-        seed: instead of the scenario's.
-        duration_s: instead of the scenario's.
+        seed: replaces the scenario's.
+        duration_s: replaces the scenario's.
         faults: on the link; the scenario's own come first.
         key_file: keys with which sensors and hubs sign; None for unsigned frames.
 

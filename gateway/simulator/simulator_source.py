@@ -20,7 +20,7 @@ OPTIONS = (
 
 
 class SimulatorSource:
-    """Plays a simulation against an absolute schedule on the injected clock.
+    """Source that plays a simulation on an absolute schedule of the injected clock.
 
     At speed 1 a chunk carries the time at which it was handed over, as from a real link; at any other speed the
     simulated time of its arrival, so that the hub's clock and the host's run alike.
@@ -64,7 +64,7 @@ class SimulatorSource:
 
 
 def open_simulator(address: SourceAddress, clock: Clock) -> Source:
-    """Open `sim:SCENARIO` with the options of OPTIONS; the tires are solved now.
+    """Open `sim:SCENARIO` with the options of OPTIONS. Solves the tires.
 
     Raises:
         SourceError: no such scenario, or a wrong option.
@@ -96,14 +96,14 @@ def link_name(target: str) -> str:
 
 
 def split_faults(text: str) -> list[str]:
-    """Return the faults of a text that parts them by `;` or `+` (or the space that a URI makes of `+`)."""
+    """Return the faults of a text, separated by `;` or `+` (or a space, as `+` is decoded in a URI)."""
     for mark in "+ ":
         text = text.replace(mark, ";")
     return [item for item in text.split(";") if item]
 
 
 def parse_speed(text: str) -> float:
-    """Return how fast to play: times real time, infinity for `max`.
+    """Return the playback speed as a multiple of real time, infinity for `max`.
 
     Raises:
         SourceError: neither a positive number nor `max`.
@@ -124,5 +124,5 @@ def _positive(name: str, text: str) -> float:
 
 def _seed(text: str) -> int:
     if not text.isdecimal():
-        raise SourceError(f"option seed={text} is not allowed", "Give a whole number from 0.")
+        raise SourceError(f"option seed={text} is not allowed", "Give a whole number of at least 0.")
     return int(text)

@@ -1,4 +1,4 @@
-"""Quantities over time: constant, or straight lines between points."""
+"""Quantities over time: constant or piecewise linear."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gateway.types import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Points (t_s, value), straight in between, held before the first and after the last.
+    """Points (t_s, value), interpolated linearly, held before the first and after the last.
 
     Attributes:
-        points: with rising times; one point is a constant.
+        points: with increasing times; one point is a constant.
     """
 
     points: tuple[tuple[float, float], ...]
@@ -59,13 +59,13 @@ class Series:
 
 
 def constant(value: float) -> Series:
-    """Return a series that never changes."""
+    """Return a constant series."""
     return Series(((0.0, value),))
 
 
 def in_range(low: float, high: float) -> PlainValidator:
     """Return the pydantic validator of a `Series` whose values lie from `low` to `high`."""
-    allowed = f"a number {low:g} to {high:g}, or a list of [t_s, value] points with rising times"
+    allowed = f"a number {low:g} to {high:g}, or a list of [t_s, value] points with increasing times"
 
     def read(value: object) -> Series:
         if isinstance(value, Series):
@@ -81,7 +81,7 @@ def in_range(low: float, high: float) -> PlainValidator:
             if not low <= item <= high:
                 raise ValueError(f"{allowed}; {item:g} at {time_s:g} s is not")
         if any(later <= earlier for (earlier, _), (later, _) in pairwise(points)):
-            raise ValueError(f"{allowed}; the times do not rise")
+            raise ValueError(f"{allowed}; the times do not increase")
         return Series(points)
 
     return PlainValidator(read)

@@ -1,4 +1,4 @@
-"""A tire as its ring and lateral belt, which change with pressure, and the road's and sensor's part in its waveform."""
+"""Tire model: ring and lateral belt as functions of pressure, with the conditions of road and sensor."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from dataclasses import dataclass, field, replace
 
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waves import EdgeWaves, TreadPitch
+from gateway.physics.tread_pattern import EdgeWaves, TreadPitch
 
 RING_NODES = 1440
 
 
 @dataclass(frozen=True, slots=True)
 class TireModel:
-    """What decides the shape of a tire under given conditions.
+    """Parameters that determine the shape of a tire under given conditions.
 
     Attributes:
         ring: at the reference pressure.
         reference_pa: pressure at which `ring` and `lateral` hold.
-        lateral: the belt sideways, signs as it is mounted and rolls.
+        lateral: the lateral belt, with signs as mounted and rolling.
         pressure_share: share of the sidewall's stiffness that grows with pressure.
         sensor_offset_m: sensor below the neutral layer.
         drum_radius_m: of the road; infinite when flat.
-        axle_torque_nm: driving torque, balanced by the road's friction; None for a road without.
+        axle_torque_nm: driving torque, balanced by the road's friction; None for a frictionless road.
         waves: from the tread pattern, None for a smooth tread.
         pitch: of the tread pattern's blocks, likewise.
         runout_m: height of the tire's high spot.
@@ -65,7 +65,7 @@ class TireModel:
     def solve(
         self, load_n: float, pressure_pa: float, omega_radps: float, start: RingSolution | None = None
     ) -> RingSolution:
-        """Return the ring under given conditions; run-out and the tread pattern are not in it.
+        """Return the ring under given conditions, without run-out and tread pattern.
 
         Raises:
             ValueError: a condition is out of range.

@@ -1,8 +1,10 @@
-"""A tire's waveform over load, pressure, speed and slip angle: solved at a few points, interpolated in between."""
+"""A tire's waveform over load, pressure, speed and slip angle: solved at a few points, interpolated between them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -10,10 +12,68 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.physics.rolling_ring import RingSolution
-from gateway.physics.rolling_ring_waveform import angle_derivatives
-from gateway.simulator.runout import SolvedPoint, with_runout
+from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.simulator.tire_model import TireModel
 from gateway.types import FloatArray
+
+# Step of load for the tire's vertical stiffness.
+_LOAD_STEP = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedPoint:
+    """A tire solved under one set of conditions, on the table's angles.
+
+    Attributes:
+        ring: the solution.
+        planar: (angles, columns) of the ring's waveform, radial shape first.
+        lateral: (angles, slips) lateral shapes.
+        edges_rad: (2,) leading and trailing contact angle.
+    """
+
+    ring: RingSolution
+    planar: FloatArray
+    lateral: FloatArray
+    edges_rad: FloatArray
+
+
+def with_runout(
+    solve: Callable[[float], SolvedPoint], load_n: float, height_m: float, offset_rad: float
+) -> SolvedPoint:
+    """Return a tire whose radius is larger by height cos(psi) at material angle psi from its high spot.
+
+    The axle stays at its height, so the load swings by stiffness times height as the wheel turns; the sensor meets the
+    road under the same load each time (quadratic in the load, three solutions). Off the contact it rides on the
+    eccentric circle's radius.
+
+    Args:
+        solve: the round tire under a load.
+        load_n: mean load.
+        height_m: of the high spot.
+        offset_rad: material angle from the sensor to the high spot.
+    """
+    middle = solve(load_n)
+    pressed = solve(load_n * (1.0 + _LOAD_STEP))
+    stiffness_npm = _LOAD_STEP * load_n / (middle.ring.axle_height_m - pressed.ring.axle_height_m)
+    swing_n = stiffness_npm * height_m
+    three = (solve(load_n - swing_n), middle, solve(load_n + swing_n))
+    theta = np.linspace(-math.pi, math.pi, len(middle.planar))
+    weights = _parabola(np.cos(theta + offset_rad))
+    at_edges = _parabola(np.cos(middle.edges_rad + offset_rad))
+    planar = sum((w[:, None] * point.planar for w, point in zip(weights, three, strict=True)), np.zeros(1))
+    planar[:, 0] *= 1.0 + height_m / middle.ring.ring.radius_m * math.cos(offset_rad)
+    return SolvedPoint(
+        middle.ring,
+        planar,
+        sum((w[:, None] * point.lateral for w, point in zip(weights, three, strict=True)), np.zeros(1)),
+        sum((w * point.edges_rad for w, point in zip(at_edges, three, strict=True)), np.zeros(1)),
+    )
+
+
+def _parabola(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the weights of values at -1, 0 and 1."""
+    return 0.5 * at * (at - 1.0), 1.0 - at * at, 0.5 * at * (at + 1.0)
+
 
 WaveformTable = NDArray[np.float32]
 """(TABLE_ANGLES + 1, COLUMNS) over theta = -pi + 2 pi i / TABLE_ANGLES; the last row is the first. Single precision
@@ -26,7 +86,7 @@ LATERAL = COLUMNS - 1
 
 
 class Range(NamedTuple):
-    """From the smallest to the largest value that a quantity takes."""
+    """Smallest and largest value of a quantity."""
 
     low: float
     high: float
@@ -62,7 +122,7 @@ class TireTable:
         shape = tuple(len(axis) for axis in self._axes)
         points = math.prod(shape)
         self._planar = np.empty((points, (TABLE_ANGLES + 1) * LATERAL), np.float32)
-        # Slip bends the belt sideways only, so the planar columns need no table for it.
+        # Slip bends the belt laterally only, so the planar columns need no table for it.
         self._lateral = np.empty((points * len(self._slips), TABLE_ANGLES + 1), np.float32)
         self._edges = np.empty((points, 2))
         near: RingSolution | None = None
@@ -140,11 +200,11 @@ def tire_table(
 
 
 def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
-    """Return (n, COLUMNS) of a waveform at any material angles, by straight lines between its rows."""
+    """Return (n, COLUMNS) of a waveform at any material angles, by linear interpolation between its rows."""
     turns = angle_rad * (1.0 / (2.0 * math.pi)) + 0.5
     place = (turns - np.floor(turns)) * TABLE_ANGLES
     row = place.astype(np.int64)
-    # A turn that rounds up to a whole one lies on the last row, which has none behind it.
+    # An angle that rounds up to a full turn lies on the last row, which has no successor.
     np.minimum(row, TABLE_ANGLES - 1, out=row)
     before = table.take(row, axis=0)
     found: WaveformTable = before + (place - row).astype(np.float32)[:, None] * (table.take(row + 1, axis=0) - before)
@@ -153,13 +213,13 @@ def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
 
 def _mixed(weights: FloatArray, tables: WaveformTable) -> WaveformTable:
     """Return the weighted sum of rows."""
-    # Not a matrix product: BLAS would wake all its threads for it, at four times the CPU time.
+    # Not a matrix product: BLAS would start all its threads for it, at four times the CPU time.
     mixed: WaveformTable = np.einsum("i,ij->j", weights.astype(np.float32), tables)
     return mixed
 
 
 def _nodes(extent: Range) -> FloatArray:
-    """Return where to solve: one point for a constant, Chebyshev points (ends included) otherwise."""
+    """Return the points to solve at: one for a constant, Chebyshev points (ends included) otherwise."""
     if extent.high - extent.low <= 1e-9 * max(1.0, abs(extent.high)):
         return np.array([0.5 * (extent.low + extent.high)])
     # Contact edges shift with load and pressure: the wider the range, the more points.
@@ -168,7 +228,7 @@ def _nodes(extent: Range) -> FloatArray:
 
 
 def _slip_nodes(extent: Range) -> FloatArray:
-    """Return where to solve over the slip angle: nearly straight while the tread sticks, bent where it slides."""
+    """Return the slip angles to solve at. The shape is nearly linear while the tread sticks, curved where it slides."""
     width = extent.high - extent.low
     if width <= 1e-9:
         return np.array([0.5 * (extent.low + extent.high)])
@@ -183,7 +243,7 @@ def _chebyshev(extent: Range, count: int) -> FloatArray:
 def _lagrange(nodes: FloatArray, value: float) -> FloatArray:
     """Return the weights of the nodes' values in their polynomial at `value`, held at the ends of the range."""
     value = min(max(value, float(nodes[0])), float(nodes[-1]))
-    # Row i of the differences, its own entry replaced by 1, holds the factors of weight i.
+    # Row i of the differences, with its own entry replaced by 1, holds the factors of weight i.
     own = np.eye(len(nodes), dtype=bool)
     above = np.where(own, 1.0, value - nodes)
     below = np.where(own, 1.0, nodes[:, None] - nodes)

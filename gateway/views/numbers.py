@@ -7,6 +7,8 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from gateway.estimators.base import Estimate, Status
+from gateway.reasons import Reason
+from gateway.views.wording import joined
 
 MISSING: Final = "—"
 """Stands for a value that nobody knows."""
@@ -136,7 +138,7 @@ class Shown(NamedTuple):
         unit: symbol, empty when dimensionless.
         value: the value in that unit, not rounded; NaN when the estimate is invalid.
         status: as estimated.
-        reason: as estimated.
+        reasons: as estimated.
     """
 
     label: str
@@ -144,12 +146,17 @@ class Shown(NamedTuple):
     unit: str
     value: float
     status: Status
-    reason: str
+    reasons: tuple[Reason, ...]
 
     @property
     def mark(self) -> str:
         """Status mark, empty when valid."""
         return STATUS_MARKS[self.status]
+
+    @property
+    def reason(self) -> str:
+        """The reasons as one text."""
+        return joined(self.reasons)
 
     def text(self, sign: str = " ± ") -> str:
         """Return number, unit and mark, e.g. `65.03 ± 0.02 km/h ~`."""
@@ -163,10 +170,10 @@ def show(estimate: Estimate) -> Shown:
     """Convert an estimate to its shown unit and round it; an invalid one shows MISSING whatever its value."""
     label, unit = split_name(estimate.name)
     if estimate.status is Status.INVALID:
-        return Shown(label, UNKNOWN, unit.symbol, math.nan, estimate.status, estimate.reason)
+        return Shown(label, UNKNOWN, unit.symbol, math.nan, estimate.status, estimate.reasons)
     value = estimate.value * unit.factor
     number = round_to_error(value, estimate.std * unit.factor)
-    return Shown(label, number, unit.symbol, value, estimate.status, estimate.reason)
+    return Shown(label, number, unit.symbol, value, estimate.status, estimate.reasons)
 
 
 def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:

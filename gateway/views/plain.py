@@ -7,7 +7,7 @@ from typing import Final
 
 from gateway.estimators.base import Status
 from gateway.pipeline.results import RevolutionResult
-from gateway.reasons import Notice
+from gateway.reasons import Code, Notice, codes_of
 from gateway.views.numbers import Shown, kpa
 from gateway.views.readout import Reading, read_result
 from gateway.views.text import clean, crop, crop_middle, pad, width
@@ -21,7 +21,6 @@ _NAME_WIDTH_MAX: Final = 14
 # Wide enough for `Bs (3.083±0.012)e-3`, `Cw 0.1953±0.0012`, `Rs 2.974±0.031`, `Ts 2.529±0.099`.
 _NUMBER_WIDTHS: Final = (19, 16, 14, 14)
 _NUMBERS_WIDTH_MAX: Final = 78
-_NO_DIGITS: Final = str.maketrans("", "", "0123456789.")
 _STATUS_WORDS: Final = {"valid": "ok", "provisional": "~", "invalid": "x"}
 
 
@@ -38,8 +37,9 @@ class PlainView:
         self._lines_until_header = 0
         self._name_width = _NAME_WIDTH_MIN
         self._number_widths = list(_NUMBER_WIDTHS)
-        self._notes: dict[str, str] = {}
-        self._valid_remarks: set[str] = set()
+        # Codes of the reasons given last, by position, and of the notes on valid numbers given so far.
+        self._given: dict[str, tuple[Code, ...]] = {}
+        self._noted: set[tuple[Code, ...]] = set()
 
     def result(self, result: RevolutionResult) -> None:
         """Write the line of a revolution, after the header when it is due or a column has grown."""
@@ -57,15 +57,15 @@ class PlainView:
         note = clean(reading.note)
         valid = reading.status is Status.VALID and not reading.ratios_only and not result.revolution.faults
         self._write(crop((line if valid else line + note).rstrip(), LINE_WIDTH))
-        # A remark on valid numbers is written once; a reason that does not fit is written in full when it is new, apart
-        # from the numbers in it.
-        words = note.translate(_NO_DIGITS)
+        # A note on valid numbers is written once; a reason that does not fit is written in full when it is new. Its
+        # numbers may change with every revolution, so its codes are compared.
+        codes = codes_of(reading.reasons)
         if valid:
-            if words and words not in self._valid_remarks:
-                self._valid_remarks.add(words)
+            if codes and codes not in self._noted:
+                self._noted.add(codes)
                 self._remark(note)
-        elif words != self._notes.get(result.position, ""):
-            self._notes[result.position] = words
+        elif codes != self._given.get(result.position, ()):
+            self._given[result.position] = codes
             if width(line) + width(note) > LINE_WIDTH:
                 self._remark(f"{name} rev {result.revolution.index}: {note}")
 

@@ -8,7 +8,9 @@ from typing import Final, NamedTuple
 
 from gateway.estimators.base import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
+from gateway.reasons import Reason
 from gateway.views.numbers import UNITS, Shown, show, split_name
+from gateway.views.wording import joined
 
 SPEED: Final = "speed_mps"
 ANGLE: Final = UNITS["_rad"]
@@ -26,7 +28,7 @@ class Reading(NamedTuple):
         others: every other quantity, e.g. contact length.
         numbers: the dimensionless numbers, or their ratios when only those are known.
         status: worst status among the numbers shown, invalid when there is none.
-        note: the reason for that status; empty when there is nothing to say.
+        reasons: for that status.
         ratios_only: True when `numbers` are ratios because the numbers themselves are invalid.
     """
 
@@ -36,8 +38,17 @@ class Reading(NamedTuple):
     others: tuple[Shown, ...]
     numbers: tuple[Shown, ...]
     status: Status
-    note: str
+    reasons: tuple[Reason, ...]
     ratios_only: bool
+
+    @property
+    def note(self) -> str:
+        """The reasons as one text; empty when there is nothing to say."""
+        if self.reasons:
+            return f"ratios only: {joined(self.reasons)}" if self.ratios_only else joined(self.reasons)
+        if self.ratios_only:
+            return "ratios only"
+        return "" if self.numbers else "no estimates"
 
 
 def read_result(result: RevolutionResult) -> Reading:
@@ -78,7 +89,7 @@ def read_result(result: RevolutionResult) -> Reading:
         tuple(others),
         shown,
         max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),
-        _note(revolution.faults, whole, kinematic, ratios_only),
+        revolution.faults or _reasons(whole, kinematic),
         ratios_only,
     )
 
@@ -87,15 +98,12 @@ def _measured(name: str, value: float, std: float) -> Estimate:
     return Estimate(name, value, std, Status.VALID if math.isfinite(value) else Status.INVALID)
 
 
-def _note(faults: Sequence[str], numbers: Sequence[Estimate], kinematic: Sequence[Shown], ratios_only: bool) -> str:
-    if faults:
-        return "; ".join(faults)
-    told: tuple[Estimate | Shown, ...] = (*numbers, *kinematic)
-    # The worst status explains most; what holds of valid numbers is said only when nothing is wrong.
+def _reasons(numbers: Sequence[Estimate], kinematic: Sequence[Shown]) -> tuple[Reason, ...]:
+    """Return the reasons of the first estimate of the worst status that has any."""
+    # The worst status explains most; notes on valid numbers are shown only when nothing is wrong.
+    shown: tuple[Estimate | Shown, ...] = (*numbers, *kinematic)
     for status in reversed(_ORDER):
-        for item in told:
-            if item.status is status and item.reason:
-                return f"ratios only: {item.reason}" if ratios_only else item.reason
-    if ratios_only:
-        return "ratios only"
-    return "" if numbers else "no estimates"
+        for item in shown:
+            if item.status is status and item.reasons:
+                return item.reasons
+    return ()

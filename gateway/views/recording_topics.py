@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from firmware_protocol.messages import Environment, Frame, Hello, HubStatus, LogLevel, LogText
 from gateway.estimators.base import Estimate
 from gateway.pipeline.results import RevolutionResult
-from gateway.reasons import Level, Notice
+from gateway.reasons import Level, Notice, Reason
 from gateway.types import FloatArray
 from gateway.views.wording import as_json, notice_text
 
@@ -26,11 +27,20 @@ def _finite(entries: dict[str, float | int | None]) -> dict[str, Any]:
 def estimate_fields(estimate: Estimate) -> dict[str, Any]:
     """Return an estimate as flat fields that plotting programs list side by side."""
     name = estimate.name.replace("/", "_over_")
-    return {**_finite({name: estimate.value, f"{name}_std": estimate.std}), f"{name}_status": str(estimate.status)}
+    return {
+        **_finite({name: estimate.value, f"{name}_std": estimate.std}),
+        f"{name}_status": str(estimate.status),
+        **_reasons(f"{name}_reasons", estimate.reasons),
+    }
+
+
+def _reasons(key: str, reasons: Iterable[Reason]) -> dict[str, Any]:
+    found = [as_json(reason) for reason in reasons]
+    return {key: found} if found else {}
 
 
 def revolution_payload(result: RevolutionResult) -> dict[str, Any]:
-    """Return one row of results as flat numeric fields."""
+    """Return one row of results as flat fields."""
     revolution, conditions = result.revolution, result.conditions
     payload = _finite(
         {
@@ -46,6 +56,7 @@ def revolution_payload(result: RevolutionResult) -> dict[str, Any]:
             "temperature_degc": conditions.temperature_degc,
         }
     )
+    payload.update(_reasons("fault_reasons", revolution.faults))
     for estimate in result.estimates:
         payload.update(estimate_fields(estimate))
     return payload

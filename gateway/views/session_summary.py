@@ -10,7 +10,9 @@ from itertools import groupby
 
 from gateway.estimators.base import Estimate, Status
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
+from gateway.reasons import Reason
 from gateway.views.numbers import MISSING, duration, fixed, percent, show
+from gateway.views.wording import joined, text
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +32,14 @@ class WheelSummary:
         speed_max_mps: fastest revolution.
         missing_fraction: share of the samples that were lost on the link, by time.
         estimates: the last of each name, the last one that was not invalid where there was one.
-        uncorrected: revolutions that known effects were not taken off.
-        uncorrected_reason: why, of the last such.
+        uncorrected: revolutions that known effects were not subtracted from.
+        uncorrected_reason: why, of the last such; None when there is none.
     """
 
     position: str
     revolutions: int
     revolutions_valid: int
-    faults: Mapping[str, int]
+    faults: Mapping[Reason, int]
     saturated: int
     rolling_s: float
     distance_m: float
@@ -47,7 +49,7 @@ class WheelSummary:
     missing_fraction: float
     estimates: tuple[Estimate, ...]
     uncorrected: int = 0
-    uncorrected_reason: str = ""
+    uncorrected_reason: Reason | None = None
 
 
 @dataclass(slots=True)
@@ -56,13 +58,13 @@ class _Wheel:
     valid: int = 0
     saturated: int = 0
     uncorrected: int = 0
-    uncorrected_reason: str = ""
+    uncorrected_reason: Reason | None = None
     rolling_s: float = 0.0
     missing_s: float = 0.0
     distance_m: float = 0.0
     speed_min_mps: float = math.inf
     speed_max_mps: float = -math.inf
-    faults: Counter[str] = field(default_factory=Counter)
+    faults: Counter[Reason] = field(default_factory=Counter)
     estimates: dict[str, Estimate] = field(default_factory=dict)
 
 
@@ -79,7 +81,7 @@ class ResultSummary:
         wheel.revolutions += 1
         wheel.valid += not revolution.faults
         wheel.saturated += revolution.saturated
-        if revolution.uncorrected:
+        if revolution.uncorrected is not None:
             wheel.uncorrected += 1
             wheel.uncorrected_reason = revolution.uncorrected
         wheel.faults.update(revolution.faults)
@@ -120,15 +122,16 @@ class ResultSummary:
 
 
 def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
-    """Return what became of a wheel's known effects, which hold under the conditions that they were found at only."""
+    """Return whether a wheel's known effects were subtracted; they hold only where they were found."""
     names, count, left = ", ".join(effects), wheel.revolutions, wheel.uncorrected
-    if not left:
-        return f"{wheel.position}: taken off its axes: {names}"
+    if wheel.uncorrected_reason is None:
+        return f"{wheel.position}: subtracted from its axes: {names}"
+    why = text(wheel.uncorrected_reason)
     if left == count:
-        return f"{wheel.position}: NOT taken off its axes: {names}: {wheel.uncorrected_reason}"
+        return f"{wheel.position}: NOT subtracted from its axes: {names}: {why}"
     return (
-        f"{wheel.position}: taken off its axes in {count - left} of {count} revolutions: {names}; "
-        f"not in the others: {wheel.uncorrected_reason}"
+        f"{wheel.position}: subtracted from its axes in {count - left} of {count} revolutions: {names}; "
+        f"not in the others: {why}"
     )
 
 
@@ -160,10 +163,11 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
 
 
 def _estimate_rows(estimates: Sequence[Estimate]) -> list[tuple[str, str, str]]:
-    """Return (label, value, note) of each estimate; invalid ones of one reason share a row, a note is told once."""
+    """Return (label, value, note) of each estimate; invalid ones of one reason share a row, as do equal notes."""
     rows: list[tuple[str, str, str]] = []
-    for (status, reason), group in groupby(estimates, lambda estimate: (estimate.status, estimate.reason)):
+    for (status, reasons), group in groupby(estimates, lambda estimate: (estimate.status, estimate.reasons)):
         shown = [show(estimate) for estimate in group]
+        reason = joined(reasons)
         word = "" if status is Status.VALID else str(status)
         note = f"{word}: {reason}" if word and reason else word or reason
         if status is Status.INVALID:
@@ -177,7 +181,7 @@ def _estimate_rows(estimates: Sequence[Estimate]) -> list[tuple[str, str, str]]:
 def _revolutions_note(wheel: WheelSummary) -> str:
     if wheel.revolutions_valid == wheel.revolutions:
         return "all valid"
-    faults = ", ".join(f"{count} {fault}" for fault, count in wheel.faults.items())
+    faults = ", ".join(f"{count} x {text(fault)}" for fault, count in wheel.faults.items())
     return f"{wheel.revolutions_valid} valid; {faults}"
 
 

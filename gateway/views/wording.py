@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import string
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any, Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
@@ -16,9 +17,132 @@ from gateway.reasons import Code, Level, Notice, Reason, Value
 
 TEMPLATES: Final[Mapping[Code, str]] = {
     # Revolutions
+    Code.CONTACT_HAS_NO_SLOPE: "the contact edges have no clear slope",
+    Code.CONTACT_IN_NOISE: "the contact does not stand out of the noise",
+    Code.CONTACT_INTERPOLATED: (
+        "a contact was lost on the link or disturbed by an impact; it was placed between its neighbours"
+    ),
+    Code.NO_CONTACT: "no contact around angle 0",
+    Code.RADIAL_CLIPPED: "the radial axis is clipped below the range that the hub states",
+    Code.RADIAL_SATURATED: "the radial axis reached the end of its range",
     Code.SAMPLES_LOST: "samples were lost on the link",
+    Code.EFFECTS_OUTSIDE_LOADS: (
+        "{load_n:.0f N} is outside the {low_n:.0f N} to {high_n:.0f N} at which the effects were found"
+    ),
+    Code.EFFECTS_OUTSIDE_PRESSURES: (
+        "{pressure_pa:.0f kPa} is outside the {low_pa:.0f kPa} to {high_pa:.0f kPa} at which the effects were found"
+    ),
+    Code.EFFECTS_OUTSIDE_SPEEDS: (
+        "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
+    ),
+    Code.EFFECTS_OF_OTHER_SENSOR: "the effects were found on sensor {found_on}, but this is sensor {sensor}",
     # Estimates
+    # - of any estimator
+    Code.AC_COUPLED: "AC-coupled: the steady value is lost",
+    Code.AVERAGE_ERRORS_UNKNOWN: "the standard errors of the average are not known",
+    Code.AXIS_MISSING: "the sensor has no {axis} axis",
+    Code.AXIS_NOT_FINITE: "the {axis} axis is not finite",
+    Code.EDGE_ERRORS_UNKNOWN: "the standard errors of the contact edges are not known",
+    Code.EFFECTS_NOT_SUBTRACTED: "known effects were not subtracted: {why}",
+    Code.NEEDS_LOAD: "needs the load (set load_n of the wheel, or weight_kg of its axle, in the vehicle file)",
+    Code.NEEDS_PRESSURE: (
+        "needs the pressure (set pressure_kpa of the tire in the vehicle file, or use a sensor that reports it)"
+    ),
+    Code.NO_CONTACT_EDGES: "no contact edges were found",
+    Code.NO_STEADY_VALUE: "the radial signal has no positive mean: its steady value is missing",
+    Code.NOT_SETTLED: "{revolutions:.0f} revolutions so far, settles at {needed:.0f}",
+    Code.REVOLUTION_NOT_USED: "this revolution was not used: {faults}",
+    Code.SAMPLES_LOST_SHARE: "{share:.1%} of the samples were lost",
+    Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
+    Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
+    # - of the tire's four numbers
+    Code.BENDING_LIKE_SHEAR: "bending and shear of the belt cannot be separated here (correlation {correlation:+.2f})",
+    Code.CORRELATED: "correlated {correlation:+.2f} with {number}",
+    Code.FIT_AT_ZERO: "not determined: the fit puts {number} at zero",
+    Code.FIT_NOT_CONVERGED: "the fit has not converged",
+    Code.LINEAR_RING: "linear ring: model error is not in the standard error",
+    Code.LINEAR_RING_TENSION: "linear ring: the belt's loss of tension in the contact is not in the standard error",
+    Code.MODEL_ERROR_SHARE: "{share:.0%} of the variance is model error",
+    Code.NO_BELT_SHAPE: "the radial signal does not describe a belt",
+    Code.NO_FLAT_CONTACT: (
+        "no flat contact at angle 0: its curvature is {curvature:.2f} of the mean, the limit {limit:.2f}"
+    ),
+    Code.NO_RING_EQUILIBRIUM: "no ring in equilibrium reproduces this waveform",
+    Code.NOT_DETERMINED: "not determined: the standard error is {relative_error:.2g} times the value",
+    Code.ORDERS_UNUSABLE: "the orders of the average are flat or not finite",
+    Code.RING_DOES_NOT_FIT: (
+        "the ring does not describe these orders: the residual is {residual:.0%} of the signal, the limit {limit:.0%}"
+    ),
+    # - of load and wear
+    Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
+    Code.FROM_BELT_WIDTH: "from the belt width",
+    Code.FROM_CONTACT_ANGLE: "from contact angle and pressure",
+    Code.FROM_RATIO: "from {ratio}, because the load is not known",
+    Code.HALF_ANGLE_OUTSIDE_CALIBRATION: (
+        "the contact half angle {half_angle_rad:.1f deg} is outside the calibrated {low_rad:.1f deg} to "
+        "{high_rad:.1f deg}"
+    ),
+    Code.NEEDS_ESTIMATOR: "needs the estimator {estimator}, which made the reference numbers",
+    Code.NEEDS_LOAD_CALIBRATION: "needs tire.load_calibration in the vehicle file (treadlink calibrate)",
+    Code.NEEDS_REFERENCE_NUMBER: (
+        "needs {number} of the new tire, tire.reference in the vehicle file (treadlink calibrate)"
+    ),
+    Code.NEEDS_RING_THICKNESS: "needs ring_thickness_mm of the tire in the vehicle file",
+    Code.NEEDS_WEAR_VALUES: (
+        "needs {revolutions:.0f} revolutions with a valid wear, of which one in {spacing:.0f} counts"
+    ),
+    Code.NO_LOAD_FROM_BELT_WIDTH: "not from the belt width: {why}",
+    Code.NO_LOAD_FROM_CONTACT_ANGLE: "not from the contact angle: {why}",
+    Code.NUMBER_MISSING: "the estimator {estimator} does not give {number}",
+    Code.OVER_REVOLUTIONS: "over {revolutions:.0f} revolutions",
+    Code.PRESSURE_NOT_COMPENSATED: "pressure not compensated",
+    Code.PRESSURE_OUTSIDE_CALIBRATION: (
+        "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"
+    ),
+    Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
+    Code.WORN_SINCE_CALIBRATION: "calibrated on the new tire, which is now worn by {wear_m:.1f mm}",
+    # - of the lateral axis
+    Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
+    Code.INCLUDES_CONICITY: "ply steer plus conicity",
+    Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
+    Code.ORDERS_USED: "orders {first:.0f} to {last:.0f}",
+    Code.ROLL_NOT_CALIBRATED: (
+        "AC-coupled: the roll tilt of the sensor cannot be calibrated; {assumed_rad:.0f deg} of it are in the error"
+    ),
+    Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
+    Code.SPEED_UNUSABLE: "the speed is not known or too high for the sampling",
+    Code.ZERO_SLIP_GIVEN: "zero slip as given",
+    Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
+    Code.ZERO_SLIP_NOT_SETTLED: "zero slip from {revolutions:.0f} revolutions, settles at {needed:.0f}",
+    # - of the sensor's calibration
+    Code.FLAT_CONTACT_ASSUMED: "AC-coupled: from the contact, assumed to be flat (flat road)",
+    Code.NEEDS_TEMPERATURE_CHANGE: "needs a change of temperature",
+    Code.NEEDS_TWO_SPEEDS: "needs two speeds: {quantity} and zero-g offset are not separated yet",
+    Code.NO_REVOLUTION_YET: "no revolution yet",
+    Code.NOT_FINITE: "the result is not finite",
+    Code.OTHER_OFFSET_STATED: "the vehicle file states {stated_m:.1f mm}",
+    # - of what is not locked to the wheel
+    Code.AT_WHEEL_ORDER: "at order {order:.0f} of the wheel: may be locked to it",
+    Code.IN_BAND: "{low_hz:.0f Hz} to {high_hz:.0f Hz}, sensor noise included",
+    Code.NEEDS_UNINTERRUPTED_ROLLING: "needs {duration_s:.0f s} of uninterrupted rolling",
+    Code.NO_LINE: "no line stands out",
     # Sensors
+    Code.AXIS_READS: "{axis} at {counts:.0f}",
+    Code.PRESSURE_FROZEN: (
+        "the pressure has not changed while the temperature changed by {temperature_change_k:.0f} K; it may be "
+        "off by {error_pa:.0f kPa}"
+    ),
+    Code.SENSOR_DEAD: "every axis reads 0: the sensor is dead or its element has no supply",
+    Code.SENSOR_FLIPPED: "the radial axis points outward; its sign is corrected here",
+    Code.SENSOR_LOOSE: (
+        "rings at {frequency_hz:.0f Hz} behind every contact with {share:.0%} of the steady value: the sensor "
+        "may have come loose; do not trust contact lengths and tire numbers"
+    ),
+    Code.SENSOR_STUCK: "does not move by one count for {duration_s:.0f s}: {axes} counts",
+    Code.SENSOR_TILTED: (
+        "the {axis} axis carries the steady value of the radial axis: tilted by {tilt_rad:.0f deg}, or the axes "
+        "are swapped"
+    ),
     # Wheels, links and alarms
     # - Thresholds
     Code.BATTERY_BELOW_LIMIT: "battery at {level:.0f %}, below {limit:.0f %}",
@@ -27,7 +151,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LOAD_ABOVE_LIMIT: "load {load_n:.0f N} is above {limit_n:.0f N}",
     Code.PRESSURE_ABOVE_LIMIT: "pressure {pressure_pa:.0f kPa} is above {limit_pa:.0f kPa}",
     Code.PRESSURE_BELOW_LIMIT: "pressure {pressure_pa:.0f kPa} is below {limit_pa:.0f kPa}",
-    Code.SENSOR_RANGE_REACHED: "{count:d} samples at the end of the sensor's range",
+    Code.SENSOR_RANGE_REACHED: "{count} samples at the end of the sensor's range",
     Code.SPEED_ABOVE_LIMIT: "speed {speed_mps:.0f km/h} is above {limit_mps:.0f km/h}",
     Code.TEMPERATURE_ABOVE_LIMIT: "inner liner at {temperature_degc:.0f degC}, above {limit_degc:.0f degC}",
     Code.WEAR_ABOVE_LIMIT: "wear {wear_m:.1f mm} is above {limit_m:.1f mm}",
@@ -44,19 +168,18 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LINK_RESTORED: "reconnected",
     Code.LINK_RETRYING: "reconnecting fails",
     Code.MARK: "mark: {text}",
-    Code.MTU: "MTU {mtu:d}",
-    Code.MTU_TOO_SMALL: "MTU {mtu:d} is less than the {needed:d} that frames need: expect losses",
-    Code.MTU_UNKNOWN: "MTU unknown (frames need {needed:d})",
-    Code.NOTIFICATIONS_DROPPED: "{count:d} notifications dropped because this computer is too slow",
+    Code.MTU: "MTU {mtu}",
+    Code.MTU_TOO_SMALL: "MTU {mtu} is less than the {needed} that frames need: expect losses",
+    Code.MTU_UNKNOWN: "MTU unknown (frames need {needed})",
+    Code.NOTIFICATIONS_DROPPED: "{count} notifications dropped because this computer is too slow",
     Code.QUOTED_TEXT: "{text}",
     Code.RETRY_INTERVAL: "trying again every {interval_s:g s} or sooner",
     # - Health of links
     Code.FIRMWARE_TOO_NEW: (
-        "the firmware uses protocol {major:d}.x and treadlink {own:d}.x, so no frame can be read. Update treadlink"
+        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update treadlink"
     ),
     Code.FIRMWARE_TOO_OLD: (
-        "the firmware uses protocol {major:d}.x and treadlink {own:d}.x, so no frame can be read. Update the hub's "
-        "firmware"
+        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update the hub's firmware"
     ),
     Code.FRAMES_DAMAGED: (
         "{share:.0f %} of the frames arrive damaged and are left out. Check cable, ground, distance and baud rate"
@@ -66,7 +189,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "frames with a valid checksum whose content violates the protocol are skipped: a fault of the firmware"
     ),
     Code.FRAMES_WITH_UNKNOWN_FLAGS: "frames with unknown flags are skipped and counted",
-    Code.HUB_RESTARTED: "restarted (boot count {boot_count:d}); its counters and times start again",
+    Code.HUB_RESTARTED: "restarted (boot count {boot_count}); its counters and times start again",
     Code.HUB_RESTARTS_REPEATEDLY: "restarts again and again. Check its supply. Further restarts are not reported",
     Code.HUB_SILENT: "sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?",
     Code.LINK_NO_DATA_YET: (
@@ -84,7 +207,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
         "is skipped and counted. Update treadlink"
     ),
-    Code.NO_FRAMES: "data arrives, but it contains no frame ({frames:d} before): {content}",
+    Code.NO_FRAMES: "data arrives, but it contains no frame ({frames} before): {content}",
     Code.NO_HELLO: (
         "samples arrive, but no hello for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
         "hub sends a hello every 2 s. Restart the hub or update its firmware"
@@ -101,7 +224,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "(`treadlink protocol` prints test vectors)"
     ),
     Code.LINE_CONSTANT: (
-        "every byte is {byte:#04x}: the line is held at one level. Is the hub powered, and are its data wire and "
+        "every byte is {byte}: the line is held at one level. Is the hub powered, and are its data wire and "
         "ground connected?"
     ),
     Code.LINE_GPS_RECEIVER: "this is a GPS receiver (NMEA text), not a hub. {remedy}",
@@ -110,14 +233,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LINE_UBLOX_RECEIVER: "this is a u-blox receiver, not a hub. {remedy}",
     Code.LINE_WRONG_BAUD_RATE: (
         "wrong baud rate, or another device on the port. Set the hub's rate, for example ?baudrate=115200; the "
-        "default is {default_baud:d}"
+        "default is {default_baud}"
     ),
     # - Wheels and their sensors
     Code.SENSOR_REPLACED: "sensor {sensor} is here, but the configuration names {expected}: a new sensor or tire?",
     Code.SENSOR_SWAPPED: (
         "sensor {sensor} of {owner} is here: wheels swapped? Estimates use load and tire of {position}"
     ),
-    Code.WHEEL_ADDRESS: "{position} (hub {hub:d}, wheel {wheel:d})",
+    Code.WHEEL_ADDRESS: "{position} (hub {hub}, wheel {wheel})",
     Code.WHEEL_NOT_CONFIGURED: (
         "not configured: belt radius {radius_m:g mm} assumed, load unknown; give --config VEHICLE.toml"
     ),
@@ -127,7 +250,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     # - Sessions and commands
     Code.ASSUMED_NOT_MEASURED: "assumed, not measured: {text}",
     Code.COMMAND_FAILED: "the command failed",
-    Code.COMMAND_OUTCOME: "outcome {outcome:d}",
+    Code.COMMAND_OUTCOME: "outcome {outcome}",
     Code.COMMAND_REFUSED: "did not execute {command}: {outcome}",
     Code.COMMAND_UNKNOWN: "unknown command",
     Code.COMMAND_VALUE_REFUSED: "value refused",
@@ -147,7 +270,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.VIEW_BEHIND: "the screen is too slow: lines are left out. Dropped data is counted",
     # - Recordings of a campaign
-    Code.AXIS_CONSTANT: "the {axis} axis reads one value throughout {count:d} revolutions, dead or stuck: left out",
+    Code.AXIS_CONSTANT: "the {axis} axis reads one value throughout {count} revolutions, dead or stuck: left out",
     Code.DIFFERENT_SENSORS: "the recordings are of different sensors: {sensors}",
     Code.RECORDING_DAMAGED: "{damage} The readable part is used",
     Code.RECORDING_ORDER_UNKNOWN: (
@@ -184,22 +307,22 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_IGNORED: "ignored, but recorded",
     Code.FRAMES_NOT_TRUSTED: "frames not to be trusted: {counts}",
     Code.FRAMES_USED: "used all the same (policy warn)",
-    Code.FRAMES_VERDICT: "{count:d} {verdict}",
-    Code.FRAME_BEFORE_HELLO: "signed frames arrive, but no verified hello ({count:d} so far); {consequence}",
+    Code.FRAMES_VERDICT: "{count} {verdict}",
+    Code.FRAME_BEFORE_HELLO: "signed frames arrive, but no verified hello ({count} so far); {consequence}",
     Code.FRAME_LATE: (
-        "a frame arrived long after later ones ({count:d} so far): a recording of the sensor may be replayed; "
+        "a frame arrived long after later ones ({count} so far): a recording of the sensor may be replayed; "
         "{consequence}"
     ),
     Code.FRAME_NO_KEY: (
-        "frames are signed by {signer}, whose key is missing ({count:d} so far); `treadlink keys import` admits "
+        "frames are signed by {signer}, whose key is missing ({count} so far); `treadlink keys import` admits "
         "it; {consequence}"
     ),
     Code.FRAME_REPLAYED: (
-        "a frame arrived twice ({count:d} so far): a recording of the sensor may be replayed; {consequence}"
+        "a frame arrived twice ({count} so far): a recording of the sensor may be replayed; {consequence}"
     ),
-    Code.FRAME_UNSIGNED: "a frame is not signed ({count:d} so far): anyone could have sent it; {consequence}",
+    Code.FRAME_UNSIGNED: "a frame is not signed ({count} so far): anyone could have sent it; {consequence}",
     Code.FRAME_WRONG_TAG: (
-        "a signed frame has a wrong tag ({count:d} so far): forged, from an earlier start, or signed with another "
+        "a signed frame has a wrong tag ({count} so far): forged, from an earlier start, or signed with another "
         "key; {consequence}"
     ),
     Code.KEY_MISSING_FRAMES_IGNORED: (
@@ -209,14 +332,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "no key for sensor {sensor}: its frames cannot be verified; add its key with `treadlink keys import`"
     ),
     Code.SENSOR_NOT_ADMITTED: (
-        "sensor {sensor} is here, but the configuration names {expected} ({count:d} frames so far); configure it "
+        "sensor {sensor} is here, but the configuration names {expected} ({count} frames so far); configure it "
         "to admit it; {consequence}"
     ),
     Code.SENSOR_NOT_ADMITTED_SWAPPED: (
-        "sensor {sensor} of {owner} is here: wheels swapped? ({count:d} frames so far); {consequence}"
+        "sensor {sensor} of {owner} is here: wheels swapped? ({count} frames so far); {consequence}"
     ),
     Code.SENSOR_NOT_ADMITTED_UNCONFIGURED: (
-        "sensor {sensor} is at a wheel that is not configured ({count:d} frames so far); configure it to admit it; "
+        "sensor {sensor} is at a wheel that is not configured ({count} frames so far); configure it to admit it; "
         "{consequence}"
     ),
     Code.SIGNER_HUB: "hub {identity}",
@@ -264,6 +387,7 @@ class _Template(string.Formatter):
 _FORMATTER: Final = _Template()
 
 
+@lru_cache(maxsize=1024)
 def text(reason: Reason) -> str:
     """Return a reason as a phrase without a full stop."""
     return _FORMATTER.vformat(TEMPLATES[reason.code], (), dict(reason.values))
@@ -296,4 +420,5 @@ def _plain(value: Value) -> Any:
         return as_json(value)
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    return value
+    # JSON has no number for what is not finite.
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from gateway.cli import treadlink
 from gateway.config.vehicle_file import parse_vehicle
 from gateway.errors import ConfigError, TreadlinkError
-from tests.simulated_wheel import last, simulated
+from tests.testkit.simulated_wheel import last, simulated
 
 SCENARIO = "[[wheel]]\nposition = 'FL'\nwheel = 0\nload_n = {load}\npressure_kpa = {pressure}\n"
 VEHICLE = "[tire]\nradius_mm = 320\nring_thickness_mm = 15\n{tables}\n[[wheel]]\nposition = 'FL'\nhub = 0\nwheel = 0\n"

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
-from gateway.closure.effects.base import StartModel
+from gateway.closure.effects.base import BaselineModel
 from gateway.closure.observation import Campaign
 from gateway.config.effects_file import load_effects
 from gateway.errors import OutputError, TreadlinkError
@@ -83,7 +83,7 @@ def test_the_closure_is_asked_what_the_user_asked(closed, recording):
     assert campaign.wheel == "W0"
     assert campaign.folds == 4
     assert not campaign.groups[0].conditions.reverse
-    assert options["model"] is StartModel.PAPER
+    assert options["model"] is BaselineModel.PAPER
     assert options["empirical"] is True
     assert options["jobs"] == 3
 
@@ -223,7 +223,7 @@ class TestEffectsFiles:
     def test_estimate_takes_them_off_and_says_so(self, saved, recording, tmp_path):
         plain, _ = self.radial_of(tmp_path / "plain", recording)
         freed, printed = self.radial_of(tmp_path / "freed", recording, "--effects", saved)
-        assert "taken off its axes: imbalance" in printed
+        assert "subtracted from its axes: imbalance" in printed
         assert plain.splitlines()[0] == freed.splitlines()[0]
         assert plain.splitlines()[-1] != freed.splitlines()[-1]
 
@@ -232,7 +232,7 @@ class TestEffectsFiles:
         path = tmp_path / "w0.effects.json"
         assert run(recording, "--save-effects", path).exit_code == 0
         _, printed = self.radial_of(tmp_path / "off", recording, "--effects", path)
-        assert "NOT taken off its axes: imbalance: 5000 N is outside of the 3000 to 4000 N" in printed
+        assert "NOT subtracted from its axes: imbalance: 5000 N is outside the 3000 N to 4000 N" in printed
         result = CliRunner().invoke(
             treadlink, ["replay", str(recording), "--speed", "max", "--plain", "--effects", str(path)]
         )
@@ -253,3 +253,16 @@ class TestEffectsFiles:
         result = CliRunner().invoke(treadlink, ["estimate", str(other), "--effects", str(saved)])
         assert isinstance(result.exception, TreadlinkError)
         assert "no configuration" in str(result.exception)
+
+
+def test_list_effects_needs_no_recording():
+    listed = run("--list-effects")
+    assert listed.exit_code == 0, listed.output
+    assert "SENSOR RESPONSE" in listed.output
+    one = run("--list-effects", "yaw")
+    assert "yaw tilt" in one.output
+    assert "SENSOR RESPONSE" not in one.output
+    assert {"name", "equation", "confounders"} <= json.loads(run("--list-effects", "json").output)[0].keys()
+    assert run("--list-effects", "markdown").output.startswith("# Effects\n")
+    message, _ = refused("--list-effects", "nonsense")
+    assert "nonsense" in message

@@ -1,4 +1,4 @@
-"""One revolution as the exact ring has it, for the BELT effects; and the same of a simulated wheel, averaged."""
+"""Blocks of the exact ring for tests of effects, and averaged revolutions of a simulated wheel."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, Conditions, Here
+from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, GroupConditions, ModelledBlock
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Revolution
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
-from tests.exact_ring_data import on_grid
-from tests.simulated_wheel import simulated
+from tests.testkit.exact_ring import on_grid
+from tests.testkit.simulated_wheel import simulated
 
 RADIUS_M = 0.32
 PRESSURE_PA = 2.1e5
 LOAD_N = 5000.0
 OMEGA = 65.0 / 3.6 / RADIUS_M
 THETA = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE)
-CONDITIONS = Conditions(
+CONDITIONS = GroupConditions(
     omega_radps=OMEGA,
     omega_dot_radps2=0.0,
     radius_m=RADIUS_M,
@@ -36,7 +36,7 @@ CONDITIONS = Conditions(
     rate_hz=9600.0,
     time_s=0.0,
 )
-# The simulator's tire: its belt gives a little.
+# The simulator's tire has an extensible belt.
 EXTENSION_N = 5e6
 TIRE = RingParameters.from_numbers(
     *TABLE_3_NUMBERS,
@@ -54,8 +54,10 @@ def _solved(offset_m: float) -> RingSolution:
     return solve_rolling_ring(TIRE, LOAD_N, PRESSURE_PA, OMEGA, nodes=720, sensor_offset_m=offset_m)
 
 
-def here_of(conditions: Conditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False) -> Here:
-    """Return a block of the exact ring; with `as_paper`, as a model has it that lacks mean, gravity and spin."""
+def block_of(
+    conditions: GroupConditions = CONDITIONS, *, offset_m: float = 0.0, as_paper: bool = False
+) -> ModelledBlock:
+    """Return a block of the exact ring; with `as_paper`, without mean, gravity and spin."""
     ring = _solved(offset_m)
     shape = SensorWaveform(*(on_grid(values, FIELD_SIZE) for values in ring.sensor))
     square = conditions.omega_radps**2
@@ -69,15 +71,15 @@ def here_of(conditions: Conditions = CONDITIONS, *, offset_m: float = 0.0, as_pa
         along = square * shape.circumferential_m + STANDARD_GRAVITY_MPS2 * shape.gravity_circumferential
         signal[CIRCUMFERENTIAL] = along
         signal[LATERAL] = 0.02 * square * RADIUS_M * np.sin(2.0 * THETA) * np.exp(-np.square(THETA / 0.5))
-    return Here(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
+    return ModelledBlock(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
 
 
-def at(speed_kmh: float) -> Conditions:
+def at(speed_kmh: float) -> GroupConditions:
     return replace(CONDITIONS, omega_radps=speed_kmh / 3.6 / RADIUS_M)
 
 
 def limited(field: FloatArray) -> FloatArray:
-    """Return curves (..., n) on the model's grid, with the orders that are compared."""
+    """Return curves (..., n) on the model's grid, limited to the orders that are compared."""
     spectrum = np.fft.rfft(field, axis=-1)[..., : FIELD_SIZE // 2 + 1]
     spectrum[..., 111:] = 0.0
     result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=-1) * (FIELD_SIZE / field.shape[-1])
@@ -87,7 +89,7 @@ def limited(field: FloatArray) -> FloatArray:
 def revolutions(
     wheel: str = "", *, speed: str = "65.0", offset_mm: float = 0.0, duration_s: float = 6.0
 ) -> tuple[Revolution, ...]:
-    """Return a noiseless simulated wheel's revolutions as the pipeline has them, once it has settled."""
+    """Return the pipeline's revolutions of a noiseless simulated wheel after settling."""
     sensor = f"[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\noffset_mm = {offset_mm}"
     tables = f"[motion]\nspeed_kmh = {speed}\n{sensor}"
     results, _ = simulated(tables, duration_s, SETUP, ("kinematic",), f"phase_deg = 170.0\n{wheel}")

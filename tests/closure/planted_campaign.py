@@ -15,13 +15,13 @@ import numpy as np
 from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
     LATERAL,
-    NOWHERE,
     RADIAL,
-    Conditions,
-    Here,
+    BaselineModel,
+    GroupConditions,
+    ModelledBlock,
     Parameter,
+    SignalEffect,
     Stage,
-    StartModel,
 )
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.fit import Fit, fit_model
@@ -32,7 +32,7 @@ from gateway.closure.starting import angle_effects, make_core
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.types import ComplexArray, FloatArray
 
-Plant = Callable[[FloatArray, FloatArray, Conditions], FloatArray]
+Plant = Callable[[FloatArray, FloatArray, GroupConditions], FloatArray]
 
 RADIUS_M, PRESSURE_PA, LOAD_N, G = 0.31, 2.2e5, 4500.0, 9.80665
 NODES, BLOCKS, REVOLUTIONS = 1440, 5, 20
@@ -40,9 +40,9 @@ PLANE = (CIRCUMFERENTIAL, RADIAL)
 ALL_AXES = (CIRCUMFERENTIAL, LATERAL, RADIAL)
 
 
-def conditions(speed_kmh: float = 60.0, **others: float | bool) -> Conditions:
+def conditions(speed_kmh: float = 60.0, **others: float | bool) -> GroupConditions:
     """Return what is declared of a group."""
-    plain = Conditions(speed_kmh / 3.6 / RADIUS_M, 0.0, RADIUS_M, LOAD_N, PRESSURE_PA, 25.0, 25.0, 9600.0, 0.0)
+    plain = GroupConditions(speed_kmh / 3.6 / RADIUS_M, 0.0, RADIUS_M, LOAD_N, PRESSURE_PA, 25.0, 25.0, 9600.0, 0.0)
     return replace(plain, **others)
 
 
@@ -61,7 +61,7 @@ def ring(load_n: float = LOAD_N, radius_m: float = RADIUS_M, rs: float = 2.6) ->
     return solve_rolling_ring(tire, load_n, PRESSURE_PA, 55.0, nodes=NODES)
 
 
-def signal_of(here: Conditions, radius_m: float = RADIUS_M) -> FloatArray:
+def signal_of(here: GroupConditions, radius_m: float = RADIUS_M) -> FloatArray:
     """Return what the sensor reads over the ring's angles, (3, NODES); the lateral axis reads nothing."""
     wave, square = ring(here.load_n, radius_m).sensor, here.omega_radps**2
     signal = np.zeros((3, NODES))
@@ -70,14 +70,14 @@ def signal_of(here: Conditions, radius_m: float = RADIUS_M) -> FloatArray:
     return signal
 
 
-def nothing(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def nothing(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     return signal
 
 
 def turned(axis: int, angle_rad: float) -> Plant:
     """Return a sensor turned so that the radial axis leaks into another one."""
 
-    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[axis] = math.cos(angle_rad) * signal[axis] + math.sin(angle_rad) * signal[RADIAL]
         read[RADIAL] = math.cos(angle_rad) * signal[RADIAL] - math.sin(angle_rad) * signal[axis]
@@ -86,21 +86,21 @@ def turned(axis: int, angle_rad: float) -> Plant:
     return plant
 
 
-def gain(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def gain(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     return signal * np.array([[1.0], [1.0], [1.01]])
 
 
-def drift(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def drift(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     """A gain that is right at 25 degC and goes with temperature."""
     return signal * np.array([[1.0], [1.0], [1.0 + 5e-4 * (here.temperature_degc - 25.0)]])
 
 
-def fast_clock(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def fast_clock(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     """The wheel turns faster than it is timed."""
     return signal_of(replace(here, omega_radps=1.008 * here.omega_radps))
 
 
-def larger_belt(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def larger_belt(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     return signal_of(here, 1.016 * RADIUS_M)
 
 
@@ -114,7 +114,7 @@ def orders_of(signal: FloatArray) -> ComplexArray:
 
 
 def campaign_of(
-    groups: Sequence[Conditions],
+    groups: Sequence[GroupConditions],
     plant: Plant = nothing,
     *,
     noise_mps2: float = 1.0,
@@ -178,7 +178,7 @@ def among(*names: str) -> dict[str, AngleEffect]:
 
 def fitted(campaign: Campaign, *effects: AngleEffect) -> tuple[Fit, Whitened]:
     """Return the exact ring with effects, fitted, and the data."""
-    core = make_core(StartModel.EXACT)
+    core = make_core(BaselineModel.EXACT)
     data = whiten(campaign, with_mean=core.mean)
     model = ClosureModel(campaign, core, effects)
     start, _ = model.priors()
@@ -187,21 +187,22 @@ def fitted(campaign: Campaign, *effects: AngleEffect) -> tuple[Fit, Whitened]:
     return fit_model(model, data, start, from_afar=True), data
 
 
-class Sideways:
+class Sideways(SignalEffect):
     """An effect of the tests: the lateral axis reads too much, by an amount that may go with the conditions."""
 
-    equation = "lateral += size_mps2 * (what it goes with)"
-    seen_by = "lateral axis"
-    confused_with = "its like"
-    already_in = NOWHERE
-    stage = Stage.ELEMENT
+    equation = "lateral += size_mps2 * (factor of the conditions)"
+    source = "these tests"
+    observed_in = "lateral axis"
+    confounders = ()
     axes = (LATERAL,)
+    start_values = ((1.0,),)
+    stage = Stage.ELEMENT
     linear = True
 
     def __init__(
         self,
         name: str,
-        goes_with: Callable[[Conditions], float] = lambda _: 1.0,
+        goes_with: Callable[[GroupConditions], float] = lambda _: 1.0,
         *,
         bent: float = 0.0,
         high: float = 300.0,
@@ -220,13 +221,10 @@ class Sideways:
         self.goes_with = goes_with
         self._bent = bent
 
-    def starts(self, conditions: tuple[Conditions, ...]) -> tuple[tuple[float, ...], ...]:
-        return ((1.0,),)
-
-    def contribution(self, here: Here, parameters: FloatArray) -> FloatArray:
+    def contribution(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
         return float(parameters[0]) * self.derivative(here, parameters)[0]
 
-    def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
+    def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
         row = np.zeros((1, *here.signal_mps2.shape))
         # Chi-square counts a constant c as c^2, a wave of order 9 as its amplitude squared.
         curve = math.cos(self._bent) + math.sin(self._bent) * np.cos(9.0 * here.theta_rad)
@@ -234,10 +232,10 @@ class Sideways:
         return row
 
 
-def sideways(size_mps2: float, goes_with: Callable[[Conditions], float] = lambda _: 1.0) -> Plant:
+def sideways(size_mps2: float, goes_with: Callable[[GroupConditions], float] = lambda _: 1.0) -> Plant:
     """Return a constant on the lateral axis that goes with the conditions."""
 
-    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[LATERAL] += size_mps2 * goes_with(here)
         return read

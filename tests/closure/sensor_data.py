@@ -1,4 +1,4 @@
-"""What the independent simulator's sensor says, and the same block as the closure's model has it."""
+"""Samples of the simulated sensor, and blocks of the same tire for tests of effects."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gateway.closure.effects.base import (
     FIELD_SIZE,
     LATERAL,
     RADIAL,
-    Conditions,
-    Here,
+    GroupConditions,
+    ModelledBlock,
     SignalEffect,
 )
 from gateway.closure.effects.catalogue import catalogue
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.tire_table import LATERAL as LATERAL_COLUMN
@@ -31,21 +31,7 @@ G = STANDARD_GRAVITY_MPS2
 RATE = 25600.0
 THETA = -math.pi + 2.0 * math.pi / FIELD_SIZE * np.arange(FIELD_SIZE)
 OMEGA = 65.0 / 3.6 / 0.32
-CONDITIONS = Conditions(OMEGA, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, RATE, 0.0)
-NAMES = (
-    "rolling radius",
-    "sample clock error",
-    "camber",
-    "roll tilt",
-    "pitch tilt",
-    "gain",
-    "gain-temperature drift",
-    "sensor nonlinearity",
-    "zero-g offset",
-    "clipping",
-    "anti-alias filter",
-    "AC coupling",
-)
+CONDITIONS = GroupConditions(OMEGA, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, RATE, 0.0)
 
 
 def plan_of(wheel: str = "", sensor: str = "", speed_kmh: float = 65.0, hub: str = "") -> WheelPlan:
@@ -70,15 +56,15 @@ phase_deg = 0.0
 
 
 def samples(plan: WheelPlan, until_s: float = 0.5) -> np.ndarray:
-    """Return what the simulated sensor says, (n, 3) m/s^2."""
+    """Return the samples of the simulated sensor, (n, 3) m/s^2."""
     simulator = WheelSimulator(plan, np.random.default_rng(1))
     blocks = [simulator.advance(end).counts for end in np.arange(0.25, until_s + 1e-9, 0.25)]
     return np.concatenate(blocks) * np.array(simulator.chain.scale_mps2)
 
 
 @lru_cache(maxsize=8)
-def here_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str = "") -> Here:
-    """Return a block of the simulator's tire as the closure's model would have it, without any effect."""
+def block_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str = "") -> ModelledBlock:
+    """Return a block of the simulator's tire without any effect."""
     plan = plan_of(wheel)
     omega = speed_kmh / 3.6 / plan.radius_m
     columns = look_up(plan.table().waveform(5000.0, 2.1e5, OMEGA), THETA).astype(np.float64)
@@ -87,11 +73,11 @@ def here_of(speed_kmh: float = 65.0, omega_dot_radps2: float = 0.0, wheel: str =
     signal[RADIAL], signal[CIRCUMFERENTIAL] = shape.specific_force(omega, omega_dot_radps2)
     signal[LATERAL] = omega**2 * columns[:, LATERAL_COLUMN]
     conditions = replace(CONDITIONS, omega_radps=omega, omega_dot_radps2=omega_dot_radps2)
-    return Here(conditions, THETA, signal, shape, *plan.table().edges_rad(5000.0, 2.1e5, OMEGA))
+    return ModelledBlock(conditions, THETA, signal, shape, *plan.table().edges_rad(5000.0, 2.1e5, OMEGA))
 
 
 def at_angles(field: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
-    """Return a curve on the grid at any angles, (n, 3)."""
+    """Return a curve on the grid interpolated at angles, (n, 3)."""
     spectrum = np.fft.rfft(field) / FIELD_SIZE
     spectrum[:, 1:] *= 2.0
     order = np.arange(230)
@@ -111,16 +97,16 @@ def effect_of(name: str) -> SignalEffect:
     return effect
 
 
-def applied(here: Here, **parameters: tuple[float, ...]) -> Here:
-    """Return the block with effects in, as the engine applies them: by stage, then in the catalogue's order."""
+def applied(block: ModelledBlock, **parameters: tuple[float, ...]) -> ModelledBlock:
+    """Return the block with effects, applied by stage and then in the catalogue's order."""
     by_name = {name.replace("_", " "): np.array(values) for name, values in parameters.items()}
     effects = sorted((e for e in catalogue().values() if isinstance(e, SignalEffect)), key=lambda e: e.stage)
     for effect in effects:
         key = effect.name.replace("-", " ")
         if key in by_name:
-            here = replace(here, signal_mps2=here.signal_mps2 + effect.contribution(here, by_name.pop(key)))
+            block = replace(block, signal_mps2=block.signal_mps2 + effect.contribution(block, by_name.pop(key)))
     assert not by_name
-    return here
+    return block
 
 
 def rms(values: np.ndarray) -> float:

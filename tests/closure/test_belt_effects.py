@@ -1,4 +1,4 @@
-"""Effects along the belt: derivatives against numeric ones, contributions against the independent simulator."""
+"""Effects of the stage BELT and run-out against the simulator, and the geometry of the belt that they use."""
 
 from __future__ import annotations
 
@@ -12,16 +12,12 @@ from gateway.closure.assembly import base_signal
 from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
     CORRECTED,
-    LATERAL,
     RADIAL,
-    Here,
+    BaselineModel,
+    ModelledBlock,
     RingEffect,
-    Scanned,
-    SignalEffect,
-    Stage,
-    StartModel,
 )
-from gateway.closure.effects.belt import (
+from gateway.closure.effects.belt_geometry import (
     from_mid_revolution,
     gravity_projections,
     inclination,
@@ -34,100 +30,35 @@ from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
-from tests.closure.belt_data import CONDITIONS, EXTENSION_N, OMEGA, RADIUS_M, THETA, at, averaged, here_of, limited
+from tests.closure.belt_data import CONDITIONS, EXTENSION_N, OMEGA, RADIUS_M, THETA, at, averaged, block_of, limited
+from tests.closure.sensor_data import effect_of, rms
 
-# Effect -> parameters somewhere off its starts.
-AT = {
-    "gravity": (0.9,),
-    "speed drift": (1.1,),
-    "imbalance and hub motion": (1e-3, -5e-4),
-    "tire-locked edge waves": (0.02, -0.01, 83.3, 2.2, 0.015, 0.02, 47.7, 0.8),
-    "travelling edge waves": (0.02, -0.01, 83.3, 2.2, 0.015, 0.02, 47.7, 0.8, 61.0, 0.01, 0.02, 31.0, 0.21, 0.08),
+MIRRORED = {
     "tread pitch": (0.01, -0.02, 71.3, 0.3),
-    "torsional ripple": (0.004, -0.003, 2.3),
-}
-ABSENT = {
-    "tire-locked edge waves": (0.0, 0.0, 40.0, 1.0, 0.0, 0.0, 40.0, 1.0),
-    "travelling edge waves": (0.0, 0.0, 40.0, 1.0, 0.0, 0.0, 40.0, 1.0, 60.0, 0.0, 0.0, 30.0, 0.2, 0.1),
-    "tread pitch": (0.0, 0.0, 70.0, 0.3),
-    "torsional ripple": (0.0, 0.0, 4.0),
-}
-HERES = {
-    "speeding up": lambda: here_of(replace(CONDITIONS, omega_dot_radps2=5.0)),
-    "braking in reverse, with an offset": lambda: here_of(
-        replace(CONDITIONS, omega_dot_radps2=-5.0, reverse=True), offset_m=8e-3
-    ),
-    "as the paper has it": lambda: here_of(as_paper=True),
+    "imbalance and hub motion": (1e-3, -5e-4),
 }
 
 
-def effect_of(name: str) -> SignalEffect:
-    effect = catalogue()[name]
-    assert isinstance(effect, SignalEffect)
-    return effect
-
-
-def rms(field: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(field))))
-
-
-def unlike(simulated: FloatArray, ours: FloatArray, here: Here, axes: tuple[int, ...] = (0, 2)) -> float:
-    """Return what is left of a simulated change over the change, but for a shift of all of the waveform."""
+def unlike(simulated: FloatArray, ours: FloatArray, block: ModelledBlock, axes: tuple[int, ...] = (0, 2)) -> float:
+    """Return the relative difference of a simulated change and ours, apart from a shift of the whole waveform."""
     rows = list(axes)
     left = (limited(simulated) - limited(ours))[rows].reshape(-1)
-    slope = limited(slopes(here.signal_mps2)[0])[rows].reshape(-1)
+    slope = limited(slopes(block.signal_mps2)[0])[rows].reshape(-1)
     left = left - slope * float(left @ slope) / float(slope @ slope)
     return rms(left) / rms(limited(simulated)[rows])
 
 
-@pytest.mark.parametrize("where", HERES)
-@pytest.mark.parametrize("name", AT)
-def test_derivative_is_the_slope_of_the_contribution(name: str, where: str) -> None:
-    effect, here, values = effect_of(name), HERES[where](), np.array(AT[name])
-    derivative = effect.derivative(here, values)
-    assert derivative.shape == (len(effect.parameters), 3, len(THETA))
-    for row, parameter, unit in zip(derivative, effect.parameters, np.eye(len(values)), strict=True):
-        step = parameter.step * unit
-        numeric = effect.contribution(here, values + step) - effect.contribution(here, values - step)
-        assert row == pytest.approx(numeric / (2.0 * parameter.step), abs=1e-5 * np.abs(row).max() + 1e-12)
-
-
-@pytest.mark.parametrize("name", AT)
-def test_an_absent_effect_adds_nothing_and_acts_on_its_axes_only(name: str) -> None:
-    effect, here = effect_of(name), here_of(replace(CONDITIONS, omega_dot_radps2=5.0), offset_m=5e-3)
-    absent = np.array(ABSENT.get(name, np.zeros(len(effect.parameters))))
-    assert not effect.contribution(here, absent).any()
-    there = effect.contribution(here, np.array(AT[name]))
-    acted = {axis for axis in (CIRCUMFERENTIAL, LATERAL, RADIAL) if there[axis].any()}
-    assert acted <= set(effect.axes)
-    assert RADIAL in acted
-    assert effect.stage is Stage.BELT
-
-
-@pytest.mark.parametrize("name", AT)
-def test_linear_effects_are_and_starts_lie_in_the_plausible_range(name: str) -> None:
-    effect, here, values = effect_of(name), here_of(replace(CONDITIONS, omega_dot_radps2=3.0)), np.array(AT[name])
-    if effect.linear:
-        assert effect.contribution(here, 2.0 * values) == pytest.approx(2.0 * effect.contribution(here, values))
-    for start in effect.starts((CONDITIONS,)):
-        for value, parameter in zip(start, effect.parameters, strict=True):
-            assert parameter.low <= value <= parameter.high
-    if isinstance(effect, Scanned):
-        for place, scanned in effect.scan:
-            assert all(effect.parameters[place].low <= value <= effect.parameters[place].high for value in scanned)
-
-
-def test_the_corrected_models_have_gravity_and_drift_already() -> None:
+def test_corrected_models_contain_gravity_and_acceleration() -> None:
     own = {"gravity", "speed drift"}
-    assert own <= set(candidates(StartModel.PAPER))
+    assert own <= set(candidates(BaselineModel.PAPER))
     for model in CORRECTED:
         assert not own & set(candidates(model))
         assert {"torsional ripple", "tread pitch"} <= set(candidates(model))
-    assert "run-out" not in candidates(StartModel.SERIES)
+    assert "run-out" not in candidates(BaselineModel.SERIES)
 
 
-def test_the_belts_own_angle_from_its_curvature_is_the_solvers() -> None:
-    solved, paper = here_of(), here_of(as_paper=True)
+def test_inclination_from_curvature_matches_the_solver() -> None:
+    solved, paper = block_of(), block_of(as_paper=True)
     psi = inclination(paper)
     assert np.abs(psi[np.abs(THETA) < 0.1]).max() < 0.02
     assert gravity_projections(paper) == pytest.approx(gravity_projections(solved), abs=4e-3)
@@ -135,12 +66,12 @@ def test_the_belts_own_angle_from_its_curvature_is_the_solvers() -> None:
 
 
 @pytest.mark.parametrize("offset_m", [3e-3, 8e-3, -4e-3])
-def test_an_offset_is_read_off_the_circumferential_axis(offset_m: float) -> None:
-    assert relative_offset(here_of(offset_m=offset_m)) == pytest.approx(offset_m / RADIUS_M, rel=0.02)
-    assert relative_offset(here_of()) == 0.0
+def test_offset_is_estimated_from_the_circumferential_axis(offset_m: float) -> None:
+    assert relative_offset(block_of(offset_m=offset_m)) == pytest.approx(offset_m / RADIUS_M, rel=0.02)
+    assert relative_offset(block_of()) == 0.0
 
 
-def test_the_sawtooth_of_drift_jumps_in_the_contact() -> None:
+def test_acceleration_sawtooth_jumps_in_the_contact() -> None:
     since = from_mid_revolution(THETA)
     middle = len(THETA) // 2
     assert since[middle - 1] == pytest.approx(math.pi, abs=0.02)
@@ -148,99 +79,99 @@ def test_the_sawtooth_of_drift_jumps_in_the_contact() -> None:
     assert since[0] == pytest.approx(0.0)
 
 
-def test_gravity_is_what_the_simulator_adds_at_low_speed() -> None:
+def test_gravity_matches_the_simulator_at_low_speed() -> None:
     slow, fast = averaged(speed="40.0"), averaged(speed="100.0")
     difference = (slow.axes_mps2 - fast.axes_mps2) / (slow.gravity - fast.gravity)
-    ours = effect_of("gravity").contribution(here_of(as_paper=True), np.ones(1))
-    assert unlike(difference, ours, here_of()) < 0.02
+    ours = effect_of("gravity").contribution(block_of(as_paper=True), np.ones(1))
+    assert unlike(difference, ours, block_of()) < 0.02
 
 
 @pytest.mark.parametrize("as_paper", [True, False])
-def test_drift_is_what_accelerating_does(as_paper: bool) -> None:
+def test_angular_acceleration_matches_the_simulator(as_paper: bool) -> None:
     gaining = averaged(speed="[[0, 50], [10, 80]]", duration_s=10.0)
     losing = averaged(speed="[[0, 80], [10, 50]]", duration_s=10.0)
     assert gaining.omega_dot_radps2 > 2.0 > -2.0 > losing.omega_dot_radps2
     difference = 0.5 * (gaining.axes_mps2 - losing.axes_mps2)
     weight = 0.5 * (gaining.gravity - losing.gravity) * STANDARD_GRAVITY_MPS2
-    difference[[CIRCUMFERENTIAL, RADIAL]] -= weight * gravity_projections(here_of())
+    difference[[CIRCUMFERENTIAL, RADIAL]] -= weight * gravity_projections(block_of())
     change = 0.5 * (gaining.omega_dot_radps2 - losing.omega_dot_radps2)
-    here = here_of(replace(CONDITIONS, omega_dot_radps2=change), as_paper=as_paper)
-    ours = effect_of("speed drift").contribution(here, np.ones(1))
-    assert unlike(difference, ours, here_of()) < 0.06
+    block = block_of(replace(CONDITIONS, omega_dot_radps2=change), as_paper=as_paper)
+    ours = effect_of("speed drift").contribution(block, np.ones(1))
+    assert unlike(difference, ours, block_of()) < 0.06
 
 
 @pytest.mark.parametrize(("order", "phase_deg"), [(1, 70.0), (2, 0.0), (2, 70.0), (3, 200.0), (12, 70.0)])
-def test_ripple_is_what_the_simulators_is(order: int, phase_deg: float) -> None:
+def test_ripple_matches_the_simulator(order: int, phase_deg: float) -> None:
     share, phase = 0.005, math.radians(phase_deg)
     table = f"[wheel.vibration]\nripple_percent = 0.5\nripple_order = {order}.0\nripple_deg = {phase_deg}"
-    # The scenario's angle is that without ripple, ours begins at the contact.
+    # The scenario's angle is that without ripple; ours begins at the contact.
     begin = 0.0
     for _ in range(30):
         begin = -share / order * math.sin(order * begin + phase)
     place = phase + order * begin
     parameters = np.array([share * math.cos(place), -share * math.sin(place), order])
-    ours = effect_of("torsional ripple").contribution(here_of(), parameters)
-    assert unlike(averaged(table).axes_mps2 - averaged().axes_mps2, ours, here_of()) < 0.02
+    ours = effect_of("torsional ripple").contribution(block_of(), parameters)
+    assert unlike(averaged(table).axes_mps2 - averaged().axes_mps2, ours, block_of()) < 0.02
 
 
-def test_ripple_of_two_percent_is_not_linear_and_still_right() -> None:
-    effect, here = effect_of("torsional ripple"), here_of()
+def test_ripple_of_two_percent_is_nonlinear_and_accurate() -> None:
+    effect, block = effect_of("torsional ripple"), block_of()
     table = "[wheel.vibration]\nripple_percent = 2.0\nripple_order = 1.0"
     change = averaged(table).axes_mps2 - averaged().axes_mps2
-    linear = effect.derivative(here, np.array([0.0, 0.0, 1.0]))[0] * 0.02
-    exact = unlike(change, effect.contribution(here, np.array([0.02, 0.0, 1.0])), here)
+    linear = effect.derivative(block, np.array([0.0, 0.0, 1.0]))[0] * 0.02
+    exact = unlike(change, effect.contribution(block, np.array([0.02, 0.0, 1.0])), block)
     assert exact < 0.006
-    assert unlike(change, linear, here) > 2.0 * exact
+    assert unlike(change, linear, block) > 2.0 * exact
 
 
 @pytest.mark.parametrize("speed", ["65.0", "40.0"])
-def test_imbalance_is_the_simulators_and_goes_with_the_square_of_speed(speed: str) -> None:
+def test_imbalance_matches_the_simulator_at_any_speed(speed: str) -> None:
     table = "[wheel.vibration]\nimbalance_mps2 = 12.0\nimbalance_deg = 40.0"
     size, phase = 12.0 / OMEGA**2, math.radians(40.0)
     conditions = at(float(speed))
     ours = effect_of("imbalance and hub motion").contribution(
-        here_of(conditions), np.array([size * math.cos(phase), -size * math.sin(phase)])
+        block_of(conditions), np.array([size * math.cos(phase), -size * math.sin(phase)])
     )
     change = averaged(table, speed=speed).axes_mps2 - averaged(speed=speed).axes_mps2
-    assert unlike(change, ours * (OMEGA / conditions.omega_radps) ** 2, here_of()) < 0.03
+    assert unlike(change, ours * (OMEGA / conditions.omega_radps) ** 2, block_of()) < 0.03
 
 
 @pytest.mark.parametrize("offset_mm", [0.0, 8.0])
-def test_edge_waves_are_the_simulators(offset_mm: float) -> None:
+def test_edge_waves_match_the_simulator(offset_mm: float) -> None:
     table = (
         "[wheel.edge_waves]\namplitude_percent = 2.0\norder_before = 33.0\norder_after = 46.0\n"
         "decay_rad = 0.8\nphase_deg = 30.0"
     )
     cosine, sine = 0.02 * math.cos(math.radians(30.0)), -0.02 * math.sin(math.radians(30.0))
-    here = here_of(offset_m=1e-3 * offset_mm)
+    block = block_of(offset_m=1e-3 * offset_mm)
     parameters = np.array([cosine, sine, 33.0, 1.25, cosine, sine, 46.0, 1.25])
     change = averaged(table, offset_mm=offset_mm).axes_mps2 - averaged(offset_mm=offset_mm).axes_mps2
-    assert unlike(change, effect_of("tire-locked edge waves").contribution(here, parameters), here) < 0.03
+    assert unlike(change, effect_of("tire-locked edge waves").contribution(block, parameters), block) < 0.03
 
 
 @pytest.mark.parametrize("offset_mm", [0.0, 8.0])
-def test_tread_pitch_is_the_simulators(offset_mm: float) -> None:
+def test_tread_pitch_matches_the_simulator(offset_mm: float) -> None:
     table = "[wheel.tread_pitch]\namplitude_percent = 1.0\nblocks = 70.0\nreach_rad = 0.3\nphase_deg = 50.0"
     cosine, sine = 0.01 * math.cos(math.radians(50.0)), -0.01 * math.sin(math.radians(50.0))
-    here = here_of(offset_m=1e-3 * offset_mm)
+    block = block_of(offset_m=1e-3 * offset_mm)
     change = averaged(table, offset_mm=offset_mm).axes_mps2 - averaged(offset_mm=offset_mm).axes_mps2
-    ours = effect_of("tread pitch").contribution(here, np.array([cosine, sine, 70.0, 0.3]))
-    assert unlike(change, ours, here) < 0.04
+    ours = effect_of("tread pitch").contribution(block, np.array([cosine, sine, 70.0, 0.3]))
+    assert unlike(change, ours, block) < 0.04
 
 
-def test_a_pattern_and_a_heavy_spot_are_mirrored_in_reverse() -> None:
+def test_pattern_and_heavy_spot_are_mirrored_in_reverse() -> None:
     mirrored = np.roll(THETA[::-1], 1)
     assert mirrored[1:] == pytest.approx(-THETA[1:])
-    for name in ("tread pitch", "imbalance and hub motion"):
-        effect, values = effect_of(name), np.array(AT[name])
-        ahead = effect.contribution(here_of(), values)[RADIAL]
-        back = effect.contribution(here_of(replace(CONDITIONS, reverse=True)), values)[RADIAL]
+    for name, parameters in MIRRORED.items():
+        effect, values = effect_of(name), np.array(parameters)
+        ahead = effect.contribution(block_of(), values)[RADIAL]
+        back = effect.contribution(block_of(replace(CONDITIONS, reverse=True)), values)[RADIAL]
         assert back == pytest.approx(np.roll(ahead[::-1], 1), abs=2e-3 * np.abs(ahead).max())
         assert rms(back - ahead) > 0.1 * rms(ahead)
 
 
 @pytest.mark.parametrize(("height_mm", "high_spot_deg"), [(0.5, 0.0), (0.5, 90.0), (1.5, 200.0)])
-def test_run_out_is_the_simulators(height_mm: float, high_spot_deg: float) -> None:
+def test_run_out_matches_the_simulator(height_mm: float, high_spot_deg: float) -> None:
     height, angle = 1e-3 * height_mm, math.radians(high_spot_deg)
     effect = catalogue()["run-out"]
     assert isinstance(effect, RingEffect)
@@ -255,6 +186,6 @@ def test_run_out_is_the_simulators(height_mm: float, high_spot_deg: float) -> No
     ours = signal(effect.options(plain, parameters, CONDITIONS)) - signal(plain)
     table = f"[wheel.tire]\nrunout_mm = {height_mm}\nrunout_deg = {high_spot_deg}"
     change = averaged(table).axes_mps2 - averaged().axes_mps2
-    assert unlike(change, ours, here_of(), axes=(RADIAL,)) < 0.05
+    assert unlike(change, ours, block_of(), axes=(RADIAL,)) < 0.05
     reverse = effect.options(plain, parameters, replace(CONDITIONS, reverse=True))
     assert reverse.runout_sine_m == -effect.options(plain, parameters, CONDITIONS).runout_sine_m

@@ -1,4 +1,4 @@
-"""The engine finds belt effects that were put into synthetic orders, wherever their order lies."""
+"""Recovery of effects planted in synthetic orders of the exact ring."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from tests.closure.belt_data import at
 
 # 100 revolutions of a 5 mg/rtHz sensor at 60 km/h.
 _STD_MPS2 = 0.015
-# Edge waves as the simulator's: standing on the road, none on its own ahead.
 
 
 def campaign(effect: AngleEffect, values: FloatArray, seed: int, speeds: tuple[float, ...] = (60.0,)) -> Campaign:
@@ -62,7 +61,7 @@ def campaign(effect: AngleEffect, values: FloatArray, seed: int, speeds: tuple[f
         ("anti-alias filter", (1.0 / 800.0,), 12),
     ],
 )
-def test_an_effect_is_found_from_its_starts(name: str, values: tuple[float, ...], seed: int) -> None:
+def test_effect_is_found_from_its_start_values(name: str, values: tuple[float, ...], seed: int) -> None:
     effect, truth = catalogue()[name], np.array(values)
     made = campaign(effect, truth, seed)
     data = whiten(made, with_mean=True)

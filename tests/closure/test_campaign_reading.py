@@ -18,7 +18,7 @@ from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.session.batch import estimate_items
 from gateway.session.campaign import MAX_GROUPS, SPARE, read_campaign
-from gateway.signal.clipping import SATURATED_FAULT
+from gateway.views.wording import text
 from tests.closure.campaign_recordings import START_NS, write_recording
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
@@ -330,7 +330,7 @@ class TestSensors:
         campaign = read_campaign([path])
         assert 0 < campaign.rejected[CUT_OFF] < 0.3 * len(peaks)
         assert CUT_OFF not in loud.rejected
-        assert all(SATURATED_FAULT not in reason for reason in campaign.rejected)
+        assert all(text(Reason(Code.RADIAL_SATURATED)) not in reason for reason in campaign.rejected)
 
 
 @pytest.mark.skipif(not MEASURED.exists(), reason="the measured recording is not here")

@@ -11,7 +11,7 @@ import pytest
 
 from gateway.closure.closing import Closed, close_loop
 from gateway.closure.diagnosis import Finding, Verdict
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, StartModel
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, BaselineModel
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.held_out import agreement
 from gateway.closure.likelihood import whiten
@@ -42,8 +42,8 @@ THREE_FOLDS = (2.1, 2.1, 2.1, 3.1, 3.1)
 
 
 def closed(campaign: Campaign, on_progress: Callable[[float, str], None] = lambda *_: None) -> Closed:
-    core = make_core(StartModel.EXACT)
-    return close_loop(campaign, core, whiten(campaign, with_mean=core.mean), StartModel.EXACT, on_progress, 1)
+    core = make_core(BaselineModel.EXACT)
+    return close_loop(campaign, core, whiten(campaign, with_mean=core.mean), BaselineModel.EXACT, on_progress, 1)
 
 
 def finding(result: Closed, name: str) -> Finding:

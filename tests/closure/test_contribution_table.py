@@ -1,4 +1,4 @@
-"""The table of what named effects add: made for the way that a wheel rolls on the car."""
+"""Table of the contributions of named effects, for the direction in which the wheel rolls on the car."""
 
 from __future__ import annotations
 
@@ -45,20 +45,20 @@ def leak(made: CorrectionTable) -> float:
     return float((made.orders_mps2[0, 0, 0].real) / (made.radius_m * made.omega_radps[0] ** 2))
 
 
-def test_forward_recordings_are_preferred_however_few() -> None:
+def test_forward_recordings_are_preferred() -> None:
     made = table(group(60.0, 20), group(80.0, 10), group(90.0, 500, reverse=True))
     assert leak(made) == pytest.approx(np.sin(PITCH_RAD), rel=0.02)
-    # The reverse recording's speed has not been looked at forward.
+    # The reverse recording's speed was not recorded forward.
     assert made.omega_range_radps[1] == pytest.approx(1.1 * at(80.0).omega_radps)
 
 
-def test_a_state_seen_forward_is_preferred_to_one_seen_in_reverse_only() -> None:
+def test_tire_state_recorded_forward_is_preferred() -> None:
     made = table(group(60.0, 20, state=0), group(90.0, 500, state=1, reverse=True))
     assert made.omega_range_radps[1] == pytest.approx(1.1 * at(60.0).omega_radps)
     assert leak(made) > 0.0
 
 
-def test_the_axes_are_those_of_the_sensor_where_all_was_reverse() -> None:
+def test_reverse_only_table_is_in_sensor_axes() -> None:
     made = table(group(60.0, 20, reverse=True))
     # As glued, the radial axis leaks into +circumferential whichever way the wheel turns.
     assert leak(made) == pytest.approx(np.sin(PITCH_RAD), rel=0.02)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gateway.closure.decide import NOTHING, deciding_recording
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Conditions, Here, StartModel
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions, ModelledBlock
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.selection import select
@@ -42,8 +42,8 @@ from tests.closure.planted_campaign import (
 
 OMEGA = conditions().omega_radps
 NOISY = 7.0
-SPEED_SQUARED: Callable[[Conditions], float] = lambda here: (here.omega_radps / OMEGA) ** 2  # noqa: E731
-CASES: list[tuple[Callable[[Conditions], float], str]] = [
+SPEED_SQUARED: Callable[[GroupConditions], float] = lambda here: (here.omega_radps / OMEGA) ** 2  # noqa: E731
+CASES: list[tuple[Callable[[GroupConditions], float], str]] = [
     # At a quarter of the speed nothing is left of it; where it is true, it is largest at the highest speed.
     (SPEED_SQUARED, "at a quarter of the speed"),
     (lambda here: 1.0 if here.omega_radps != 0.6 * OMEGA else -3.0, "at 0.6 times the speed"),
@@ -66,7 +66,9 @@ def with_constant() -> tuple[Sideways, Fit, Whitened]:
 
 
 @pytest.mark.parametrize(("goes_with", "words"), CASES, ids=[words for _, words in CASES])
-def test_what_differs_with_one_condition_is_decided_there(goes_with: Callable[[Conditions], float], words: str) -> None:
+def test_what_differs_with_one_condition_is_decided_there(
+    goes_with: Callable[[GroupConditions], float], words: str
+) -> None:
     constant, fit, data = with_constant()
     assert deciding_recording(fit, constant, Sideways("other", goes_with), data) == sentence(words)
 
@@ -95,7 +97,9 @@ def test_the_recording_that_tells_most_is_named() -> None:
         (ONE_SPEED, sideways(4.0), "zero-g offset", "roll tilt", "at a quarter of the speed"),
     ],
 )
-def test_the_catalogues_pairs(groups: tuple[Conditions, ...], plant: Plant, name: str, rival: str, words: str) -> None:
+def test_the_catalogues_pairs(
+    groups: tuple[GroupConditions, ...], plant: Plant, name: str, rival: str, words: str
+) -> None:
     effects = among(name, rival)
     fit, data = fitted(campaign_of(groups, plant, noise_mps2=NOISY, axes=ALL_AXES), effects[name])
     assert deciding_recording(fit, effects[name], effects[rival], data) == sentence(words)
@@ -126,7 +130,7 @@ def test_a_gain_and_a_larger_belt_are_told_apart_by_gravity_in_a_slow_recording(
     """At speed a share of gravity is less than what their equations leave, a hundredth of what they add."""
     effects = among(name, rival)
     campaign = campaign_of((conditions(90.0),), plant, noise_mps2=noise_mps2)
-    core = make_core(StartModel.EXACT)
+    core = make_core(BaselineModel.EXACT)
     found = select(campaign, core, whiten(campaign, with_mean=core.mean), {name: effects[name]})
     words = deciding_recording(found.final, effects[name], effects[rival], found.data)
     assert words == sentence("at a quarter of the speed")
@@ -150,7 +154,7 @@ def test_conditions_are_changed_from_those_of_the_most_revolutions() -> None:
 class Stiffer(Sideways):
     """What a softer radial sidewall does to the waveform, as if it were the sensor's."""
 
-    def derivative(self, here: Here, parameters: FloatArray) -> FloatArray:
+    def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
         row = np.zeros((1, *here.signal_mps2.shape))
         change = ring(rs=2.7).sensor.radial_m - ring().sensor.radial_m
         there = np.interp(here.theta_rad, ring().theta_rad, change)
@@ -163,7 +167,7 @@ class TestNothing:
         """Nor beside another effect, which grows with the conditions; nor where there is hardly any noise."""
         true, twin, beside = Sideways("true"), Sideways("twin"), among("pitch tilt")["pitch tilt"]
 
-        def both(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        def both(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
             return sideways(3.0)(turned(CIRCUMFERENTIAL, 0.01)(signal, theta, here), theta, here)
 
         fit, data = fitted(campaign_of(ONE_SPEED, both, noise_mps2=0.2, axes=ALL_AXES), true, beside)

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.closure.diagnose import diagnose
 from gateway.closure.direction import turned_round
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Conditions
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, GroupConditions
 from gateway.errors import TreadlinkError
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
@@ -27,7 +27,7 @@ THREE = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
 BACKWARDS = conditions(40.0, reverse=True)
 
 
-def offset(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def offset(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     """A sensor 5 mm below where it is said to be: the belt's turning moves it along the circumference."""
     depth_m = 0.005
     wave = ring(here.load_n).sensor.radial_m
@@ -38,7 +38,7 @@ def offset(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArra
 
 
 def backwards(plant: Plant) -> Plant:
-    def planted(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    def planted(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         read = plant(signal, theta, here)
         read[CIRCUMFERENTIAL] *= -1.0
         return read
@@ -55,7 +55,7 @@ def test_nothing_else_turns_the_circumferential_axis_round(plant: Plant, noise_m
 
 
 def test_one_of_several_is_found() -> None:
-    def second(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    def second(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         return (backwards(nothing) if here.omega_radps == THREE[1].omega_radps else nothing)(signal, theta, here)
 
     assert turned_round(*fitted(campaign_of(THREE, second))) == [1]
@@ -66,7 +66,7 @@ def test_without_that_axis_nothing_is_said() -> None:
 
 
 @pytest.mark.parametrize(("here", "remedy"), [(THREE[0], "say --reverse run 1"), (BACKWARDS, "leave out --reverse")])
-def test_the_recording_and_the_remedy_are_named(here: Conditions, remedy: str) -> None:
+def test_the_recording_and_the_remedy_are_named(here: GroupConditions, remedy: str) -> None:
     campaign = campaign_of((here,), backwards(nothing))
     with pytest.raises(TreadlinkError, match="opposite of a rolling tire's in 'run 1'") as caught:
         diagnose(campaign)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from gateway.closure.assembly import THETA, orders_field
 from gateway.closure.diagnosis import Verdict
 from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL
-from gateway.closure.effects.belt import slopes
-from gateway.closure.effects.belt_packets import seen
+from gateway.closure.effects.belt_geometry import slopes
 from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.wave_packets import sensor_view
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.fit import Fit, fit_model
 from gateway.closure.likelihood import Whitened, whiten
@@ -130,7 +130,7 @@ def test_orders_slopes_and_decays_are_those_of_one_tread_on_one_belt(fitted: Fit
     found = parameters(fitted.after)
     conditions = fitted.campaign.groups[0].conditions
     speed = conditions.radius_m * conditions.omega_radps
-    before, after = (seen(found[f"{side}_order"], found["pitch"], speed) for side in ("before", "after"))
+    before, after = (sensor_view(found[f"{side}_order"], found["pitch"], speed) for side in ("before", "after"))
     order_before, order_after = found["before_order"] * before.stretch, found["after_order"] * after.stretch
     assert order_before == pytest.approx(95.2, abs=1.0)
     assert order_after == pytest.approx(52.1, abs=0.3)

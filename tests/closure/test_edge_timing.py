@@ -20,16 +20,16 @@ from gateway.closure.collecting import waveform_orders
 from gateway.closure.diagnosis import Verdict
 from gateway.closure.edge_finding import beside_edges, edge_findings
 from gateway.closure.edge_timing import TERMS, Edges, bent_back, compare_edges, orders_bent_back
-from gateway.closure.effects.base import ScatterEffect, StartModel
+from gateway.closure.effects.base import BaselineModel, ScatterEffect
 from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.observation import ORDERS, Block, EdgeTiming, Group
 from gateway.closure.scatter import regressors
 from gateway.closure.starting import angle_effects
 from gateway.session.campaign import read_campaign
 from gateway.types import FloatArray
-from tests.closure.belt_data import CONDITIONS, OMEGA, RADIUS_M, THETA, here_of
+from tests.closure.belt_data import CONDITIONS, OMEGA, RADIUS_M, THETA, block_of
 
-HALF_RAD = 0.5 * (here_of().trailing_edge_rad - here_of().leading_edge_rad)
+HALF_RAD = 0.5 * (block_of().trailing_edge_rad - block_of().leading_edge_rad)
 NOISE_MPS2 = 0.5
 PER_MM = 1e-3 / RADIUS_M
 
@@ -44,7 +44,7 @@ def wheel(
     rng = np.random.default_rng(seed)
     early = rng.standard_normal((count + 1, 2)) * (leading_mm * PER_MM, trailing_mm * PER_MM)
     centre = early[:, 1] + ahead * (early[:, 0] - early[:, 1])
-    signal = here_of().signal_mps2
+    signal = block_of().signal_mps2
     curve = CubicSpline(np.append(THETA, math.pi), np.append(signal, signal[:, :1], axis=1), axis=1, bc_type="periodic")
     # Wide enough not to fade where the signal is steep.
     felt = np.clip(np.abs(THETA) / (0.3 * HALF_RAD), 0.0, 1.0) * (np.abs(THETA) < HALF_RAD + 0.3)
@@ -120,7 +120,7 @@ def test_what_is_not_at_the_contact_is_no_scatter(hz: float) -> None:
 def test_a_contact_that_grows_slowly_is_no_scatter() -> None:
     count = 100
     grown = np.linspace(-1.0, 1.0, count)[:, None] * PER_MM
-    signal = here_of().signal_mps2
+    signal = block_of().signal_mps2
     curve = CubicSpline(np.append(THETA, math.pi), np.append(signal, signal[:, :1], axis=1), axis=1, bc_type="periodic")
     near = np.clip(THETA / (0.3 * HALF_RAD), -1.0, 1.0) * (np.abs(THETA) < HALF_RAD + 0.3)
     places = THETA + grown * near
@@ -170,7 +170,7 @@ def test_bending_back_undoes_a_movement() -> None:
 
 
 def test_the_mean_waveform_is_not_asked_for_it() -> None:
-    for model in StartModel:
+    for model in BaselineModel:
         assert "contact edge scatter" in candidates(model)
         assert "contact edge scatter" not in angle_effects(candidates(model))
 

@@ -1,4 +1,4 @@
-"""Edge waves: what a sensor sees of those that stand on the road and of those that travel; what is none of them."""
+"""Edge waves: order and slope that a sensor sees, recovery from data, and effects that are no waves."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, SignalEffect
-from gateway.closure.effects.belt_packets import REFERENCE_MPS, seen
 from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.wave_packets import REFERENCE_MPS, sensor_view
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.fit import FitFailedError, fit_model
 from gateway.closure.likelihood import whiten
@@ -18,7 +18,7 @@ from gateway.closure.model import ClosureModel
 from gateway.closure.starting import angle_effects
 from gateway.closure.trial import refit, try_effect
 from gateway.types import FloatArray
-from tests.closure.belt_data import CONDITIONS, THETA, here_of
+from tests.closure.belt_data import CONDITIONS, THETA, block_of
 from tests.closure.test_belt_recovery import campaign
 
 WAVES = "travelling edge waves"
@@ -34,7 +34,7 @@ def effect() -> SignalEffect:
 
 
 def wave_of(phase_speed_mps: float, side: int, pitch: int) -> tuple[FloatArray, FloatArray, int]:
-    """Return what a point of a belt and one just ahead of it see of a wave that a tread sends out, without any formula.
+    """Return a wave that a tread emits as traced at a point of the belt and at one just ahead of it.
 
     Every pitch that comes by sends out a crest from the contact; a point sees it when it arrives.
 
@@ -54,54 +54,54 @@ def wave_of(phase_speed_mps: float, side: int, pitch: int) -> tuple[FloatArray, 
         sent: FloatArray = np.cos(pitch * CONDITIONS.omega_radps * left_at)
         return sent
 
-    # Side +1 runs behind the contact in the sense of rotation, -1 against it; angle 0 is the contact.
+    # Side +1 travels behind the contact in the sense of rotation, -1 against it; angle 0 is the contact.
     angle = side * turning if side > 0 else turning - 2.0 * math.pi
     time = angle / CONDITIONS.omega_radps
-    here, there = at(angle, time), at(angle + ahead, time)
-    crests = int(np.sum((here > np.roll(here, 1)) & (here >= np.roll(here, -1))))
-    return here, (there - here) / ahead, crests
+    block, there = at(angle, time), at(angle + ahead, time)
+    crests = int(np.sum((block > np.roll(block, 1)) & (block >= np.roll(block, -1))))
+    return block, (there - block) / ahead, crests
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_tread_makes_the_orders_and_slopes_that_a_sensor_sees(side: int) -> None:
+def test_order_and_slope_match_a_traced_wave(side: int) -> None:
     speed, pitch = CONDITIONS.radius_m * CONDITIONS.omega_radps, 60
     wave, slope_along, crests = wave_of(4.0 * speed, side, pitch)
     order = pitch / (1.0 + side / 4.0)
     assert crests == pytest.approx(order, abs=1.0)
     slope_seen = np.gradient(wave, 2.0 * math.pi / len(wave))
     share = float(slope_along[5:-5] @ slope_seen[5:-5]) / float(slope_seen[5:-5] @ slope_seen[5:-5])
-    assert seen(order, pitch, REFERENCE_MPS).share == pytest.approx(share, abs=0.01)
+    assert sensor_view(order, pitch, REFERENCE_MPS).share == pytest.approx(share, abs=0.01)
     assert share * side < 0.0
 
 
-def test_order_goes_with_speed_as_one_phase_speed_has_it() -> None:
+def test_order_follows_speed_at_constant_phase_speed() -> None:
     phase_speed = 70.0
     for side in (-1.0, 1.0):
         order = 67.0 / (1.0 + side * REFERENCE_MPS / phase_speed)
         for speed in (14.0, 26.0):
             true = 67.0 / (1.0 + side * speed / phase_speed)
-            there = order * seen(order, 67.0, speed).stretch
+            there = order * sensor_view(order, 67.0, speed).stretch
             # 30 % faster or slower: a power law, and faded in with the pitch.
             assert there == pytest.approx(true, rel=0.03)
             assert abs(there - order) > 0.5 * abs(true - order)
 
 
-def test_what_stands_on_the_road_is_of_one_order_at_every_speed() -> None:
+def test_stationary_wave_keeps_its_order() -> None:
     for speed in (8.0, 40.0):
-        still = seen(37.0, 0.0, speed)
+        still = sensor_view(37.0, 0.0, speed)
         assert (still.stretch, still.share) == (1.0, 1.0)
 
 
-def test_a_wave_behind_that_travels_turns_the_circumferential_axis() -> None:
-    here = here_of(offset_m=OFFSET_M)
-    still = effect().contribution(here, np.array([0.0, 0.0, 90.0, 4.0, 0.02, 0.0, 52.0, 1.4, 0.0, *NONE_AHEAD]))
+def test_travelling_wave_reverses_the_circumferential_axis() -> None:
+    block = block_of(offset_m=OFFSET_M)
+    still = effect().contribution(block, np.array([0.0, 0.0, 90.0, 4.0, 0.02, 0.0, 52.0, 1.4, 0.0, *NONE_AHEAD]))
     values = np.array([0.0, 0.0, 90.0, 4.0, 0.02, 0.0, 52.0, 1.4, 67.0, *NONE_AHEAD])
-    fast = replace(here, conditions=replace(here.conditions, omega_radps=REFERENCE_MPS / here.conditions.radius_m))
-    ratio = (REFERENCE_MPS / (here.conditions.radius_m * here.conditions.omega_radps)) ** 2
+    fast = replace(block, conditions=replace(block.conditions, omega_radps=REFERENCE_MPS / block.conditions.radius_m))
+    ratio = (REFERENCE_MPS / (block.conditions.radius_m * block.conditions.omega_radps)) ** 2
     moved = effect().contribution(fast, values) / ratio
     assert moved[RADIAL] == pytest.approx(still[RADIAL], abs=1e-9)
     assert moved[CIRCUMFERENTIAL] == pytest.approx((1.0 - 67.0 / 52.0) * still[CIRCUMFERENTIAL], abs=1e-9)
-    in_contact = np.abs(THETA) < 0.5 * here.trailing_edge_rad
+    in_contact = np.abs(THETA) < 0.5 * block.trailing_edge_rad
     assert np.abs(moved[:, in_contact]).max() < 0.02 * np.abs(moved[:, ~in_contact]).max()
     assert moved.shape == (3, FIELD_SIZE)
 
@@ -124,7 +124,7 @@ def test_travelling_waves_and_a_packet_ahead_are_found() -> None:
         ("imbalance and hub motion", (8e-5, 1e-4)),
     ],
 )
-def test_they_are_no_better_than_what_is_there(name: str, values: tuple[float, ...]) -> None:
+def test_other_effects_are_not_better_explained_by_waves(name: str, values: tuple[float, ...]) -> None:
     true = angle_effects(catalogue())[name]
     made = campaign(true, np.array(values), 31)
     data = whiten(made, with_mean=True)
@@ -142,8 +142,8 @@ def test_they_are_no_better_than_what_is_there(name: str, values: tuple[float, .
 
 
 @pytest.mark.parametrize(("order", "pitch"), [(0.0, 60.0), (-5.0, 60.0), (50.0, -40.0), (1e4, 130.0)])
-def test_a_fit_on_its_way_may_ask_for_what_is_no_wave(order: float, pitch: float) -> None:
+def test_values_that_are_no_wave_stay_finite(order: float, pitch: float) -> None:
     parameters = np.array([0.1, 0.1, order, 1.0, 0.1, 0.1, order, 1.0, pitch, 0.1, 0.1, order, 0.2, 0.1])
-    here = here_of(offset_m=OFFSET_M)
-    assert np.isfinite(effect().contribution(here, parameters)).all()
-    assert np.isfinite(effect().derivative(here, parameters)).all()
+    block = block_of(offset_m=OFFSET_M)
+    assert np.isfinite(effect().contribution(block, parameters)).all()
+    assert np.isfinite(effect().derivative(block, parameters)).all()

@@ -1,4 +1,4 @@
-"""Camber that nobody declared: against the simulator, and beside the zero-g offset that nothing tells it from."""
+"""Undeclared camber: against the simulator, and beside the zero-g offset, which no rolling tire separates from it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from gateway.closure.cores import Core
 from gateway.closure.decide import deciding_recording
-from gateway.closure.effects.base import LATERAL, Conditions, StartModel
+from gateway.closure.effects.base import LATERAL, BaselineModel, GroupConditions
 from gateway.closure.likelihood import whiten
 from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import select
@@ -25,38 +25,38 @@ from tests.closure.planted_campaign import (
     fitted,
     sideways,
 )
-from tests.closure.sensor_data import G, applied, at_angles, here_of, plan_of, samples, tail
+from tests.closure.sensor_data import G, applied, at_angles, block_of, plan_of, samples, tail
 
 EFFECTS = among("camber", "zero-g offset", "roll tilt")
 
 
-def on_all_axes(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def on_all_axes(signal: FloatArray, theta: FloatArray, _: GroupConditions) -> FloatArray:
     return signal + np.array([[0.8], [0.5], [1.5]])
 
 
 @pytest.mark.parametrize("camber_deg", [-5.0, 2.0])
-def test_the_simulators_leaning_wheel_reads_it(camber_deg: float) -> None:
+def test_camber_matches_the_simulator(camber_deg: float) -> None:
     leaning, angle = tail(samples(plan_of(f"camber_deg = {camber_deg}")))
     plain, _ = tail(samples(plan_of()))
-    here = here_of()
-    added = applied(here, camber=(math.radians(camber_deg),)).signal_mps2 - here.signal_mps2
+    block = block_of()
+    added = applied(block, camber=(math.radians(camber_deg),)).signal_mps2 - block.signal_mps2
     expected = at_angles(added, angle)
     assert expected[:, LATERAL] == pytest.approx(G * math.sin(math.radians(camber_deg)))
     left = leaning - plain - expected
-    # Two converters' steps of 0.075 m/s^2; what gravity loses in the wheel's plane, g (1 - cos 5 deg), is as small.
+    # Two converters' steps of 0.075 m/s^2; the loss of gravity in the wheel's plane, g (1 - cos 5 deg), is as small.
     assert np.abs(left).max() < 0.15
     assert abs(float(left[:, LATERAL].mean())) < 0.06
 
 
-def test_an_ac_coupled_sensor_does_not_pass_it() -> None:
-    here = here_of()
-    ac = replace(here, conditions=replace(here.conditions, ac_coupled=True))
+def test_ac_coupled_sensor_does_not_pass_camber() -> None:
+    block = block_of()
+    ac = replace(block, conditions=replace(block.conditions, ac_coupled=True))
     assert not EFFECTS["camber"].contribution(ac, np.array([0.05])).any()  # type: ignore[union-attr]
     assert not EFFECTS["camber"].derivative(ac, np.array([0.05])).any()  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(("name", "rival"), [("camber", "zero-g offset"), ("zero-g offset", "camber")])
-def test_a_constant_of_the_lateral_axis_is_either(name: str, rival: str) -> None:
+def test_lateral_constant_is_camber_or_zero_g_offset(name: str, rival: str) -> None:
     fit, data = fitted(campaign_of(TWO_SPEEDS, sideways(0.5), axes=ALL_AXES), EFFECTS[name])
     assert tuple(rivals_of(fit, EFFECTS[name], EFFECTS, data)) == (rival,)
     words = deciding_recording(fit, EFFECTS[name], EFFECTS[rival], data)
@@ -64,14 +64,14 @@ def test_a_constant_of_the_lateral_axis_is_either(name: str, rival: str) -> None
 
 
 @pytest.mark.parametrize("plant", [sideways(2.0), on_all_axes], ids=["more than 6 deg", "on other axes too"])
-def test_what_camber_cannot_be_is_an_offset(plant: Plant) -> None:
+def test_implausible_camber_is_a_zero_g_offset(plant: Plant) -> None:
     fit, data = fitted(campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES), EFFECTS["zero-g offset"])
     assert not set(rivals_of(fit, EFFECTS["zero-g offset"], EFFECTS, data))
 
 
 @pytest.mark.parametrize(("plant", "name"), [(sideways(0.5), "camber"), (on_all_axes, "zero-g offset")])
-def test_a_search_adds_one_of_them(plant: Plant, name: str) -> None:
+def test_search_adds_camber_or_offset(plant: Plant, name: str) -> None:
     campaign = campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES)
-    core: Core = make_core(StartModel.EXACT)
+    core: Core = make_core(BaselineModel.EXACT)
     found = select(campaign, core, whiten(campaign, with_mean=core.mean), EFFECTS)
     assert [step.effect.name for step in found.steps] == [name]

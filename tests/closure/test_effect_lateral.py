@@ -1,4 +1,4 @@
-"""Lateral effects against numeric derivatives, the belt's own balance and the simulator."""
+"""Ply steer, conicity, slip angle and yaw tilt against the lateral belt and the simulator."""
 
 from __future__ import annotations
 
@@ -14,27 +14,24 @@ from gateway.closure.effects.base import (
     FIELD_SIZE,
     LATERAL,
     RADIAL,
-    Conditions,
-    Effect,
-    Here,
+    GroupConditions,
+    ModelledBlock,
     SignalEffect,
 )
-from gateway.closure.effects.carcass_compliance import EFFECT as CARCASS_COMPLIANCE
-from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.effects.conicity import EFFECT as CONICITY
-from gateway.closure.effects.ply_steer import EFFECT as PLY_STEER
-from gateway.closure.effects.yaw_tilt import EFFECT as YAW_TILT
+from gateway.closure.effects.lateral_loads import CarcassCompliance, Conicity, PlySteer
+from gateway.closure.effects.mounting import YawTilt
 from gateway.closure.lateral_response import Load, Stiffness, unit_response
 from gateway.physics.laminate import crossed_coupling_length
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.sensor import mounting_matrix
 from gateway.simulator.wheel_plan import wheel_plans
-from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, on_grid, solution
+from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, on_grid, solution
 
+PLY_STEER, CONICITY, CARCASS_COMPLIANCE, YAW_TILT = PlySteer(), Conicity(), CarcassCompliance(), YawTilt()
 EFFECTS = (PLY_STEER, CONICITY, CARCASS_COMPLIANCE)
-# Belt as the nominal one of the effects, and one whose stiffnesses all differ.
+# The nominal belt of the effects, and one whose stiffnesses all differ.
 NOMINAL = LateralBelt()
 OTHER = LateralBelt(
     shear_stiffness_n=1.2e6, bending_stiffness_nm2=2.5e3, sidewall_stiffness_npm2=1.8e5, tread_stiffness_npm2=1.2e7
@@ -43,9 +40,9 @@ OMEGA = 65.0 / 3.6 / RADIUS_M
 THETA = -math.pi + 2.0 * math.pi * np.arange(FIELD_SIZE) / FIELD_SIZE
 
 
-def here(load_n: float = 5000.0, *, reverse: bool = False, omega: float = OMEGA) -> Here:
+def block(load_n: float = 5000.0, *, reverse: bool = False, omega: float = OMEGA) -> ModelledBlock:
     ring = solution(load_n)
-    conditions = Conditions(
+    conditions = GroupConditions(
         omega_radps=omega,
         omega_dot_radps2=0.0,
         radius_m=RADIUS_M,
@@ -60,11 +57,11 @@ def here(load_n: float = 5000.0, *, reverse: bool = False, omega: float = OMEGA)
     shape = SensorWaveform(*(on_grid(curve, FIELD_SIZE) for curve in ring.sensor))
     signal = np.zeros((3, FIELD_SIZE))
     signal[RADIAL] = omega**2 * shape.radial_m
-    return Here(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
+    return ModelledBlock(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
 
 
 def on_belt(load: Load, belt: LateralBelt, load_n: float = 5000.0) -> tuple[np.ndarray, float]:
-    """Lateral axis over omega^2 of the belt's balance under a typical size of one load, and that size."""
+    """Return the lateral axis over omega^2 of the lateral belt under a typical size of one load, and that size."""
     size = {Load.PLY_STEER: 1.2e-3, Load.CONE: 0.01, Load.SLIP: math.radians(0.2)}[load]
     solved = solve_lateral_belt(
         solution(load_n),
@@ -78,8 +75,8 @@ def on_belt(load: Load, belt: LateralBelt, load_n: float = 5000.0) -> tuple[np.n
     return on_grid(solved.lateral_m, FIELD_SIZE), size
 
 
-def left_over(target_m: np.ndarray, load: Load, at: Here) -> tuple[float, float]:
-    """What the best size on the best plausible belt leaves of a waveform, relative, and that size."""
+def left_over(target_m: np.ndarray, load: Load, at: ModelledBlock) -> tuple[float, float]:
+    """Return the relative residual of the best size on the best plausible belt, and that size."""
     limits = np.array([(parameter.low, parameter.high) for parameter in EFFECTS[load].parameters[1:]])
 
     def fitted(stiffness: np.ndarray) -> tuple[float, np.ndarray]:
@@ -93,59 +90,42 @@ def left_over(target_m: np.ndarray, load: Load, at: Here) -> tuple[float, float]
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
-@pytest.mark.parametrize("reverse", [False, True])
-def test_derivative_is_the_slope_of_the_contribution(effect: SignalEffect, reverse: bool) -> None:
-    at = here(reverse=reverse)
-    parameters = np.array([effect.starts((at.conditions,))[0][0], 0.3, -0.4, 0.2])
-    found = effect.derivative(at, parameters)
-    for i, parameter in enumerate(effect.parameters):
-        low, high = parameters.copy(), parameters.copy()
-        low[i] -= parameter.step
-        high[i] += parameter.step
-        numeric = (effect.contribution(at, high) - effect.contribution(at, low)) / (2.0 * parameter.step)
-        assert np.abs(found[i] - numeric).max() < 1e-5 * np.abs(numeric).max(), parameter.name
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
-def test_nothing_at_zero_and_only_sideways(effect: SignalEffect) -> None:
-    assert not effect.contribution(here(), np.array([0.0, 0.5, -0.5, 0.5])).any()
-    made = effect.contribution(here(), np.array(effect.starts((here().conditions,))[0]))
-    assert not made[[CIRCUMFERENTIAL, RADIAL]].any()
+def test_lateral_response_has_no_mean(effect: SignalEffect) -> None:
+    assert not effect.contribution(block(), np.array([0.0, 0.5, -0.5, 0.5])).any()
+    made = effect.contribution(block(), np.array(effect.start_values[0]))
     assert abs(made[LATERAL].mean()) < 1e-9 * np.abs(made[LATERAL]).max()
-    assert catalogue()[effect.name] is effect
-    assert isinstance(effect, Effect)
 
 
 @pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
 @pytest.mark.parametrize("load", Load)
-def test_nominal_response_is_that_of_the_belts_balance(load: Load, load_n: float) -> None:
-    """The rest: tension that falls in the contact, and bristles that slide at the trailing edge."""
+def test_nominal_response_matches_the_lateral_belt(load: Load, load_n: float) -> None:
+    """The difference is tension that falls in the contact, and bristles that slide at the trailing edge."""
     target, size = on_belt(load, NOMINAL, load_n)
-    made = size * unit_response(here(load_n), load, Stiffness()).lateral_m
+    made = size * unit_response(block(load_n), load, Stiffness()).lateral_m
     assert np.std(made - target) < 0.025 * target.std()
 
 
-def test_side_force_is_that_of_the_belts_balance() -> None:
+def test_side_force_matches_the_lateral_belt() -> None:
     solved = solve_lateral_belt(solution(), LateralBelt())
-    force = 1.2e-3 * unit_response(here(), Load.PLY_STEER, Stiffness()).side_force_n
+    force = 1.2e-3 * unit_response(block(), Load.PLY_STEER, Stiffness()).side_force_n
     assert force == pytest.approx(solved.side_force_n, rel=0.02)
 
 
 @pytest.mark.parametrize("load", Load)
-def test_a_belt_of_other_stiffness_is_fitted_by_its_own_load_and_by_no_other(load: Load) -> None:
-    """One direction of rotation tells the three apart: with three stiffnesses free none stands in for another."""
+def test_other_belt_is_fitted_by_its_own_load_only(load: Load) -> None:
+    """One direction of rotation separates the three: with three stiffnesses free none imitates another."""
     target, size = on_belt(load, OTHER)
-    own, found = left_over(target, load, here())
+    own, found = left_over(target, load, block())
     assert own < 0.015
     assert found == pytest.approx(size, rel=0.35)
     for other in Load:
         if other is not load:
-            assert left_over(target, other, here())[0] > 0.6
+            assert left_over(target, other, block())[0] > 0.6
 
 
-def test_columns_of_ply_steer_and_conicity_are_nearly_orthogonal() -> None:
-    """Standing, one is odd and the other even about the contact's middle; the rolling tread mixes little of them."""
-    columns = [unit_response(here(), load, Stiffness()).lateral_m for load in Load]
+def test_ply_steer_and_conicity_are_nearly_orthogonal() -> None:
+    """At standstill one is odd and the other even about the contact's middle; the rolling tread mixes them little."""
+    columns = [unit_response(block(), load, Stiffness()).lateral_m for load in Load]
     unit = np.array([column / np.linalg.norm(column) for column in columns])
     ply_cone, ply_slip, cone_slip = (unit @ unit.T)[[0, 0, 1], [1, 2, 2]]
     assert abs(ply_cone) < 0.06
@@ -154,9 +134,9 @@ def test_columns_of_ply_steer_and_conicity_are_nearly_orthogonal() -> None:
 
 
 @pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
-def test_a_tilted_sensor_looks_much_like_conicity_or_ply_steer_but_not_wholly(load_n: float) -> None:
-    """Roll without its mean has the shape of conicity, yaw that of ply steer; plausible belts leave 1 to 4 %."""
-    at = here(load_n)
+def test_tilted_sensor_resembles_lateral_loads_but_differs(load_n: float) -> None:
+    """Roll without its mean resembles conicity, yaw ply steer; plausible belts leave 1 to 4 %."""
+    at = block(load_n)
     radial = at.shape.radial_m - at.shape.radial_m.mean()
     for leak, load in ((radial, Load.CONE), (np.gradient(radial, THETA), Load.PLY_STEER)):
         column = unit_response(at, load, Stiffness()).lateral_m
@@ -166,7 +146,7 @@ def test_a_tilted_sensor_looks_much_like_conicity_or_ply_steer_but_not_wholly(lo
 
 @pytest.mark.parametrize("reverse", [False, True])
 def test_yaw_turns_circumferential_into_lateral(reverse: bool) -> None:
-    at = here(reverse=reverse)
+    at = block(reverse=reverse)
     at.signal_mps2[CIRCUMFERENTIAL] = 9.8 * at.shape.gravity_circumferential
     at.signal_mps2[LATERAL] = 3.0
     yaw = np.array([0.03])
@@ -178,15 +158,14 @@ def test_yaw_turns_circumferential_into_lateral(reverse: bool) -> None:
     step = 1e-5
     numeric = (YAW_TILT.contribution(at, yaw + step) - YAW_TILT.contribution(at, yaw - step)) / (2.0 * step)
     assert YAW_TILT.derivative(at, yaw)[0] == pytest.approx(numeric, abs=1e-6 * np.abs(numeric).max())
-    assert catalogue()["yaw tilt"] is YAW_TILT
 
 
-def test_direction_and_speed() -> None:
+def test_response_follows_direction_and_speed() -> None:
     parameters = np.array([1e-3, 0.1, 0.0, 0.0])
     for effect, sign in zip(EFFECTS, (-1.0, 1.0, 1.0), strict=True):
-        forward = effect.contribution(here(), parameters)
-        assert np.array_equal(effect.contribution(here(reverse=True), parameters), sign * forward)
-        assert effect.contribution(here(omega=2.0 * OMEGA), parameters) == pytest.approx(4.0 * forward)
+        forward = effect.contribution(block(), parameters)
+        assert np.array_equal(effect.contribution(block(reverse=True), parameters), sign * forward)
+        assert effect.contribution(block(omega=2.0 * OMEGA), parameters) == pytest.approx(4.0 * forward)
 
 
 @pytest.mark.parametrize("direction", ["forward", "reverse"])
@@ -198,7 +177,9 @@ def test_direction_and_speed() -> None:
         ("slip_angle_deg = 0.2\n[wheel.tire]\ncord_angle_deg = 0.0\n", CARCASS_COMPLIANCE, math.radians(0.2)),
     ],
 )
-def test_the_simulators_lateral_axis(direction: str, wheel: str, effect: SignalEffect, size: float | str) -> None:
+def test_lateral_axis_matches_the_simulator(
+    direction: str, wheel: str, effect: SignalEffect, size: float | str
+) -> None:
     keys, _, tables = wheel.partition("[wheel.tire]")
     text = (
         f'[[wheel]]\nposition = "W"\nwheel = 0\nload_n = 5000.0\npressure_kpa = 210.0\n{keys}[wheel.tire]{tables}'
@@ -208,5 +189,5 @@ def test_the_simulators_lateral_axis(direction: str, wheel: str, effect: SignalE
     ring = plan.tire.solve(5000.0, PRESSURE_PA, OMEGA)
     simulated = OMEGA**2 * on_grid(plan.tire.solve_lateral(ring, plan.slip_angle_rad.at(0.0)).lateral_m, FIELD_SIZE)
     amount = crossed_coupling_length(math.radians(24.0), 1.2e-3) if isinstance(size, str) else size
-    made = effect.contribution(here(reverse=direction == "reverse"), np.array([amount, 0.0, 0.0, 0.0]))[LATERAL]
+    made = effect.contribution(block(reverse=direction == "reverse"), np.array([amount, 0.0, 0.0, 0.0]))[LATERAL]
     assert np.std(made - simulated) < 0.025 * simulated.std()

@@ -1,11 +1,11 @@
-"""A bent radial axis: against samples bent one by one, and what is not taken for it."""
+"""Sensor nonlinearity: against samples changed one by one, and its separation from scaling effects."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import RADIAL, Conditions
+from gateway.closure.effects.base import RADIAL, GroupConditions
 from gateway.closure.findings import fitted_parameter
 from gateway.closure.rivals import rivals_of
 from gateway.types import FloatArray
@@ -20,7 +20,7 @@ from tests.closure.planted_campaign import (
     gain,
     larger_belt,
 )
-from tests.closure.sensor_data import OMEGA, applied, at_angles, here_of, plan_of, rms, samples, tail
+from tests.closure.sensor_data import OMEGA, applied, at_angles, block_of, plan_of, rms, samples, tail
 
 NAME = "sensor nonlinearity"
 EFFECTS = among(NAME, "gain", "rolling radius", "run-out", "clipping", "zero-g offset")
@@ -30,7 +30,7 @@ THREE_LOADS = tuple(conditions(load_n=load_n) for load_n in (3500.0, 4500.0, 550
 
 
 def bent(square: float, cube: float) -> Plant:
-    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, _: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[RADIAL] += square * signal[RADIAL] ** 2 + cube * signal[RADIAL] ** 3
         return read
@@ -40,11 +40,11 @@ def bent(square: float, cube: float) -> Plant:
 
 @pytest.mark.parametrize(("square", "cube"), [(SQUARE, 0.0), (0.0, -CUBE), (-SQUARE, 2.0 * CUBE)])
 @pytest.mark.parametrize("speed_kmh", [45.0, 65.0])
-def test_every_sample_bent_is_the_contribution(square: float, cube: float, speed_kmh: float) -> None:
+def test_nonlinearity_matches_samples_changed_one_by_one(square: float, cube: float, speed_kmh: float) -> None:
     plain, angle = tail(samples(plan_of(speed_kmh=speed_kmh)), OMEGA * speed_kmh / 65.0)
     read = plain[:, RADIAL] * (1.0 + plain[:, RADIAL] * (square + cube * plain[:, RADIAL]))
-    here = here_of(speed_kmh)
-    added = applied(here, sensor_nonlinearity=(square, cube)).signal_mps2 - here.signal_mps2
+    block = block_of(speed_kmh)
+    added = applied(block, sensor_nonlinearity=(square, cube)).signal_mps2 - block.signal_mps2
     expected = at_angles(added, angle)
     assert rms(read - plain[:, RADIAL] - expected[:, RADIAL]) < 5e-3 * rms(expected[:, RADIAL])
     assert not expected[:, :RADIAL].any()
@@ -52,8 +52,10 @@ def test_every_sample_bent_is_the_contribution(square: float, cube: float, speed
 
 @pytest.mark.parametrize("groups", [TWO_SPEEDS, THREE_LOADS], ids=["speeds", "loads"])
 @pytest.mark.parametrize(("square", "cube"), [(SQUARE, 0.0), (0.0, -CUBE)], ids=["square", "cube"])
-def test_it_is_told_from_what_scales(groups: tuple[Conditions, ...], square: float, cube: float) -> None:
-    """One speed is enough: of the overshoot another share is lost than of the free arc."""
+def test_nonlinearity_is_separated_from_scaling_effects(
+    groups: tuple[GroupConditions, ...], square: float, cube: float
+) -> None:
+    """One speed is enough: the shares of overshoot and free arc differ."""
     fit, data = fitted(campaign_of(groups, bent(square, cube)), EFFECTS[NAME])
     assert fit.misfit < 1.05 * data.used
     found = fit.vector[fit.model.layout.effect(NAME)]
@@ -64,19 +66,21 @@ def test_it_is_told_from_what_scales(groups: tuple[Conditions, ...], square: flo
 
 @pytest.mark.parametrize(("plant", "name"), [(gain, "gain"), (larger_belt, "rolling radius")])
 @pytest.mark.parametrize("groups", [TWO_SPEEDS, THREE_LOADS], ids=["speeds", "loads"])
-def test_what_scales_is_not_taken_for_it(plant: Plant, name: str, groups: tuple[Conditions, ...]) -> None:
+def test_scaling_effects_are_not_taken_for_nonlinearity(
+    plant: Plant, name: str, groups: tuple[GroupConditions, ...]
+) -> None:
     fit, data = fitted(campaign_of(groups, plant), EFFECTS[name])
     assert NAME not in set(rivals_of(fit, EFFECTS[name], EFFECTS, data))
 
 
-def test_small_ones_are_within_range_and_saturation_is_not() -> None:
+def test_plausible_range_is_in_display_units() -> None:
     square, cube = EFFECTS[NAME].parameters
     assert square.high * 2000.0 == pytest.approx(0.03)
     assert cube.low * 2000.0**2 == pytest.approx(-0.03)
     assert square.high * square.factor == pytest.approx(1.5)
     assert cube.high * cube.factor == pytest.approx(0.75)
-    told = [show_fitted(term.name, fitted_parameter(term, term.high, 1e-3 * term.high)) for term in (square, cube)]
-    assert [(number.label, number.unit) for number in told] == [
+    shown = [show_fitted(term.name, fitted_parameter(term, term.high, 1e-3 * term.high)) for term in (square, cube)]
+    assert [(number.label, number.unit) for number in shown] == [
         ("square", "% at 1000 m/s²"),
         ("cube", "% at 1000 m/s²"),
     ]

@@ -10,7 +10,7 @@ import pytest
 from gateway.closure import closing, estimates, held_out
 from gateway.closure.diagnose import diagnose
 from gateway.closure.diagnosis import FAR_OFF, Verdict
-from gateway.closure.effects.base import Conditions, StartModel
+from gateway.closure.effects.base import BaselineModel, GroupConditions
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.estimates import estimates_of, full_covariance
 from gateway.closure.fit import linearised
@@ -127,7 +127,7 @@ def test_a_diagnosis_widens_what_it_leaves_undecided(monkeypatch: pytest.MonkeyP
 def test_from_the_series_errors_cover_what_its_equations_leave() -> None:
     """It does not average out over blocks and recordings of one state: the same is left in all of them."""
     campaign = campaign_of([conditions(speed, load_n=5500.0) for speed in (40.0, 60.0, 80.0, 100.0)], noise_mps2=0.3)
-    core = make_core(StartModel.SERIES)
+    core = make_core(BaselineModel.SERIES)
     lacking = among("pressure shape", "geometric tension loss")
     found = select(campaign, core, whiten(campaign, with_mean=core.mean), lacking)
     values, _ = estimates_of(found.final, found.data)
@@ -168,7 +168,7 @@ def test_one_bad_state_does_not_hide_behind_good_ones(monkeypatch: pytest.Monkey
     for module in (closing, held_out):
         monkeypatch.setattr(module, "candidates", lambda _model: {})
 
-    def bent(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    def bent(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         bump = np.exp(-0.5 * np.square((theta - 1.9) / 0.08))
         return signal + (22.0 * bump if here.load_n == 5500.0 else 0.0)
 

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, Conditions, StartModel
+from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.held_out import FoldError, agreement, hold_out, hold_out_fold, over_noise, summary
@@ -43,26 +43,26 @@ WITHOUT = frozenset(catalogue()) - {"roll tilt", "gain", "zero-g offset", "clipp
 POWER = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 
-def bump(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+def bump(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     """Something on the belt that the catalogue does not have."""
     read = signal.copy()
     read[RADIAL] += 60.0 * np.exp(-np.square((theta - 1.5) / 0.05))
     return read
 
 
-def rolled(groups: Sequence[Conditions] = ONE_SPEED, plant: Plant = ROLL) -> Campaign:
+def rolled(groups: Sequence[GroupConditions] = ONE_SPEED, plant: Plant = ROLL) -> Campaign:
     return campaign_of(groups, plant, noise_mps2=NOISE_MPS2, axes=ALL_AXES)
 
 
 @cache
-def start(groups: tuple[Conditions, ...] = ONE_SPEED) -> FloatArray:
+def start(groups: tuple[GroupConditions, ...] = ONE_SPEED) -> FloatArray:
     """Return where searches begin: other data of the same tire, with nothing planted."""
     fit, _ = fitted(campaign_of(groups, nothing, noise_mps2=NOISE_MPS2, axes=ALL_AXES, seed=2))
     return fit.vector
 
 
 def held_out(campaign: Campaign, begin: FloatArray, fold: int = FOLD) -> FoldError:
-    error = hold_out_fold(campaign, StartModel.EXACT, begin, fold, WITHOUT)
+    error = hold_out_fold(campaign, BaselineModel.EXACT, begin, fold, WITHOUT)
     assert error is not None
     return error
 
@@ -148,7 +148,7 @@ class TestFigures:
         """What stands out under one load only is the error of that state, however many good ones there are."""
         loads = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
 
-        def heavy(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+        def heavy(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
             return bump(signal, theta, here) if here.load_n == 5500.0 else signal
 
         error = held_out(campaign_of(loads, heavy, noise_mps2=NOISE_MPS2), start(loads))
@@ -196,12 +196,14 @@ class TestFolds:
         told: dict[int, list[int]] = {1: [], 2: []}
         folds = (4, 0, 1)
         one, two = (
-            hold_out(campaign, StartModel.EXACT, start(), folds, without=without, jobs=jobs, on_fold=told[jobs].append)
+            hold_out(
+                campaign, BaselineModel.EXACT, start(), folds, without=without, jobs=jobs, on_fold=told[jobs].append
+            )
             for jobs in (1, 2)
         )
         assert told == {1: [1, 2, 3], 2: [1, 2, 3]}
         for fold, here, there in zip(folds, one, two, strict=True):
-            alone = hold_out_fold(campaign, StartModel.EXACT, start(), fold, without)
+            alone = hold_out_fold(campaign, BaselineModel.EXACT, start(), fold, without)
             assert alone is not None
             for error in (here, there):
                 assert error.effects == alone.effects == ("roll tilt",)
@@ -212,7 +214,7 @@ class TestFolds:
 
     def test_effects_that_are_ruled_out_are_no_candidates(self) -> None:
         campaign = rolled()
-        (error,) = hold_out(campaign, StartModel.EXACT, start(), [FOLD], without=frozenset(catalogue()) - {"gain"})
+        (error,) = hold_out(campaign, BaselineModel.EXACT, start(), [FOLD], without=frozenset(catalogue()) - {"gain"})
         assert error.effects == ()
         assert error.after == error.before
 
@@ -236,7 +238,7 @@ class TestFolds:
 
         for name in solves:
             monkeypatch.setattr(ExactCore, name, failing(name))
-        errors = hold_out(campaign, StartModel.EXACT, start(), (0, 1, 2), without=WITHOUT, on_fold=counted)
+        errors = hold_out(campaign, BaselineModel.EXACT, start(), (0, 1, 2), without=WITHOUT, on_fold=counted)
         assert done == 3
         assert errors == [held_out(campaign, start(), 0), held_out(campaign, start(), 2)]
 
@@ -258,7 +260,7 @@ class TestOfAllFolds:
     def test_they_are_those_of_the_data(self) -> None:
         """Two folds against an error computed from the truth: nothing planted, so all there is is noise."""
         campaign = rolled(plant=nothing)
-        errors = hold_out(campaign, StartModel.EXACT, start(), range(BLOCKS), without=WITHOUT)
+        errors = hold_out(campaign, BaselineModel.EXACT, start(), range(BLOCKS), without=WITHOUT)
         figures, noise, _ = summary(errors)
         truth = orders_of(signal_of(ONE_SPEED[0]))
         blocks = np.stack([block.orders_mps2 for block in campaign.groups[0].blocks])

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import LATERAL, Conditions
-from gateway.closure.effects.lateral_load import STIFFNESSES
+from gateway.closure.effects.base import LATERAL, GroupConditions
+from gateway.closure.effects.lateral_loads import STIFFNESSES
 from gateway.closure.one_belt import agree, another_belt, common
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
 from gateway.types import FloatArray
@@ -25,7 +25,7 @@ def bent_by(ply_steer: LateralBelt, cone: LateralBelt) -> Plant:
     sheared = solve_lateral_belt(ring(), replace(ply_steer, coupling_length_m=1.2e-3))
     curved = solve_lateral_belt(ring(), replace(cone, coupling_length_m=0.0, conicity_rad=0.03))
 
-    def plant(signal: FloatArray, theta: FloatArray, here: Conditions) -> FloatArray:
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         read = signal.copy()
         read[LATERAL] += here.omega_radps**2 * (sheared.lateral_m + curved.lateral_m)
         return read

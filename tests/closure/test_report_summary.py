@@ -7,7 +7,6 @@ import pytest
 
 from gateway.closure.diagnosis import Fitted
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.effects.gravity import EFFECT as GRAVITY
 from gateway.closure.findings import fitted_parameter
 from gateway.views.report.rows import printed, show_fitted, significant, span_text
 from gateway.views.report.terminal import LINE_WIDTH, closure_summary_lines
@@ -97,7 +96,7 @@ def test_a_share_says_of_what():
     finding = replace(
         ordinary().findings[0],
         name="gravity",
-        parameters={"gravity_share": fitted_parameter(GRAVITY.parameters[0], 0.9923, 0.0029)},
+        parameters={"gravity_share": fitted_parameter(catalogue()["gravity"].parameters[0], 0.9923, 0.0029)},
     )
     text = "\n".join(closure_summary_lines(replace(ordinary(), findings=(finding,))))
     assert "gravity: 0.9923±0.0029 of known size" in text

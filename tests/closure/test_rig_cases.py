@@ -162,11 +162,11 @@ def test_pairs_can_all_be_drawn() -> None:
         assert len(draw(Order(Kind.PAIR, seed, pair(rng))).label["truth"]) == 2
 
 
-def test_a_label_stays_closed_until_the_diagnosis_is_there(tmp_path: Path) -> None:
+def test_a_label_stays_sealed_until_the_diagnosis_is_there(tmp_path: Path) -> None:
     label, path, diagnosis = draw(NULL).label, tmp_path / "label", tmp_path / "diagnosis.json"
     digest = seal(label, path)
     assert "nothing" not in path.read_text()
-    with pytest.raises(FileNotFoundError, match="stays closed"):
+    with pytest.raises(FileNotFoundError, match="stays sealed"):
         open_label(path, digest, diagnosis)
     with pytest.raises(FileExistsError):
         seal(label, path)

@@ -1,4 +1,4 @@
-"""Effects on the ring: what they mean in SI units, against the solver itself; smoothness; who may take them."""
+"""Ring effects: parameters against the solver in SI units, smoothness, and the baseline models that take them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import cast
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import Conditions, RingEffect, SignalEffect, SpectrumEffect, StartModel
+from gateway.closure.effects.base import BaselineModel, GroupConditions, RingEffect
 from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.exact_core import ExactCore
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.series_core import SeriesCore
-from gateway.physics.bound import waveform_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import FloatArray
 
-HERE = Conditions(56.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+HERE = GroupConditions(56.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
 SERIES_ONLY = ("belt kinematics (n^2-1)", "pressure shape", "geometric tension loss")
 EXACT = (
     "structural damping",
@@ -36,15 +36,15 @@ def ring_effect(name: str) -> RingEffect:
     return cast(RingEffect, catalogue()[name])
 
 
-def exact(name: str, value: float, core: ExactCore, at: Conditions = HERE) -> FloatArray:
-    """Orders of both axes of the exact core with an effect in, (2, 111) complex."""
+def exact(name: str, value: float, core: ExactCore, at: GroupConditions = HERE) -> FloatArray:
+    """Return the orders of both axes of the exact core with an effect, (2, 111) complex."""
     options = ring_effect(name).options(RingOptions(), np.array([value]), at)
     wave = core.shape(np.zeros(5), at, options, 0.24).waveform
     return waveform_orders(np.stack([wave.radial_m, wave.circumferential_m]), 110)
 
 
-def solved(at: Conditions = HERE, *, drum_radius_m: float = math.inf, torque_nm: float | None = None, **si: float):
-    """Orders of Table 3's ring with true SI fields, solved without the closure."""
+def solved(at: GroupConditions = HERE, *, drum_radius_m: float = math.inf, torque_nm: float | None = None, **si: float):
+    """Return the orders of Table 3's ring with SI fields, solved without the closure."""
     fields = {"extension_stiffness_n": 2e10, **si}
     ring = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=0.32, pressure_pa=at.pressure_pa, **fields)
     solution: RingSolution = solve_rolling_ring(
@@ -56,30 +56,6 @@ def solved(at: Conditions = HERE, *, drum_radius_m: float = math.inf, torque_nm:
 
 KW = TABLE_3_NUMBERS[2] * 2.1e5
 EI = TABLE_3_NUMBERS[0] * 0.32**4 * 2.1e5
-
-
-@pytest.mark.parametrize("name", [*SERIES_ONLY, *EXACT])
-def test_it_describes_itself_and_is_nothing_at_zero(name: str) -> None:
-    effect = ring_effect(name)
-    assert isinstance(effect, RingEffect)
-    assert not isinstance(effect, SignalEffect | SpectrumEffect)
-    assert effect.name == name
-    assert effect.summary
-    assert effect.equation
-    assert effect.seen_by
-    assert effect.confused_with
-    zero = np.zeros(len(effect.parameters))
-    given = RingOptions(damping_time_s=1e-4, drum_curvature_pm=0.3, sensor_offset_m=0.004, pressure_p2=-0.1)
-    assert effect.options(given, zero, HERE) == given
-    for start in effect.starts((HERE,)):
-        assert len(start) == len(effect.parameters)
-        assert any(start)
-        for value, parameter in zip(start, effect.parameters, strict=True):
-            assert parameter.low <= value <= parameter.high
-        assert effect.options(given, np.array(start), HERE) != given
-    for parameter in effect.parameters:
-        assert parameter.low < parameter.high
-        assert 0.0 < parameter.step < 0.1 * (parameter.high - parameter.low)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +73,7 @@ def test_it_describes_itself_and_is_nothing_at_zero(name: str) -> None:
         ("sidewall stiffening", 5.0, {"sidewall_stiffening_pm": 5.0}),
     ],
 )
-def test_its_parameter_is_what_it_says_in_si_units(name: str, value: float, si: dict[str, float]) -> None:
+def test_parameter_matches_the_solver_in_si_units(name: str, value: float, si: dict[str, float]) -> None:
     found, true = exact(name, value, ExactCore()), solved(**si)
     plain = solved()
     change = float(np.abs(true - plain).max())
@@ -107,7 +83,7 @@ def test_its_parameter_is_what_it_says_in_si_units(name: str, value: float, si: 
 
 @pytest.mark.parametrize("name", ["structural damping", "tread damping (shifted pressure)", "rotary inertia"])
 def test_losses_and_inertia_grow_with_speed(name: str) -> None:
-    slow = Conditions(30.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+    slow = GroupConditions(30.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
     core, size = ExactCore(), ring_effect(name).parameters[0].step
     plain = exact(name, 0.0, core)
     ratio = np.linalg.norm(exact(name, size, core) - plain) / np.linalg.norm(exact(name, size, core, slow) - plain)
@@ -115,8 +91,8 @@ def test_losses_and_inertia_grow_with_speed(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EXACT)
-def test_the_waveform_is_smooth_from_zero_on(name: str) -> None:
-    """A difference over the step is the derivative: half and twice the step give it too."""
+def test_waveform_is_smooth_from_zero(name: str) -> None:
+    """Differences over half the step and twice the step give the same derivative."""
     core, step = ExactCore(), ring_effect(name).parameters[0].step
     plain = exact(name, 0.0, core)
     slopes = [(exact(name, factor * step, core) - plain) / (factor * step) for factor in (0.5, 1.0, 2.0)]
@@ -131,7 +107,7 @@ def test_the_waveform_is_smooth_from_zero_on(name: str) -> None:
     ("name", "value"),
     [("structural damping", 3e-4), ("tread damping (shifted pressure)", 5e-4), ("contact asymmetry", 0.05)],
 )
-def test_losses_lean_the_contact_forward_and_drive_gives_it_a_sine_part(name: str, value: float) -> None:
+def test_losses_shift_the_contact_and_traction_is_antisymmetric(name: str, value: float) -> None:
     core = ExactCore()
     options = ring_effect(name).options(RingOptions(), np.array([value]), HERE)
     shape = core.shape(np.zeros(5), HERE, options, 0.24)
@@ -146,20 +122,20 @@ def test_losses_lean_the_contact_forward_and_drive_gives_it_a_sine_part(name: st
         assert centre < -1e-3
 
 
-def test_a_drum_reads_less_than_zero_in_the_contact() -> None:
+def test_drum_reads_less_than_zero_in_the_contact() -> None:
     options = ring_effect("drum curvature").options(RingOptions(), np.array([1.0 / 0.85]), HERE)
     shape = ExactCore().shape(np.zeros(5), HERE, options, 0.24)
     # V^2 kappa over omega^2 is -R^2 / Rd, and the tread lets the middle bend a little more.
     assert float(shape.waveform.radial_m[256]) == pytest.approx(-(0.32**2) / 0.85, rel=0.3)
 
 
-def test_pressure_shape_changes_with_load_as_told() -> None:
+def test_pressure_shape_changes_with_load() -> None:
     effect = ring_effect("pressure shape")
     parameters = np.array([-0.36, -0.59, -0.1, 0.6, -0.3, -0.2])
     nominal = effect.options(RingOptions(), parameters, HERE)
     assert (nominal.pressure_p2, nominal.pressure_p4, nominal.pressure_p6) == pytest.approx((-0.36, -0.59, -0.1))
     heavy = effect.options(
-        RingOptions(), parameters, Conditions(56.0, 0.0, 0.32, 8000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+        RingOptions(), parameters, GroupConditions(56.0, 0.0, 0.32, 8000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
     )
     assert heavy.pressure_p2 == pytest.approx(-0.36 + 0.6 * math.log(1.6))
     assert heavy.pressure_p4 == pytest.approx(-0.59 - 0.3 * math.log(1.6))
@@ -167,10 +143,10 @@ def test_pressure_shape_changes_with_load_as_told() -> None:
 
 
 @pytest.mark.parametrize("name", SERIES_ONLY)
-def test_series_effects_move_the_series_and_not_the_exact_ring(name: str) -> None:
+def test_series_corrections_leave_the_exact_ring_unchanged(name: str) -> None:
     effect = ring_effect(name)
     options = effect.options(RingOptions(), np.array(effect.starts((HERE,))[0]), HERE)
-    series = SeriesCore(StartModel.PAPER)
+    series = SeriesCore(BaselineModel.PAPER)
     moved = series.shape(np.zeros(4), HERE, options, 0.24).waveform.radial_m
     plain = series.shape(np.zeros(4), HERE, RingOptions(), 0.24).waveform.radial_m
     assert np.linalg.norm(moved - plain) > 0.01 * np.linalg.norm(plain)
@@ -179,16 +155,16 @@ def test_series_effects_move_the_series_and_not_the_exact_ring(name: str) -> Non
     assert same == pytest.approx(core.shape(np.zeros(5), HERE, RingOptions(), 0.24).waveform.radial_m, abs=1e-9)
 
 
-def test_candidates_are_what_a_model_lacks_and_can_take() -> None:
-    found = {model: set(candidates(model)) for model in StartModel}
-    assert found[StartModel.PAPER] >= set(SERIES_ONLY)
-    assert found[StartModel.SERIES] & set(SERIES_ONLY) == {"pressure shape", "geometric tension loss"}
-    assert not found[StartModel.EXACT] & set(SERIES_ONLY)
-    assert found[StartModel.EXACT] >= set(EXACT)
-    assert not (found[StartModel.PAPER] | found[StartModel.SERIES]) & set(EXACT)
+def test_candidates_depend_on_the_baseline_model() -> None:
+    found = {model: set(candidates(model)) for model in BaselineModel}
+    assert found[BaselineModel.PAPER] >= set(SERIES_ONLY)
+    assert found[BaselineModel.SERIES] & set(SERIES_ONLY) == {"pressure shape", "geometric tension loss"}
+    assert not found[BaselineModel.EXACT] & set(SERIES_ONLY)
+    assert found[BaselineModel.EXACT] >= set(EXACT)
+    assert not (found[BaselineModel.PAPER] | found[BaselineModel.SERIES]) & set(EXACT)
 
 
 @pytest.mark.parametrize(("name", "value"), [("belt extension", -1e-6), ("shear flexibility", -1e-6)])
-def test_what_cannot_be_is_refused(name: str, value: float) -> None:
+def test_impossible_values_raise(name: str, value: float) -> None:
     with pytest.raises(ValueError, match="must"):
         ring_effect(name).options(RingOptions(), np.array([value]), HERE)

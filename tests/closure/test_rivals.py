@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import LATERAL, Conditions
+from gateway.closure.effects.base import LATERAL, GroupConditions
 from gateway.closure.model import AngleEffect
 from gateway.closure.observation import Campaign
 from gateway.closure.rivals import rivals_of
@@ -67,7 +67,7 @@ def test_a_weak_tilt_and_an_offset_need_two_speeds(plant: Plant, name: str, riva
 
 class TestClock:
     @pytest.mark.parametrize("speeds", [ONE_SPEED, TWO_SPEEDS])
-    def test_no_speed_tells_it_from_the_radius(self, speeds: tuple[Conditions, ...]) -> None:
+    def test_no_speed_tells_it_from_the_radius(self, speeds: tuple[GroupConditions, ...]) -> None:
         for plant, name, rival in (
             (fast_clock, "sample clock error", "rolling radius"),
             (larger_belt, "rolling radius", "sample clock error"),

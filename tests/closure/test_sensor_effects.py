@@ -1,4 +1,4 @@
-"""Effects of mounting, element, clock and electronics against the independent simulator."""
+"""Effects of mounting, sensor response, acquisition and rolling radius against the simulated sensor."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from gateway.closure.effects.base import (
     CIRCUMFERENTIAL,
     FIELD_SIZE,
     RADIAL,
-    Here,
+    ModelledBlock,
     RingEffect,
 )
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.ring_options import RingOptions
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import SensorWaveform
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.tire_table import look_up
 from tests.closure.sensor_data import (
     CONDITIONS,
@@ -28,8 +28,8 @@ from tests.closure.sensor_data import (
     G,
     applied,
     at_angles,
+    block_of,
     effect_of,
-    here_of,
     plan_of,
     rms,
     samples,
@@ -67,76 +67,76 @@ from tests.closure.sensor_data import (
         ),
     ],
 )
-def test_a_sensor_with_it_less_one_without_is_the_contribution(sensor: str, parameters: dict, close: float) -> None:
+def test_contribution_matches_the_simulated_sensor(sensor: str, parameters: dict, close: float) -> None:
     until_s = 3.0 if "coupling" in sensor else 0.5
     measured, angle = tail(samples(plan_of(sensor=sensor), until_s))
     plain, _ = tail(samples(plan_of(), until_s))
-    here = here_of()
-    # A contact is found behind the filter: as late as the filter's low orders.
+    block = block_of()
+    # A contact is found behind the filter, as late as the low orders.
     late = math.sqrt(2.0) * OMEGA / (2.0 * math.pi) * parameters.get("anti_alias_filter", (0.0,))[0]
-    expected = at_angles(applied(here, **parameters).signal_mps2, angle - late) - at_angles(here.signal_mps2, angle)
+    expected = at_angles(applied(block, **parameters).signal_mps2, angle - late) - at_angles(block.signal_mps2, angle)
     assert rms(expected) > 2.0
     assert rms(measured - plain - expected) < close * rms(expected) + 0.03
 
 
-def test_in_reverse_the_sensor_stays_as_it_was_glued() -> None:
+def test_mounting_in_reverse_matches_the_simulated_sensor() -> None:
     sensor = "pitch_deg = 2.0\nroll_deg = 1.0\nzero_g_offset_g = [3.0, 1.0, 0.5]"
     motion = "[wheel.motion]\ndirection = 'reverse'"
     measured, angle = tail(samples(plan_of(motion, sensor)))
     plain, _ = tail(samples(plan_of(motion)))
-    here = here_of(wheel=motion)
-    here = replace(here, conditions=replace(here.conditions, reverse=True))
+    block = block_of(wheel=motion)
+    block = replace(block, conditions=replace(block.conditions, reverse=True))
     parameters = {"roll_tilt": (math.radians(1.0),), "pitch_tilt": (math.radians(2.0),)}
-    after = applied(here, **parameters, zero_g_offset=(3.0 * G, G, 0.5 * G)).signal_mps2
+    after = applied(block, **parameters, zero_g_offset=(3.0 * G, G, 0.5 * G)).signal_mps2
     # The campaign's circumferential axis points along the rotation.
     difference = (measured - plain) * [-1.0, 1.0, 1.0]
-    assert rms(difference - at_angles(after - here.signal_mps2, angle)) < 0.1
+    assert rms(difference - at_angles(after - block.signal_mps2, angle)) < 0.1
 
 
-def test_gain_drifts_from_the_reference_temperature() -> None:
+def test_gain_drifts_from_the_calibration_temperature() -> None:
     drift = "gain_drift_percent_per_k = [0.0, 0.0, 0.1]"
     warm, angle = tail(samples(plan_of("temperature_degc = 45.0", drift)))
     plain, _ = tail(samples(plan_of("temperature_degc = 45.0")))
-    here = here_of()
-    here = replace(here, conditions=replace(here.conditions, temperature_degc=45.0))
-    expected = at_angles(applied(here, gain_temperature_drift=(1e-3, 25.0)).signal_mps2 - here.signal_mps2, angle)
+    block = block_of()
+    block = replace(block, conditions=replace(block.conditions, temperature_degc=45.0))
+    expected = at_angles(applied(block, gain_temperature_drift=(1e-3, 25.0)).signal_mps2 - block.signal_mps2, angle)
     assert warm - plain == pytest.approx(expected, abs=0.15)
     assert rms(expected[:, RADIAL]) == pytest.approx(0.02 * rms(plain[:, RADIAL]), rel=0.01)
     assert not effect_of("gain-temperature drift").starts((CONDITIONS, CONDITIONS))
 
 
 @pytest.mark.parametrize("speed_kmh", [50.0, 65.0, 80.0])
-def test_a_limit_is_the_same_at_every_speed(speed_kmh: float) -> None:
+def test_clipping_limit_is_the_same_at_every_speed(speed_kmh: float) -> None:
     limit_g = 110.0
     plan = plan_of(f"[wheel.defect]\nclip_g = {limit_g}", "", speed_kmh)
     omega = speed_kmh / 3.6 / 0.32
     measured, angle = tail(samples(plan), omega)
     plain, _ = tail(samples(plan_of("", "", speed_kmh)), omega)
-    here = here_of(speed_kmh)
-    expected = at_angles(applied(here, clipping=(1.0 / (limit_g * G), 0.0)).signal_mps2 - here.signal_mps2, angle)
+    block = block_of(speed_kmh)
+    expected = at_angles(applied(block, clipping=(1.0 / (limit_g * G), 0.0)).signal_mps2 - block.signal_mps2, angle)
     # On the grid the corners ring a little.
     assert rms(measured - plain - expected) < 0.02 * rms(expected) + 0.1
     assert (rms(expected) > 5.0) == (speed_kmh > 50.0)
 
 
-def test_the_knee_is_the_mean_of_noisy_clipped_revolutions() -> None:
-    here, limit, noise = here_of(), 1250.0, 40.0
-    noisy = here.signal_mps2[RADIAL] + noise * np.random.default_rng(1).standard_normal((20_000, FIELD_SIZE))
+def test_knee_matches_the_mean_of_noisy_clipped_revolutions() -> None:
+    block, limit, noise = block_of(), 1250.0, 40.0
+    noisy = block.signal_mps2[RADIAL] + noise * np.random.default_rng(1).standard_normal((20_000, FIELD_SIZE))
     mean = np.clip(noisy, -limit, limit).mean(axis=0)
-    softly = applied(here, clipping=(1.0 / limit, noise / limit)).signal_mps2[RADIAL]
-    hard = applied(here, clipping=(1.0 / limit, 0.0)).signal_mps2[RADIAL]
+    softly = applied(block, clipping=(1.0 / limit, noise / limit)).signal_mps2[RADIAL]
+    hard = applied(block, clipping=(1.0 / limit, 0.0)).signal_mps2[RADIAL]
     assert rms(softly - mean) < 1.15 * noise / math.sqrt(len(noisy))
     assert rms(hard - mean) > 4.0 * rms(softly - mean)
 
 
 @pytest.mark.parametrize("clock_ppm", [-900.0, 900.0])
-def test_a_fast_clock_makes_the_wheel_look_slow(clock_ppm: float) -> None:
-    """The rate error stands for a rate that nobody measured: the samples are taken to come at RATE."""
+def test_fast_clock_makes_the_wheel_look_slow(clock_ppm: float) -> None:
+    """The rate error is that of an unmeasured rate: the samples are assumed to come at RATE."""
     error_ppm = math.copysign(9000.0, clock_ppm)
     plan = plan_of(sensor=f"rate_error_ppm = {error_ppm}", hub=f"clock_ppm = {clock_ppm}")
     share = (1.0 + error_ppm * 1e-6) * (1.0 + clock_ppm * 1e-6) - 1.0
     measured, angle = tail(samples(plan), OMEGA, RATE * (1.0 + share))
-    seen = here_of(65.0 / (1.0 + share))
+    seen = block_of(65.0 / (1.0 + share))
     after = applied(seen, sample_clock_error=(share,))
     plane = [CIRCUMFERENTIAL, RADIAL]
     assert rms((measured - at_angles(after.signal_mps2, angle))[:, plane]) < 0.3
@@ -144,7 +144,7 @@ def test_a_fast_clock_makes_the_wheel_look_slow(clock_ppm: float) -> None:
 
 
 @pytest.mark.parametrize("offset_m", [0.0, 6e-3])
-def test_a_larger_belt_scales_the_ring_and_leaves_gravity_and_the_sensors_depth(offset_m: float) -> None:
+def test_larger_belt_scales_the_ring_only(offset_m: float) -> None:
     share = 0.03
     ring = RingParameters.from_numbers(3.08e-3, 0.195, 2.97, 2.53, radius_m=0.32, pressure_pa=2.1e5)
     larger = RingParameters.from_numbers(
@@ -163,7 +163,7 @@ def test_a_larger_belt_scales_the_ring_and_leaves_gravity_and_the_sensors_depth(
     # A revolution from contact centre to contact centre, its omega the mean: slower in its first half.
     elapsed = np.where(THETA >= 0.0, THETA - math.pi, THETA + math.pi)
 
-    def block(wave: SensorWaveform) -> np.ndarray:
+    def signal_from(wave: SensorWaveform) -> np.ndarray:
         signal = np.zeros((3, FIELD_SIZE))
         radial, along = wave.specific_force(OMEGA, omega_dot)
         signal[RADIAL] = radial + 2.0 * omega_dot * elapsed * wave.radial_m
@@ -171,13 +171,13 @@ def test_a_larger_belt_scales_the_ring_and_leaves_gravity_and_the_sensors_depth(
         return signal
 
     conditions = replace(CONDITIONS, omega_dot_radps2=omega_dot)
-    here = Here(conditions, THETA, block(stated.sensor), stated.sensor, -0.24, 0.24)
-    after = applied(here, rolling_radius=(share,)).signal_mps2
-    assert rms(after - block(true.sensor)) < 2e-4 * rms(after)
-    assert rms(after - (1.0 + share) * here.signal_mps2) > 0.1
+    block = ModelledBlock(conditions, THETA, signal_from(stated.sensor), stated.sensor, -0.24, 0.24)
+    after = applied(block, rolling_radius=(share,)).signal_mps2
+    assert rms(after - signal_from(true.sensor)) < 2e-4 * rms(after)
+    assert rms(after - (1.0 + share) * block.signal_mps2) > 0.1
 
 
-def test_a_lower_sensor_is_solved_lower() -> None:
+def test_mounting_offset_matches_the_simulated_sensor() -> None:
     effect = catalogue()["mounting offset"]
     assert isinstance(effect, RingEffect)
     declared = RingOptions(sensor_offset_m=0.002)
@@ -190,3 +190,30 @@ def test_a_lower_sensor_is_solved_lower() -> None:
     coarse = np.interp(THETA, -math.pi + 2.0 * math.pi / 720 * np.arange(720), wave.circumferential_m)
     assert rms(coarse - truth[:, 1]) < 0.02 * rms(truth[:, 1])
     assert rms(truth[:, 1]) > 0.005
+
+
+def test_ac_coupled_sensor_passes_no_constant() -> None:
+    block = block_of()
+    ac = replace(block, conditions=replace(block.conditions, ac_coupled=True))
+    effect = effect_of("zero-g offset")
+    values = np.array([1.0, 2.0, 3.0])
+    assert not effect.contribution(ac, values).any()
+    assert not effect.derivative(ac, values).any()
+    passed = applied(block, AC_coupling=(0.3,)).signal_mps2
+    assert np.abs(passed.mean(axis=1)).max() < 1e-9
+
+
+def test_filter_delay_is_left_to_the_contact_centre() -> None:
+    block = block_of()
+    effect = effect_of("anti-alias filter")
+    before = np.fft.rfft(block.signal_mps2[RADIAL])[1:6]
+
+    def turned(inverse_corner_s: float) -> np.ndarray:
+        added = effect.contribution(block, np.array([inverse_corner_s]))[RADIAL]
+        return np.angle(np.fft.rfft(block.signal_mps2[RADIAL] + added)[1:6] / before)
+
+    order_hz = np.arange(1, 6) * block.conditions.omega_radps / (2.0 * math.pi)
+    x = order_hz / 600.0
+    # A delay would be sqrt(2) x; the remaining phase begins with the cube.
+    assert turned(1.0 / 600.0) == pytest.approx(-math.sqrt(2.0) / 3.0 * x**3, rel=0.05)
+    assert turned(1.0 / 300.0) == pytest.approx(8.0 * turned(1.0 / 600.0), rel=0.2)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gateway.closure.effects.base import FIELD_SIZE, Conditions, StartModel
+from gateway.closure.effects.base import FIELD_SIZE, BaselineModel, GroupConditions
 from gateway.closure.ring_options import RingOptions
 from gateway.closure.series_core import SeriesCore
-from gateway.physics.bound import waveform_orders
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import Kinematics, RoadForce, modal_stiffness, signal_orders
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import FloatArray
 
 RADIUS_M, PRESSURE_PA, OMEGA_RADPS = 0.32, 2.1e5, 56.0
@@ -24,8 +24,8 @@ PLAIN = RingOptions()
 THETA = -math.pi + 2.0 * math.pi / FIELD_SIZE * np.arange(FIELD_SIZE)
 
 
-def conditions(load_n: float = 5000.0, radius_m: float = RADIUS_M) -> Conditions:
-    return Conditions(OMEGA_RADPS, 0.0, radius_m, load_n, PRESSURE_PA, 25.0, 25.0, 9600.0, 0.0)
+def conditions(load_n: float = 5000.0, radius_m: float = RADIUS_M) -> GroupConditions:
+    return GroupConditions(OMEGA_RADPS, 0.0, radius_m, load_n, PRESSURE_PA, 25.0, 25.0, 9600.0, 0.0)
 
 
 def table_3_at(load_n: float) -> FloatArray:
@@ -52,13 +52,13 @@ def legendre_amounts(ring: RingSolution) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("model", "kinematics", "road"),
     [
-        (StartModel.PAPER, Kinematics.PRINTED, RoadForce.RADIAL),
-        (StartModel.SERIES, Kinematics.CORRECTED, RoadForce.VERTICAL),
+        (BaselineModel.PAPER, Kinematics.PRINTED, RoadForce.RADIAL),
+        (BaselineModel.SERIES, Kinematics.CORRECTED, RoadForce.VERTICAL),
     ],
 )
 @pytest.mark.parametrize(("load_n", "half_angle_rad"), [(5000.0, 0.24), (2000.0, 0.115), (8000.0, 0.33)])
 def test_it_is_the_series(
-    model: StartModel, kinematics: Kinematics, road: RoadForce, load_n: float, half_angle_rad: float
+    model: BaselineModel, kinematics: Kinematics, road: RoadForce, load_n: float, half_angle_rad: float
 ) -> None:
     core = SeriesCore(model)
     shift = np.array([0.2, -0.1, 0.3, -0.4])
@@ -74,14 +74,14 @@ def test_it_is_the_series(
     )  # fmt: skip
     orders = waveform_orders(shape.waveform.radial_m, 110)
     assert np.abs(orders[1:] - expected).max() < 1e-12
-    assert orders[0].real == pytest.approx(RADIUS_M if model is StartModel.SERIES else 0.0, abs=1e-12)
+    assert orders[0].real == pytest.approx(RADIUS_M if model is BaselineModel.SERIES else 0.0, abs=1e-12)
     assert (shape.leading_edge_rad, shape.trailing_edge_rad) == (-half_angle_rad, half_angle_rad)
     assert not shape.waveform.circumferential_m.any()
-    assert core.gravity is core.drift is core.mean is (model is StartModel.SERIES)
+    assert core.gravity is core.drift is core.mean is (model is BaselineModel.SERIES)
 
 
 def test_the_same_parameters_are_the_same_shape_at_any_load_and_size() -> None:
-    core = SeriesCore(StartModel.SERIES)
+    core = SeriesCore(BaselineModel.SERIES)
     parameters = np.array([0.1, -0.2, 0.3, 0.2, 0.0])
     options = RingOptions(pressure_p2=-0.3, tension_loss=0.5)
     one = core.shape(parameters, conditions(), options, 0.24).waveform.radial_m / RADIUS_M
@@ -90,7 +90,7 @@ def test_the_same_parameters_are_the_same_shape_at_any_load_and_size() -> None:
 
 
 def test_the_fifth_parameter_is_the_half_angle() -> None:
-    core = SeriesCore(StartModel.SERIES)
+    core = SeriesCore(BaselineModel.SERIES)
     wider = core.shape(np.array([0.0, 0.0, 0.0, 0.0, math.log(1.02)]), conditions(), PLAIN, 0.24)
     told = core.shape(np.zeros(5), conditions(), PLAIN, 0.24 * 1.02)
     assert wider.trailing_edge_rad == pytest.approx(told.trailing_edge_rad)
@@ -103,18 +103,18 @@ def test_pressure_shape_is_the_contact_pressures() -> None:
     push = road_orders(n, 5000.0, RADIUS_M, half_angle, (0.0, p2, 0.0, p4)).real
     expected = -(n**2.0) * (n**2.0 - 1.0) * push / (math.pi * PRESSURE_PA * modal_stiffness(n, TABLE_3_NUMBERS))
     options = RingOptions(pressure_p2=p2, pressure_p4=p4)
-    series = SeriesCore(StartModel.SERIES).shape(np.zeros(5), conditions(), options, half_angle)
+    series = SeriesCore(BaselineModel.SERIES).shape(np.zeros(5), conditions(), options, half_angle)
     assert np.abs(waveform_orders(series.waveform.radial_m, 110)[2:] - expected).max() < 1e-12
 
 
 def test_corrected_kinematics_turn_the_paper_into_the_series() -> None:
     options = RingOptions(kinematics=1.0, pressure_p2=-0.2)
-    paper = SeriesCore(StartModel.PAPER).shape(np.zeros(4), conditions(), options, 0.24).waveform
-    series = SeriesCore(StartModel.SERIES).shape(np.zeros(5), conditions(), options, 0.24).waveform
+    paper = SeriesCore(BaselineModel.PAPER).shape(np.zeros(4), conditions(), options, 0.24).waveform
+    series = SeriesCore(BaselineModel.SERIES).shape(np.zeros(5), conditions(), options, 0.24).waveform
     assert paper.radial_m == pytest.approx(series.radial_m - RADIUS_M, abs=1e-12)
     assert not paper.gravity_radial.any()
-    half = SeriesCore(StartModel.PAPER).shape(np.zeros(4), conditions(), replace(options, kinematics=0.5), 0.24)
-    none = SeriesCore(StartModel.PAPER).shape(np.zeros(4), conditions(), replace(options, kinematics=0.0), 0.24)
+    half = SeriesCore(BaselineModel.PAPER).shape(np.zeros(4), conditions(), replace(options, kinematics=0.5), 0.24)
+    none = SeriesCore(BaselineModel.PAPER).shape(np.zeros(4), conditions(), replace(options, kinematics=0.0), 0.24)
     assert half.waveform.radial_m == pytest.approx(0.5 * (paper.radial_m + none.waveform.radial_m), abs=1e-12)
 
 
@@ -123,7 +123,7 @@ def test_at_a_small_load_the_series_is_the_exact_ring() -> None:
     p2, p4 = legendre_amounts(ring)
     parameters = np.append(table_3_at(50.0), 0.0)
     options = RingOptions(pressure_p2=p2, pressure_p4=p4)
-    wave = SeriesCore(StartModel.SERIES).shape(parameters, conditions(50.0), options, ring.half_angle_rad).waveform
+    wave = SeriesCore(BaselineModel.SERIES).shape(parameters, conditions(50.0), options, ring.half_angle_rad).waveform
     for name, field in wave._asdict().items():
         orders = waveform_orders(field, 40)
         true = waveform_orders(getattr(ring.sensor, name), 40)
@@ -138,7 +138,7 @@ def test_tension_loss_and_the_true_pressure_give_the_exact_ring(load_n: float, s
     ring = exact(load_n, tread_stiffness_npm2=7e7 * load_n / 5000.0)
     p2, p4 = legendre_amounts(ring)
     parameters = np.append(table_3_at(load_n), 0.0)
-    core = SeriesCore(StartModel.SERIES)
+    core = SeriesCore(BaselineModel.SERIES)
     options = RingOptions(pressure_p2=p2, pressure_p4=p4)
 
     def distance(tension_loss: float) -> float:
@@ -156,7 +156,7 @@ def test_gravity_and_spin_follow_the_belt() -> None:
     ring = exact(5000.0)
     p2, p4 = legendre_amounts(ring)
     options = RingOptions(pressure_p2=p2, pressure_p4=p4, tension_loss=1.0, sensor_offset_m=0.005)
-    wave = SeriesCore(StartModel.SERIES).shape(np.zeros(5), conditions(), options, ring.half_angle_rad).waveform
+    wave = SeriesCore(BaselineModel.SERIES).shape(np.zeros(5), conditions(), options, ring.half_angle_rad).waveform
     offset = solve_rolling_ring(ring.ring, 5000.0, PRESSURE_PA, OMEGA_RADPS, nodes=1440, sensor_offset_m=0.005)
     for name, field in wave._asdict().items():
         true = waveform_orders(getattr(offset.sensor, name), 60)
@@ -165,7 +165,7 @@ def test_gravity_and_spin_follow_the_belt() -> None:
 
 
 def test_the_steps_are_small_enough_and_the_exact_rings_part_is_smooth() -> None:
-    core = SeriesCore(StartModel.SERIES)
+    core = SeriesCore(BaselineModel.SERIES)
     options = RingOptions(tension_loss=1.0, pressure_p2=-0.3)
 
     def slope(place: int, step: float) -> FloatArray:
@@ -186,7 +186,7 @@ def test_the_papers_corrections_are_found_in_the_exact_ring() -> None:
     load_n = 3000.0
     ring = exact(load_n)
     data = waveform_orders(ring.sensor.radial_m, 110).real[1:]
-    core = SeriesCore(StartModel.PAPER)
+    core = SeriesCore(BaselineModel.PAPER)
 
     def misfit(vector: FloatArray) -> FloatArray:
         options = RingOptions(
@@ -211,6 +211,6 @@ def test_the_papers_corrections_are_found_in_the_exact_ring() -> None:
 
 
 def test_numbers_out_of_range_are_refused() -> None:
-    core = SeriesCore(StartModel.PAPER)
+    core = SeriesCore(BaselineModel.PAPER)
     with pytest.raises(ValueError, match="finite"):
         core.shape(np.array([1000.0, 0.0, 0.0, 0.0]), conditions(), PLAIN, 0.24)

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.closure import timelocked
 from gateway.closure.diagnosis import Verdict
-from gateway.closure.effects.base import Conditions, SpectrumEffect
+from gateway.closure.effects.base import GroupConditions, SpectrumEffect
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.observation import ORDERS, Block, Group
 from gateway.closure.timelocked import TimeLocked, diagnose_time_locked
@@ -31,8 +31,8 @@ AT = {
 }
 
 
-def conditions(speed_kmh: float = 80.0) -> Conditions:
-    return Conditions(speed_kmh / 3.6 / 0.32, 0.0, 0.32, 4000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
+def conditions(speed_kmh: float = 80.0) -> GroupConditions:
+    return GroupConditions(speed_kmh / 3.6 / 0.32, 0.0, 0.32, 4000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
 
 
 def noisy_group(speed_kmh: float, rng: np.random.Generator, seconds: float = 20.0, axes: str = "clr") -> Group:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import RADIAL, StartModel
+from gateway.closure.effects.base import RADIAL, BaselineModel
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.exact_core import ExactCore, ring_parameters
 from gateway.closure.grouping import tire_states
@@ -58,8 +58,8 @@ def test_recordings_at_loads_a_little_apart_lack_nothing() -> None:
     """The ring of the test keeps its numbers at every load, which is what one tire does."""
     loads = (conditions(load_n=LOAD_N), conditions(load_n=1.02 * LOAD_N), conditions(load_n=0.98 * LOAD_N))
     campaign = one_state(campaign_of(loads, noise_mps2=1.0))
-    core = make_core(StartModel.EXACT)
-    found = select(campaign, core, whiten(campaign, with_mean=True), angle_effects(candidates(StartModel.EXACT)))
+    core = make_core(BaselineModel.EXACT)
+    found = select(campaign, core, whiten(campaign, with_mean=True), angle_effects(candidates(BaselineModel.EXACT)))
     assert not found.steps
     assert found.final.misfit < 1.1 * found.data.used
 
@@ -67,7 +67,7 @@ def test_recordings_at_loads_a_little_apart_lack_nothing() -> None:
 def test_blocks_of_a_group_whose_load_drifts_are_predicted_at_their_own() -> None:
     """A block's waveform goes with its own load: what the group's mean says is off by the drift."""
     here = conditions(load_n=LOAD_N)
-    core = make_core(StartModel.EXACT)
+    core = make_core(BaselineModel.EXACT)
     steady = campaign_of((here,), axes=PLANE)
     (group,) = steady.groups
     drifting = [

@@ -17,6 +17,7 @@ from gateway.config.vehicle import (
     default_vehicle,
 )
 from gateway.config.vehicle_file import load_vehicle, parse_vehicle
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
 
 EXAMPLE = """
@@ -78,8 +79,8 @@ def test_setups_are_in_si_with_overrides_and_axle_weights() -> None:
     assert front_left.radius_m == pytest.approx(0.32)
     assert front_left.pressure_pa == pytest.approx(2.1e5)
     assert front_left.pressure_std_pa == pytest.approx(2e3)
-    assert front_left.load_n == pytest.approx(450 * 9.80665)
-    assert front_left.load_std_n == pytest.approx(0.05 * 450 * 9.80665)
+    assert front_left.load_n == pytest.approx(450 * STANDARD_GRAVITY_MPS2)
+    assert front_left.load_std_n == pytest.approx(0.05 * 450 * STANDARD_GRAVITY_MPS2)
     assert front_right.radius_m == pytest.approx(0.30)
     assert front_right.temperature_degc == 35.0
     assert front_right.pressure_pa == pytest.approx(2.1e5)
@@ -97,7 +98,7 @@ def test_setups_are_in_si_with_overrides_and_axle_weights() -> None:
 
 def test_axle_error_combines_scale_and_split() -> None:
     axle = Axle(wheels=("A", "B"), weight_kg=1000.0, weight_std_kg=30.0, split_std_percent=4.0)
-    assert axle.wheel_load_std_n == pytest.approx(math.hypot(15.0, 20.0) * 9.80665)
+    assert axle.wheel_load_std_n == pytest.approx(math.hypot(15.0, 20.0) * STANDARD_GRAVITY_MPS2)
 
 
 def test_every_fault_is_listed_at_once() -> None:

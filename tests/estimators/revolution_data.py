@@ -8,10 +8,11 @@ import numpy as np
 
 from gateway.estimators.base import AngleAverage, Conditions, Revolution
 from gateway.physics.rolling_ring import RingSolution
+from gateway.reasons import Reason
 from gateway.signal.contact_edges import find_contact_edges
 from gateway.signal.order_spectrum import coefficient_std, order_coefficients, sample_std
 from gateway.signal.synchronous_average import RunningAverage
-from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, omega_at, on_grid
+from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, omega_at, on_grid
 
 OMEGA = omega_at(65.0)
 CONDITIONS = Conditions(radius_m=RADIUS_M, load_n=5000.0, pressure_pa=PRESSURE_PA)
@@ -23,7 +24,7 @@ def make_revolution(
     edges: tuple[float, float] | None = None,
     edge_std: float = 0.0,
     order_max: int = 60,
-    faults: tuple[str, ...] = (),
+    faults: tuple[Reason, ...] = (),
     saturated: bool = False,
     missing_fraction: float = 0.0,
     period_std_s: float = 1e-5,

@@ -21,6 +21,7 @@ from gateway.estimators.determination import (
     number_estimates,
     scale_error,
 )
+from gateway.reasons import Code, Reason, codes_of
 
 CONDITIONS = Conditions(0.32, 5000.0, 2.1e5)
 VALUES = np.array([3e-3, 0.2, 3.0, 2.5])
@@ -37,10 +38,12 @@ def test_a_number_is_determined_three_standard_errors_from_zero_model_error_coun
     found = determination(numbers)
     np.testing.assert_allclose(found.relative_error, [0.14142, 0.31623, 0.36056, 0.53852], rtol=1e-4)
     assert found.determined.tolist() == [True, True, False, False]
-    estimates = {e.name: e for e in number_estimates(numbers, CONDITIONS, "")}
+    estimates = {e.name: e for e in number_estimates(numbers, CONDITIONS, ())}
     assert [estimates[name].status for name in NUMBERS] == [Status.VALID] * 2 + [Status.PROVISIONAL] * 2
-    assert "most of it noise" in estimates["Rs"].reason
-    assert estimates["Ts"].reason == "not determined: standard error 54% of the value, most of it model error"
+    undetermined, share = estimates["Ts"].reasons
+    assert undetermined == Reason(Code.NOT_DETERMINED, relative_error=found.relative_error[3])
+    assert share["share"] == pytest.approx(0.5**2 / (0.2**2 + 0.5**2))
+    assert estimates["Rs"].reasons[1]["share"] < 0.5
     assert estimates["Ts"].std == pytest.approx(0.53852 * 2.5, rel=1e-4)
 
 
@@ -53,13 +56,14 @@ def test_weak_bending_must_be_determined_better() -> None:
 
 def test_on_the_bound_it_is_invalid_and_the_others_stand() -> None:
     held = replace(fitted(0.1), values=VALUES * [1, 1, 1, 0], free=np.array([True, True, True, False]))
-    found = {e.name: e for e in number_estimates(held, CONDITIONS, "")}
+    found = {e.name: e for e in number_estimates(held, CONDITIONS, ())}
     assert found["Ts"].status is found["Ts/Cw"].status is Status.INVALID
-    assert "at zero" in found["Ts"].reason
+    assert found["Ts"].reasons == (Reason(Code.FIT_AT_ZERO, number="Ts"),)
     assert found["Rs"].status is found["Rs/Cw"].status is Status.VALID
     without_cw = replace(fitted(0.1), values=VALUES * [1, 0, 1, 1], free=np.array([True, False, True, True]))
-    found = {e.name: e for e in number_estimates(without_cw, CONDITIONS, "")}
-    assert all(found[name].status is Status.INVALID and "Cw" in found[name].reason for name in RATIOS)
+    found = {e.name: e for e in number_estimates(without_cw, CONDITIONS, ())}
+    assert {found[name].status for name in RATIOS} == {Status.INVALID}
+    assert {found[name].reasons for name in RATIOS} == {(Reason(Code.FIT_AT_ZERO, number="Cw"),)}
 
 
 def test_confounded_numbers_name_each_other() -> None:
@@ -69,8 +73,10 @@ def test_confounded_numbers_name_each_other() -> None:
     both = FittedNumbers(VALUES, FREE, correlation * np.outer(std, std), np.zeros((4, 4)))
     found = determination(both)
     assert found.condition == pytest.approx(1.98 / 0.02)
-    assert "correlated -0.98 with Rs" in found.why_not(1)
-    assert "correlated" not in determination(fitted(0.5)).why_not(1)
+    confounded = found.why_not(1)[-1]
+    assert (confounded.code, confounded["number"]) == (Code.CORRELATED, "Rs")
+    assert confounded["correlation"] == pytest.approx(-0.98)
+    assert Code.CORRELATED not in codes_of(determination(fitted(0.5)).why_not(1))
 
 
 @settings(max_examples=50, deadline=None)
@@ -78,7 +84,7 @@ def test_confounded_numbers_name_each_other() -> None:
 def test_ratios_have_the_errors_of_ratios(entries: list[float], size: float) -> None:
     root = np.array(entries).reshape(4, 4) * size * 1e-2 * VALUES[:, np.newaxis]
     numbers = FittedNumbers(VALUES, FREE, root @ root.T, np.zeros((4, 4)))
-    found = {e.name: e for e in number_estimates(numbers, CONDITIONS, "")}
+    found = {e.name: e for e in number_estimates(numbers, CONDITIONS, ())}
     for name, i in zip(RATIOS, (0, 2, 3), strict=True):
         gradient = np.zeros(4)
         gradient[i], gradient[1] = 1.0 / VALUES[1], -VALUES[i] / VALUES[1] ** 2
@@ -91,9 +97,10 @@ def test_scale_and_doubt_and_nothing() -> None:
     assert load_number(conditions) == pytest.approx(5000.0 / (2.1e5 * 0.32**2))
     assert load_number(Conditions(0.32)) == 1.0
     assert scale_error(conditions) == pytest.approx(math.hypot(0.01, 0.02, 0.01))
-    doubted = number_estimates(fitted(0.1), conditions, "settling", "note")
-    assert all(e.status is Status.PROVISIONAL and e.reason == "settling" for e in doubted)
-    assert all(e.reason == "note" for e in number_estimates(fitted(0.1), conditions, "", "note"))
-    nothing = all_invalid("why")
+    doubt, note = Reason(Code.FIT_NOT_CONVERGED), Reason(Code.LINEAR_RING)
+    doubted = number_estimates(fitted(0.1), conditions, (doubt,), (note,))
+    assert all(e.status is Status.PROVISIONAL and e.reasons == (doubt,) for e in doubted)
+    assert all(e.reasons == (note,) for e in number_estimates(fitted(0.1), conditions, (), (note,)))
+    nothing = all_invalid(doubt)
     assert [e.name for e in nothing] == [*NUMBERS, *RATIOS]
-    assert all(e.status is Status.INVALID and math.isnan(e.value) and e.reason == "why" for e in nothing)
+    assert all(e.status is Status.INVALID and math.isnan(e.value) and e.reasons == (doubt,) for e in nothing)

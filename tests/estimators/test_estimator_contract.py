@@ -11,8 +11,9 @@ import pytest
 from gateway.errors import ConfigError
 from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
+from gateway.reasons import Code, Reason
 from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
-from tests.exact_ring_data import RADIUS_M, solution
+from tests.testkit.exact_ring import RADIUS_M, solution
 
 GOOD = make_revolution(exact_wave(solution()))
 NAN = math.nan
@@ -39,7 +40,7 @@ CASES: dict[str, tuple[Revolution, AngleAverage, Conditions]] = {
     "first": (GOOD, settled(GOOD, 1), CONDITIONS),
     "no load": (GOOD, settled(GOOD), Conditions(radius_m=RADIUS_M)),
     "nan radius": (GOOD, settled(GOOD), Conditions(radius_m=NAN)),
-    "faults": (replace(GOOD, faults=("lost",), saturated=True), settled(GOOD), CONDITIONS),
+    "faults": (replace(GOOD, faults=(Reason(Code.SAMPLES_LOST),), saturated=True), settled(GOOD), CONDITIONS),
     "empty average": (GOOD, empty_average(settled(GOOD)), CONDITIONS),
     "nan revolution": (
         replace(
@@ -64,12 +65,12 @@ def check(estimates: tuple[Estimate, ...]) -> None:
     for estimate in estimates:
         if estimate.status is Status.INVALID:
             assert math.isnan(estimate.value)
-            assert estimate.reason
+            assert estimate.reasons
         else:
             assert math.isfinite(estimate.value)
             assert not estimate.std < 0.0
         if estimate.status is Status.PROVISIONAL:
-            assert estimate.reason
+            assert estimate.reasons
 
 
 @pytest.mark.parametrize("case", list(CASES))

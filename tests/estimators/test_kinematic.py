@@ -8,8 +8,9 @@ import pytest
 
 from gateway.estimators.base import Estimate, Revolution, Status
 from gateway.estimators.kinematic import KinematicEstimator
+from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
-from tests.exact_ring_data import RADIUS_M, solution
+from tests.testkit.exact_ring import RADIUS_M, solution
 
 WAVE = exact_wave(solution())
 
@@ -34,17 +35,17 @@ def test_speed_edges_and_length() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "word"),
+    ("change", "code"),
     [
-        ({"saturated": True}, "saturated"),
-        ({"missing_fraction": 0.03}, "lost"),
-        ({"faults": ("speed changed too fast",)}, "too fast"),
+        ({"saturated": True}, Code.RADIAL_SATURATED),
+        ({"missing_fraction": 0.03}, Code.SAMPLES_LOST_SHARE),
+        ({"faults": (Reason(Code.CONTACT_INTERPOLATED),)}, Code.CONTACT_INTERPOLATED),
     ],
 )
-def test_doubtful_revolutions_are_provisional_and_say_why(change: dict[str, object], word: str) -> None:
+def test_doubtful_revolutions_are_provisional_and_say_why(change: dict[str, object], code: Code) -> None:
     estimates = estimates_of(make_revolution(WAVE, **change))
     assert {e.status for e in estimates.values()} == {Status.PROVISIONAL}
-    assert all(word in e.reason for e in estimates.values())
+    assert all(code in codes_of(e.reasons) for e in estimates.values())
 
 
 def test_no_edges_leave_the_speed() -> None:
@@ -60,7 +61,7 @@ def test_no_edges_leave_the_speed() -> None:
     assert estimates["speed_mps"].status is Status.VALID
     for name in ("leading_edge_rad", "trailing_edge_rad", "contact_length_m"):
         assert estimates[name].status is Status.INVALID
-        assert estimates[name].reason
+        assert estimates[name].reasons
         assert math.isnan(estimates[name].value)
 
 

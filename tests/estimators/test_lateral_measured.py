@@ -10,7 +10,7 @@ import pytest
 from firmware_protocol.messages import Coupling
 from gateway.estimators.base import Status
 from gateway.estimators.lateral_shape import lateral_record, slopes
-from tests.lateral_data import RADIUS_M, Sensor, through_pipeline
+from tools.generators.lateral_signals import RADIUS_M, Sensor, through_pipeline
 
 RECORDING = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 

@@ -17,8 +17,9 @@ from gateway.estimators.ply_steer import NAMES, ROLL_NAME, PlySteerEstimator, se
 from gateway.estimators.registry import make_estimator
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution
 from gateway.physics.rolling_ring import RingSolution
+from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import settled
-from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
+from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 CONDITIONS = Conditions(RADIUS_M)
 # Noise that dithers the 16-bit steps of 0.6 m/s^2 and is else negligible.
@@ -153,8 +154,7 @@ def test_scatter_is_near_the_bound_and_the_stated_noise_is_honest() -> None:
 def test_reason_names_what_one_direction_cannot_tell() -> None:
     found = estimate(rolled(radial()))
     for name in NAMES:
-        assert "plysteer + conicity" in found[name].reason
-        assert "orders 1 to 40" in found[name].reason
+        assert found[name].reasons == (Reason(Code.INCLUDES_CONICITY), Reason(Code.ORDERS_USED, first=1, last=40))
     values = [found[name].value for name in NAMES]
     assert len({round(math.degrees(value), 2) for value in values}) == 3  # the definitions differ, and are told apart
 
@@ -164,11 +164,11 @@ def test_first_revolutions_and_faults_are_provisional() -> None:
     assert estimate(revolutions[:3])[NAMES[0]].status is Status.PROVISIONAL
     estimator = PlySteerEstimator()
     before = estimate(revolutions, estimator)
-    bad = replace(revolutions[0], faults=("lost",), axes_mps2=revolutions[0].axes_mps2 * 3)
+    bad = replace(revolutions[0], faults=(Reason(Code.SAMPLES_LOST),), axes_mps2=revolutions[0].axes_mps2 * 3)
     after = estimate([bad], estimator)
     assert after[NAMES[0]].value == before[NAMES[0]].value
     assert after[NAMES[0]].status is Status.PROVISIONAL
-    assert "lost" in after[NAMES[0]].reason
+    assert Code.SAMPLES_LOST in codes_of(after[NAMES[0]].reasons)
 
 
 def test_ac_coupling_leaves_the_tilt_in_the_error() -> None:
@@ -178,7 +178,7 @@ def test_ac_coupling_leaves_the_tilt_in_the_error() -> None:
     found = estimate([r for r in revolutions if not r.faults])
     assert found[ROLL_NAME].status is Status.INVALID
     assert found[NAMES[0]].status is Status.PROVISIONAL
-    assert "roll tilt" in found[NAMES[0]].reason
+    assert Code.ROLL_NOT_CALIBRATED in codes_of(found[NAMES[0]].reasons)
     assert math.degrees(found[NAMES[0]].std) > 0.04
 
 
@@ -204,7 +204,7 @@ def test_numbers_that_are_not_finite_are_refused() -> None:
             for found in estimator.update(bad, settled(good), CONDITIONS):
                 assert found.status is Status.INVALID
                 assert math.isnan(found.value)
-                assert found.reason
+                assert found.reasons
         no_contact = replace(settled(good), leading_edge_rad=math.nan)
         assert all(e.status is Status.INVALID for e in estimator.update(good, no_contact, CONDITIONS))
         no_radius = estimator.update(good, settled(good), Conditions(math.nan))

@@ -19,8 +19,9 @@ from gateway.estimators.slip_angle import (
     slip_asymmetry,
 )
 from gateway.physics.lateral_belt import LateralBelt
+from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import settled
-from tests.lateral_data import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
+from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
 SENSOR = Sensor(noise_mg=5.0, roll_rad=0.01)
 BELT = LateralBelt()
@@ -90,7 +91,7 @@ def test_asymmetry_between_left_and_right_is_there_with_ply_steer_only() -> None
 def test_one_side_only_has_no_left_right_asymmetry() -> None:
     last = follow(drive(ZIGZAG)[:75], SlipAngleEstimator())[-1][NAMES[3]]
     assert last.status is Status.INVALID
-    assert "left and at right" in last.reason
+    assert codes_of(last.reasons) == (Code.NEEDS_BOTH_SLIPS,)
 
 
 def test_learnt_zero_is_provisional_until_settled() -> None:
@@ -98,15 +99,15 @@ def test_learnt_zero_is_provisional_until_settled() -> None:
     assert found[1][NAMES[0]].status is Status.PROVISIONAL
     assert found[20][NAMES[0]].status is Status.PROVISIONAL
     assert found[int(REFERENCE_SETTLED) + 2][NAMES[0]].status is Status.VALID
-    assert "straight running" in found[int(REFERENCE_SETTLED) + 2][NAMES[0]].reason
+    assert codes_of(found[int(REFERENCE_SETTLED) + 2][NAMES[0]].reasons) == (Code.ZERO_SLIP_IS_MEAN,)
 
 
 def test_faulty_revolutions_are_refused() -> None:
     revolution = drive(ZIGZAG)[0]
-    bad = replace(revolution, faults=("lost",))
+    bad = replace(revolution, faults=(Reason(Code.SAMPLES_LOST),))
     found = follow((bad,), SlipAngleEstimator(belt_share=0.2))[0]
     assert set(found) == {*NAMES, SLIP_NAME}
-    assert all(e.status is Status.INVALID and "lost" in e.reason for e in found.values())
+    assert all(e.status is Status.INVALID and Code.SAMPLES_LOST in codes_of(e.reasons) for e in found.values())
 
 
 def test_pure_asymmetries() -> None:

@@ -8,7 +8,8 @@ import pytest
 
 from gateway.estimators.base import Status
 from gateway.pipeline.wheel_setup import WheelSetup
-from tests.simulated_wheel import last, simulated
+from gateway.reasons import Code, Reason, codes_of
+from tests.testkit.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)
 ESTIMATORS = ("kinematic", "self-calibration")
@@ -53,9 +54,9 @@ def test_tilts_and_mounting_offset() -> None:
 def test_one_speed_says_what_it_needs() -> None:
     found = last(simulated(FAULTY, 12.0, SETUP, ESTIMATORS)[0])
     assert found["zero_g_offset_mps2"].status is Status.INVALID
-    assert "two speeds" in found["zero_g_offset_mps2"].reason
+    assert codes_of(found["zero_g_offset_mps2"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
     assert found["gain"].status is Status.PROVISIONAL
-    assert "two speeds" in found["gain"].reason
+    assert codes_of(found["gain"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
     assert within(found["gain"], TRUE_GAIN)
     assert 0.002 < found["gain"].std < 0.012
     assert found["roll_tilt_rad"].status is Status.PROVISIONAL
@@ -81,7 +82,7 @@ def test_ac_coupling_says_what_is_lost() -> None:
     found = last(simulated(tables, 16.0, setup, ESTIMATORS)[0])
     for name in ("zero_g_offset_mps2", "roll_tilt_rad", "gain_per_degc"):
         assert found[name].status is Status.INVALID
-        assert "AC-coupled" in found[name].reason
+        assert codes_of(found[name].reasons) == (Code.AC_COUPLED,)
     assert found["gain"].status is Status.PROVISIONAL
     assert within(found["gain"], TRUE_GAIN, 2.0)
     assert within(found["pitch_tilt_rad"], math.radians(-1.5))
@@ -92,20 +93,20 @@ def test_a_saturated_signal_is_refused() -> None:
     found = last(simulated("[sensor]\nrange_g = 132", 8.0, SETUP, ESTIMATORS)[0])
     for name in ("gain", "pitch_tilt_rad", "sensor_offset_m", "roll_tilt_rad"):
         assert found[name].status is Status.INVALID
-        assert "range" in found[name].reason
+        assert Code.RADIAL_SATURATED in codes_of(found[name].reasons)
 
 
 def test_without_other_axes_the_gain_is_left() -> None:
     found = last(simulated("[sensor]\naxes = ['radial']", 8.0, SETUP, ESTIMATORS)[0])
     assert within(found["gain"], 1.0)
-    assert "no circumferential axis" in found["sensor_offset_m"].reason
-    assert "no lateral axis" in found["roll_tilt_rad"].reason
+    assert found["sensor_offset_m"].reasons == (Reason(Code.AXIS_MISSING, axis="circumferential"),)
+    assert found["roll_tilt_rad"].reasons == (Reason(Code.AXIS_MISSING, axis="lateral"),)
 
 
 def test_a_wrong_offset_in_the_vehicle_file_is_told() -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor_offset_m=0.001)
     found = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])
-    assert "the vehicle file says 1.0 mm" in found["sensor_offset_m"].reason
+    assert found["sensor_offset_m"].reasons == (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.001),)
 
 
 def test_road_noise_is_in_the_errors() -> None:

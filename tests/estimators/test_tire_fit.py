@@ -12,8 +12,9 @@ import pytest
 from gateway.estimators.base import Estimate, Status
 from gateway.estimators.tire_fit import TirePoint, fit_load_calibration, reference_numbers
 from gateway.physics.rolling_ring import solve_rolling_ring
+from gateway.reasons import Code, codes_of
 from gateway.signal.contact_edges import find_contact_edges
-from tests.exact_ring_data import BASE_RING, omega_at, on_grid
+from tests.testkit.exact_ring import BASE_RING, omega_at, on_grid
 
 
 @cache
@@ -66,9 +67,9 @@ def test_an_uncertain_load_weighs_less() -> None:
 
 def test_outside_and_slope() -> None:
     calibration = fit_load_calibration([point(*at) for at in GRID]).calibration
-    assert calibration.outside(0.2, 2.1e5) == ""
-    assert "pressure" in calibration.outside(0.2, 3.0e5)
-    assert "half angle" in calibration.outside(0.6, 2.1e5)
+    assert calibration.outside(0.2, 2.1e5) == ()
+    assert codes_of(calibration.outside(0.2, 3.0e5)) == (Code.PRESSURE_OUTSIDE_CALIBRATION,)
+    assert codes_of(calibration.outside(0.6, 2.1e5)) == (Code.HALF_ANGLE_OUTSIDE_CALIBRATION,)
     by_difference = math.log(calibration.load_at(0.2002, 2e5) / calibration.load_at(0.2, 2e5)) / math.log(1.001)
     assert calibration.slope_at(0.2001) == pytest.approx(by_difference, rel=1e-3)
 

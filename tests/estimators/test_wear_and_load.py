@@ -12,9 +12,10 @@ from gateway.estimators.load import LoadEstimator
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, TireData
 from gateway.estimators.wear import WearEstimator
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code, Reason, codes_of
 from tests.estimators.revolution_data import exact_wave, make_revolution, settled
-from tests.exact_ring_data import solution
-from tests.simulated_wheel import last, simulated
+from tests.testkit.exact_ring import solution
+from tests.testkit.simulated_wheel import last, simulated
 
 # The simulator's new tire.
 NEW = TireData(0.015, 0.0, ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3))
@@ -35,7 +36,7 @@ def test_wear_from_the_bending_number(wear_mm: float) -> None:
 
 def test_wear_without_a_load_goes_by_the_ratio() -> None:
     found = last(simulated("[tire]\nwear_mm = 4", 14.0, wheel(None), ESTIMATORS)[0])
-    assert "Bs/Cw" in found["wear_mm"].reason
+    assert Reason(Code.FROM_RATIO, ratio="Bs/Cw") in found["wear_mm"].reasons
     assert found["wear_mm"].value == pytest.approx(4.0, abs=0.05)
     assert found["wear_number"].value == pytest.approx(4.0 / 320.0, abs=2e-4)
 
@@ -47,7 +48,7 @@ def test_pressure_does_not_pass_for_wear() -> None:
     untold = replace(NEW, reference=replace(NEW.reference, pressure_pa=None))
     results, _ = simulated("", 14.0, wheel(5000.0, untold), ESTIMATORS, "pressure_kpa = 180")
     found = last(results)["wear_mm"]
-    assert "pressure not compensated" in found.reason
+    assert Code.PRESSURE_NOT_COMPENSATED in codes_of(found.reasons)
     assert found.value < -0.6
 
 
@@ -97,19 +98,19 @@ def test_error_of_the_wear_holds_all_three() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "reason"),
+    ("change", "code"),
     [
-        ({"tire": replace(NEW, ring_thickness_m=None)}, "ring_thickness_mm"),
-        ({"tire": replace(NEW, reference=ReferenceNumbers())}, "tire.reference"),
-        ({"given": {}}, "needs the estimator weak-form"),
-        ({"given": {"ring-paper": GIVEN}}, "needs the estimator weak-form"),
-        ({"given": {"weak-form": {}}}, "no bending stiffness number"),
+        ({"tire": replace(NEW, ring_thickness_m=None)}, Code.NEEDS_RING_THICKNESS),
+        ({"tire": replace(NEW, reference=ReferenceNumbers())}, Code.NEEDS_REFERENCE_NUMBER),
+        ({"given": {}}, Code.NEEDS_ESTIMATOR),
+        ({"given": {"ring-paper": GIVEN}}, Code.NEEDS_ESTIMATOR),
+        ({"given": {"weak-form": {}}}, Code.NUMBER_MISSING),
     ],
 )
-def test_wear_says_what_it_lacks(change: dict[str, object], reason: str) -> None:
+def test_wear_says_what_it_lacks(change: dict[str, object], code: Code) -> None:
     found = wear_of(replace(CONDITIONS, **change))
     assert found.status is Status.INVALID
-    assert reason in found.reason
+    assert codes_of(found.reasons) == (code,)
 
 
 def test_drift_of_the_wear() -> None:
@@ -121,7 +122,7 @@ def test_drift_of_the_wear() -> None:
         assert (found.status is Status.INVALID) == (index < 300)
     assert found.value == pytest.approx(0.2, rel=1e-6)
     assert found.std < 1e-6
-    assert found.reason == "over 1000 revolutions"
+    assert found.reasons == (Reason(Code.OVER_REVOLUTIONS, revolutions=1000.0),)
 
 
 CALIBRATION = LoadCalibration(4372.0, 0.2156, 209e3, 1.359, 0.157, 0.513, 0.013, (0.135, 0.311), (190e3, 230e3))
@@ -136,7 +137,7 @@ def test_load_by_angle_and_by_width(load_n: float) -> None:
     assert abs(found["load_by_angle_n"].value - load_n) < 3.0 * found["load_by_angle_n"].std
     assert found["load_by_width_n"].value == pytest.approx(load_n, rel=0.01)
     assert found["load_n"].value == found["load_by_width_n"].value
-    assert "by belt width" in found["load_n"].reason
+    assert Code.FROM_BELT_WIDTH in codes_of(found["load_n"].reasons)
 
 
 def test_load_follows_every_revolution() -> None:
@@ -157,7 +158,8 @@ def test_a_stated_load_is_compared_with() -> None:
 def test_a_worn_tire_has_its_calibration_doubted() -> None:
     found = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
     assert found["load_by_angle_n"].status is Status.PROVISIONAL
-    assert "worn by 5.0 mm" in found["load_by_angle_n"].reason
+    (worn,) = (one for one in found["load_by_angle_n"].reasons if one.code is Code.WORN_SINCE_CALIBRATION)
+    assert worn["wear_m"] == pytest.approx(0.005, abs=2e-5)
     assert found["load_n"].value == pytest.approx(5000.0, rel=0.01)
 
 
@@ -169,21 +171,21 @@ def test_pressure_number() -> None:
 
 
 @pytest.mark.parametrize(
-    ("conditions", "reason"),
+    ("conditions", "code"),
     [
-        (Conditions(0.32), "needs the pressure"),
-        (Conditions(0.32, pressure_pa=210e3), "treadlink calibrate"),
-        (Conditions(0.32, pressure_pa=210e3), "needs Cw"),
+        (Conditions(0.32), Code.NEEDS_PRESSURE),
+        (Conditions(0.32, pressure_pa=210e3), Code.NEEDS_LOAD_CALIBRATION),
+        (Conditions(0.32, pressure_pa=210e3), Code.NEEDS_REFERENCE_NUMBER),
         (
             Conditions(0.32, pressure_pa=2e5, tire=TireData(reference=ReferenceNumbers(Cw=0.2, estimator="magic"))),
-            "'magic', which is no estimator",
+            Code.UNKNOWN_ESTIMATOR,
         ),
     ],
 )
-def test_load_says_what_it_lacks(conditions: Conditions, reason: str) -> None:
+def test_load_says_what_it_lacks(conditions: Conditions, code: Code) -> None:
     found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
     assert found.status is Status.INVALID
-    assert reason in found.reason
+    assert code in codes_of(found.reasons)
 
 
 def test_outside_its_range_a_calibration_is_provisional() -> None:
@@ -191,4 +193,4 @@ def test_outside_its_range_a_calibration_is_provisional() -> None:
     conditions = replace(CONDITIONS, tire=replace(NEW, load_calibration=narrow), given={})
     found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]
     assert found.status is Status.PROVISIONAL
-    assert "half angle outside" in found.reason
+    assert codes_of(found.reasons) == (Code.HALF_ANGLE_OUTSIDE_CALIBRATION,)

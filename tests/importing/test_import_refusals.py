@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError, ImportDataError
 from gateway.importing.import_map import load_map, parse_map
 from gateway.importing.importer import import_file
@@ -93,7 +94,7 @@ def test_no_header_and_a_byte_order_mark(tmp_path: Path, delimiter: str) -> None
         },
     )
     report = import_file(path, parse_map(text, "map"), tmp_path / "a.mcap")
-    assert (report.samples, report.axes[0].high_mps2) == (30, pytest.approx(1.5 * 9.80665))
+    assert (report.samples, report.axes[0].high_mps2) == (30, pytest.approx(1.5 * STANDARD_GRAVITY_MPS2))
 
 
 @pytest.mark.parametrize(("rate", "remedy"), [("48000", "resample_poly"), ("1000", "in Hz")])

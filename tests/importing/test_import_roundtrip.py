@@ -92,7 +92,9 @@ def test_units_sign_and_offset(tmp_path: Path) -> None:
         }
     )
     _, decoded = imported(path, text)
-    check_round_trip(decoded, np.column_stack((-data[:, 0], data[:, 1] * 9.80665e-3, data[:, 2] - 2.5)))
+    check_round_trip(
+        decoded, np.column_stack((-data[:, 0], data[:, 1] * 1e-3 * STANDARD_GRAVITY_MPS2, data[:, 2] - 2.5))
+    )
 
 
 def test_stated_full_scale_marks_saturated_samples(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`treadlink figures`: draws what it lists, tells what came out, replaces nothing."""
+"""The command `treadlink figures` and the captions of the ring paper's figures."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ NEEDS_PLOT = pytest.mark.skipif(
 )
 
 
-def test_both_papers_figures_are_there() -> None:
+def test_registry_has_figures_of_both_papers() -> None:
     names = set(all_figures())
     assert {f"ring-fig-{n}" for n in range(11, 17)} <= names
     assert {f"ply-steer-fig-{n}" for n in (10, 11, 13, 14, 15)} | {"ply-steer-tables"} <= names
     assert all(len(title(draw)) > 10 for draw in all_figures().values())
 
 
-def test_list_names_each_with_its_title() -> None:
+def test_list_prints_names_and_titles() -> None:
     result = CliRunner().invoke(command, ["--list"])
     assert result.exit_code == 0
     for name, draw in all_figures().items():
         assert re.search(rf"^{name} +{re.escape(title(draw))}$", result.output, re.MULTILINE)
 
 
-def test_an_unknown_figure_names_the_known_ones() -> None:
+def test_unknown_figure_lists_known_figures() -> None:
     with pytest.raises(ConfigError, match="fig-99") as caught:
         chosen(("ring-fig-99",))
     assert "ring-fig-11" in caught.value.remedy
@@ -42,7 +42,7 @@ def test_an_unknown_figure_names_the_known_ones() -> None:
 
 @NEEDS_PLOT
 @pytest.mark.parametrize("suffix", ["svg", "png"])
-def test_draws_files_and_an_index_and_replaces_none(tmp_path: Path, suffix: str) -> None:
+def test_command_writes_files_and_replaces_none(tmp_path: Path, suffix: str) -> None:
     out = tmp_path / "new" / "figures"
     arguments = ["ring-fig-12", "--out", str(out), "--format", suffix]
     first = CliRunner().invoke(command, arguments)
@@ -63,14 +63,14 @@ def test_draws_files_and_an_index_and_replaces_none(tmp_path: Path, suffix: str)
 
 
 @NEEDS_PLOT
-def test_the_same_figure_gives_the_same_file(tmp_path: Path) -> None:
+def test_figure_files_are_reproducible(tmp_path: Path) -> None:
     for place in ("a", "b"):
         draw_figures(chosen(("ring-fig-11",)), tmp_path / place, suffix="svg")
     first, second = ((tmp_path / place / "ring-fig-11.svg").read_bytes() for place in ("a", "b"))
     assert first == second
 
 
-def test_without_matplotlib_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     real = builtins.__import__
 
     def missing(name: str, *rest: object, **named: object) -> object:
@@ -106,8 +106,8 @@ def test_axes_have_labels_with_units() -> None:
             assert figure.axes[0].get_legend() is not None, name
 
 
-def test_a_good_fit_with_wrong_numbers(captions: dict[str, str]) -> None:
-    left = re.search(r"with (\d+)% left over", captions["ring-fig-11"])
+def test_fig_11_reports_good_fit_with_wrong_numbers(captions: dict[str, str]) -> None:
+    left = re.search(r"with a residual of (\d+)%", captions["ring-fig-11"])
     assert left
     assert int(left[1]) < 8
     found = re.search(r"are ([\d., ]+) of the true", captions["ring-fig-11"])
@@ -117,14 +117,14 @@ def test_a_good_fit_with_wrong_numbers(captions: dict[str, str]) -> None:
     assert ts > 1.8
 
 
-def test_what_comes_out_and_what_does_not(captions: dict[str, str]) -> None:
-    assert "comes out" in captions["ring-fig-13"]
-    assert captions["ring-fig-14"].startswith("Does not come out")
-    for name in ("ring-fig-15", "ring-fig-16"):
-        assert "does not come out" in captions[name]
+def test_captions_report_what_is_reproduced(captions: dict[str, str]) -> None:
+    for name in ("ring-fig-11", "ring-fig-12", "ring-fig-13"):
+        assert captions[name].startswith("Reproduced")
+    for name in ("ring-fig-14", "ring-fig-15", "ring-fig-16"):
+        assert captions[name].startswith("Not reproduced")
 
 
-def test_wear_shows_in_bending_at_every_step(captions: dict[str, str]) -> None:
+def test_fig_13_bending_falls_with_wear(captions: dict[str, str]) -> None:
     found = re.search(r"means of Eq. 28: ([\d., ]+), times", captions["ring-fig-13"])
     assert found
     means = [float(mean) for mean in found[1].split(", ")]

@@ -1,4 +1,4 @@
-"""Curvature, angle and position of the belt against the geometrically exact ring and against closed forms."""
+"""Curvature, angle and position of the belt against the exact ring and closed forms."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def shape_of(wave: np.ndarray, offset: float = 0.0):
 
 
 @pytest.mark.parametrize("load_n", [2000.0, 8000.0])
-def test_the_signal_gives_the_belts_position_back(load_n: float) -> None:
+def test_signal_recovers_belt_position(load_n: float) -> None:
     ring = solve_rolling_ring(STIFF, load_n, 2.1e5, 56.4, nodes=1024)
     shape = shape_of(ring.sensor.radial_m)
     half = np.append(ring.position_m[512:], ring.position_m[:1], axis=0)[:: 512 // HALF_STEPS] / RADIUS_M
@@ -40,7 +40,7 @@ def test_the_signal_gives_the_belts_position_back(load_n: float) -> None:
     assert np.abs(shape.closure).max() < 1e-5
 
 
-def test_gain_and_a_wrong_order_one_do_not_matter() -> None:
+def test_shape_ignores_gain_and_order_one() -> None:
     ring = solve_rolling_ring(STIFF, 5000.0, 2.1e5, 56.4, nodes=1024)
     orders = even_orders(ring.sensor.radial_m[np.newaxis])
     spoiled = 1.07 * orders
@@ -51,7 +51,7 @@ def test_gain_and_a_wrong_order_one_do_not_matter() -> None:
 
 
 @pytest.mark.parametrize("offset_m", [-0.004, 0.005, 0.010])
-def test_a_sensor_off_the_neutral_layer_is_taken_back_to_it(offset_m: float) -> None:
+def test_sensor_offset_is_corrected(offset_m: float) -> None:
     on = solve_rolling_ring(STIFF, 5000.0, 2.1e5, 56.4, nodes=1024)
     off = solve_rolling_ring(STIFF, 5000.0, 2.1e5, 56.4, nodes=1024, sensor_offset_m=offset_m)
     expected = curvature_orders(even_orders(on.sensor.radial_m[np.newaxis]))
@@ -61,7 +61,7 @@ def test_a_sensor_off_the_neutral_layer_is_taken_back_to_it(offset_m: float) -> 
     assert np.abs(wrong - expected).max() > 5e-4
 
 
-def test_even_orders_are_those_about_the_centre() -> None:
+def test_even_orders_about_the_centre() -> None:
     theta = -math.pi + 2.0 * math.pi / 1024 * np.arange(1024)
     centre = np.array([0.03, -0.2])
     waves = np.stack([5.0 + 2.0 * np.cos(3 * (theta - c)) + 4.0 * np.sin(7 * (theta - c)) for c in centre])
@@ -74,14 +74,14 @@ def test_even_orders_are_those_about_the_centre() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=40))
-def test_integration_is_exact_for_band_limited_fields(amounts: list[float]) -> None:
+def test_integration_is_exact_when_band_limited(amounts: list[float]) -> None:
     n = np.arange(1, len(amounts) + 1)
     field = 0.7 + np.exp(1j * np.multiply.outer(ANGLES_RAD, n)) @ np.array(amounts)
     integral = 0.7 * ANGLES_RAD + (np.exp(1j * np.multiply.outer(ANGLES_RAD, n)) - 1.0) @ (np.array(amounts) / (1j * n))
     np.testing.assert_allclose(integrate_from_zero(field), integral, atol=1e-11)
 
 
-def test_a_circle_is_a_circle_and_no_mean_is_no_belt() -> None:
+def test_circle_and_zero_mean() -> None:
     shape = shape_of(np.full(1024, 17.0))
     np.testing.assert_allclose(shape.position[0], -1j * np.exp(1j * ANGLES_RAD), atol=1e-12)
     assert np.isnan(curvature_orders(even_orders(np.full((1, 1024), -1.0)))).all()

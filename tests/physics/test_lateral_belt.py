@@ -1,4 +1,4 @@
-"""The lateral belt against its balance, closed forms and what the ply steer paper found."""
+"""Lateral belt against force balance, closed forms and the findings of the ply steer paper."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, ring_tension, solve_lateral_belt
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 
-RADIUS_M, PRESSURE_PA, LOAD_N = 0.31, 2.5e5, 400 * 9.80665
+RADIUS_M, PRESSURE_PA, LOAD_N = 0.31, 2.5e5, 400 * STANDARD_GRAVITY_MPS2
 OMEGA_RADPS = 60.0 / 3.6 / RADIUS_M
 RING = RingParameters.from_numbers(3.0833e-3, 0.1953, 2.72, 2.31, radius_m=RADIUS_M, pressure_pa=PRESSURE_PA)
 BELT = LateralBelt()
@@ -28,12 +29,12 @@ def solve(belt: LateralBelt = BELT, slip_deg: float = 0.0, **options: bool) -> L
 
 
 def mirrored(values: np.ndarray) -> np.ndarray:
-    """Value at -theta."""
+    """Return the values at -theta."""
     return np.roll(values[::-1], 1)
 
 
 def large_extrema(lateral: np.ndarray) -> list[float]:
-    """Signs of the extrema that reach a third of the largest, neighbours of one sign taken together, in order."""
+    """Return the signs of the extrema of at least a third of the largest; neighbours of equal sign count once."""
     inner = lateral[1:-1]
     turns = (inner - lateral[:-2]) * (lateral[2:] - inner) <= 0.0
     signs = [float(np.sign(v)) for v in inner[turns] if abs(v) > np.abs(lateral).max() / 3.0]
@@ -47,7 +48,7 @@ def test_static_shape_is_odd_and_sinusoidal() -> None:
     assert np.sqrt(np.mean(even**2)) < 1e-4 * np.sqrt(np.mean(still.y_m**2))
     assert still.y_m.max() == pytest.approx(0.18e-3, abs=0.02e-3)
     assert still.side_force_n == 0.0
-    # Up to the highest wave, which carries most, there is one sign on either side of the centre.
+    # From the centre to the largest extremum there is one sign on either side.
     before = still.y_m[(still.theta_rad < -0.02) & (still.theta_rad > -0.5)]
     assert np.all(before < 0.0)
 
@@ -60,14 +61,14 @@ def test_rolling_shape_lies_on_one_side() -> None:
     assert moving.side_force_n < -50.0
 
 
-def test_rolling_minus_static_is_like_a_concentrated_force() -> None:
+def test_rolling_minus_static_has_one_sign() -> None:
     """Finding 3: the difference has one sign and one extremum, near the contact."""
     change = solve().y_m - solve(rolling=False).y_m
     assert change.max() < 0.02 * -change.min()
     assert abs(radial().theta_rad[np.argmin(change)]) < radial().half_angle_rad
 
 
-def test_lateral_acceleration_at_zero_slip_is_of_the_measured_size_at_the_edges() -> None:
+def test_zero_slip_acceleration_has_measured_size() -> None:
     moving = solve()
     high, low = moving.lateral_mps2.argmax(), moving.lateral_mps2.argmin()
     assert moving.lateral_mps2[high] == pytest.approx(30.0, abs=4.0)
@@ -78,28 +79,28 @@ def test_lateral_acceleration_at_zero_slip_is_of_the_measured_size_at_the_edges(
     assert large_extrema(moving.lateral_mps2) == [1.0, -1.0]
 
 
-def test_one_extremum_at_one_sign_of_slip_and_two_at_the_other() -> None:
+def test_extrema_depend_on_sign_of_slip() -> None:
     assert large_extrema(solve(slip_deg=-1.0).lateral_mps2) == [1.0]
     assert large_extrema(solve(slip_deg=1.0).lateral_mps2) == [1.0, -1.0]
 
 
-def test_without_coupling_nothing_happens_and_slip_is_symmetric() -> None:
+def test_no_coupling_gives_symmetric_slip() -> None:
     plain = replace(BELT, coupling_length_m=0.0)
     assert not solve(plain).y_m.any()
     left, right = solve(plain, 1.0), solve(plain, -1.0)
     assert left.lateral_mps2 == pytest.approx(-right.lateral_mps2, abs=1e-9)
 
 
-def test_other_ply_order_mirrors_everything() -> None:
+def test_other_ply_order_mirrors_solution() -> None:
     other = solve(replace(BELT, coupling_length_m=-BELT.coupling_length_m), -1.0)
     assert other.y_m == pytest.approx(-solve(slip_deg=1.0).y_m, abs=1e-12)
 
 
-def test_conicity_pulls_the_same_way_in_both_directions_and_ply_steer_does_not() -> None:
+def test_conicity_keeps_sign_when_reversed() -> None:
     cone = replace(BELT, coupling_length_m=0.0, conicity_rad=0.01)
     alone = solve(cone).side_force_n
     assert abs(alone) > 5.0
-    # Rolling the other way is the mirror image: the coupling changes sign, the cone does not.
+    # Rolling in the other direction mirrors the tire: the coupling changes sign, the cone does not.
     forward = solve(replace(BELT, conicity_rad=0.01)).side_force_n
     reverse = solve(replace(BELT, conicity_rad=0.01, coupling_length_m=-BELT.coupling_length_m)).side_force_n
     assert 0.5 * (forward + reverse) == pytest.approx(alone, rel=0.02)
@@ -108,7 +109,7 @@ def test_conicity_pulls_the_same_way_in_both_directions_and_ply_steer_does_not()
 
 @pytest.mark.parametrize("friction", [1.0, 0.3])
 @pytest.mark.parametrize("slip_deg", [-2.0, 0.0, 0.7, 4.0])
-def test_road_and_sidewall_are_in_balance(friction: float, slip_deg: float) -> None:
+def test_road_balances_sidewall(friction: float, slip_deg: float) -> None:
     shape = solve(replace(BELT, friction=friction), slip_deg)
     length = RADIUS_M * 2 * math.pi / len(shape.theta_rad)
     sidewall = -BELT.sidewall_stiffness_npm2 * length * shape.y_m.sum()
@@ -117,13 +118,13 @@ def test_road_and_sidewall_are_in_balance(friction: float, slip_deg: float) -> N
     assert np.all(np.abs(shape.deflection_m) <= bound + 1e-12)
 
 
-def test_full_sliding_uses_up_all_friction() -> None:
+def test_full_sliding_reaches_friction_limit() -> None:
     gone = solve(replace(BELT, friction=0.2), 10.0)
     assert gone.side_force_n == pytest.approx(0.2 * LOAD_N, rel=1e-3)
     assert abs(gone.aligning_moment_nm) < 1e-3 * 0.2 * LOAD_N
 
 
-def test_slip_pulls_the_tire_and_turns_it_back() -> None:
+def test_slip_gives_side_force_and_aligning_moment() -> None:
     for sign in (-1.0, 1.0):
         change = solve(slip_deg=sign).side_force_n - solve().side_force_n
         moment = solve(slip_deg=sign).aligning_moment_nm - solve().aligning_moment_nm
@@ -131,8 +132,8 @@ def test_slip_pulls_the_tire_and_turns_it_back() -> None:
         assert sign * moment < -5.0
 
 
-def test_a_harmonic_forcing_gives_the_timoshenko_beam() -> None:
-    """On a light load, order n of the static shape against the beam's closed form."""
+def test_harmonic_forcing_matches_timoshenko_beam() -> None:
+    """At a light load, order n of the static shape equals the beam's closed form."""
     ring = solve_rolling_ring(RING, 20.0, PRESSURE_PA, OMEGA_RADPS, nodes=2880)
     shape = solve_lateral_belt(ring, BELT, rolling=False)
     curvature = np.fft.rfft(ring.curvature_pm - 1.0 / RADIUS_M)
@@ -141,14 +142,14 @@ def test_a_harmonic_forcing_gives_the_timoshenko_beam() -> None:
     k = n / RADIUS_M
     tension = PRESSURE_PA * RING.tension_width_m * RADIUS_M
     shear, bend = BELT.shear_stiffness_n, BELT.bending_stiffness_nm2
-    # psi eliminated, the shear force is effective * (y' - gamma0), gamma0 = -g (kappa - 1/R).
+    # With psi eliminated, the shear force is effective * (y' - gamma0), gamma0 = -g (kappa - 1/R).
     effective = shear * bend * k**2 / (shear + bend * k**2)
     forcing = 1j * k * effective * BELT.coupling_length_m * curvature[1:21]
     expected = forcing / ((effective + tension) * k**2 + BELT.sidewall_stiffness_npm2)
     assert np.abs(found[1:21] - expected).max() < 5e-3 * np.abs(expected).max()
 
 
-def test_grid_and_speed_do_not_matter() -> None:
+def test_solution_does_not_depend_on_grid_and_speed() -> None:
     base = solve()
     fine = solve_lateral_belt(radial(3600), BELT)
     fast = solve_lateral_belt(radial(1440, 2 * OMEGA_RADPS), BELT)
@@ -167,7 +168,7 @@ def test_waveform_is_kinematics_plus_camber() -> None:
     assert shape.lateral_m.mean() == pytest.approx(0.0, abs=1e-12)
 
 
-def test_tension_falls_in_the_contact() -> None:
+def test_tension_falls_in_contact() -> None:
     tension = ring_tension(radial())
     inflated = PRESSURE_PA * RING.tension_width_m * RADIUS_M
     inside = np.abs(radial().theta_rad) < 0.1
@@ -176,6 +177,6 @@ def test_tension_falls_in_the_contact() -> None:
 
 
 @pytest.mark.parametrize("name", ["shear_stiffness_n", "bending_stiffness_nm2", "tread_stiffness_npm2"])
-def test_impossible_stiffness_is_named(name: str) -> None:
+def test_invalid_stiffness_raises(name: str) -> None:
     with pytest.raises(ValueError, match=name):
         solve(replace(BELT, **{name: 0.0}))

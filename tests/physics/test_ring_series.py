@@ -22,7 +22,7 @@ from gateway.physics.ring_series import (
     stiffness_terms,
 )
 from gateway.physics.rolling_ring import RingParameters
-from tests.exact_ring_data import PRESSURE_PA, RADIUS_M, cosine_orders, omega_at, solution
+from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, omega_at, solution
 
 ORDERS = np.arange(1, 61)
 LOADED = {"load_n": 5000.0, "pressure_pa": PRESSURE_PA, "radius_m": RADIUS_M, "half_angle_rad": 0.2}
@@ -32,9 +32,7 @@ positive = st.floats(0.2, 5.0)
 
 @settings(max_examples=40, deadline=None)
 @given(factors=st.tuples(positive, positive, positive, positive), radius=st.floats(0.2, 0.6), bar=st.floats(1.0, 9.0))
-def test_modal_number_is_equation_13_in_physical_units(
-    factors: tuple[float, float, float, float], radius: float, bar: float
-) -> None:
+def test_modal_number_is_eq_13(factors: tuple[float, float, float, float], radius: float, bar: float) -> None:
     pressure = bar * 1e5
     numbers = tuple(f * t for f, t in zip(factors, TABLE_3_NUMBERS, strict=True))
     ring = RingParameters.from_numbers(*numbers, radius_m=radius, pressure_pa=pressure)
@@ -54,7 +52,7 @@ def test_modal_number_is_equation_13_in_physical_units(
 
 
 @pytest.mark.parametrize("road", list(RoadForce))
-def test_modal_force_is_the_integral_of_the_uniform_push(road: RoadForce) -> None:
+def test_modal_force_matches_integral(road: RoadForce) -> None:
     load, radius, half = 4000.0, 0.3, 0.27
     push = load / (2.0 * radius * half)
     for n in (1, 2, 3, 7, 16, 40):
@@ -68,7 +66,7 @@ def test_modal_force_is_the_integral_of_the_uniform_push(road: RoadForce) -> Non
         assert modal_force(n, load, radius, half, road) == pytest.approx(expected, abs=1e-6 * load)
 
 
-def test_equation_27_as_printed() -> None:
+def test_signal_orders_match_printed_eq_27() -> None:
     n = ORDERS.astype(float)
     bs, cw, rs, ts = TABLE_3_NUMBERS
     expected = (
@@ -81,14 +79,14 @@ def test_equation_27_as_printed() -> None:
     np.testing.assert_allclose(signal_orders(ORDERS, TABLE_3_NUMBERS, **LOADED), expected, rtol=1e-12)
 
 
-def test_corrected_kinematics_differ_by_the_rotating_frame_only() -> None:
+def test_corrected_kinematics_add_rotating_frame() -> None:
     printed = signal_orders(ORDERS, TABLE_3_NUMBERS, **LOADED)
     corrected = signal_orders(ORDERS, TABLE_3_NUMBERS, kinematics=Kinematics.CORRECTED, **LOADED)
     np.testing.assert_allclose(corrected[:3] / printed[:3], [0.0, 0.75, 8.0 / 9.0])
     np.testing.assert_allclose(corrected / printed, 1.0 - 1.0 / ORDERS.astype(float) ** 2)
 
 
-def test_the_belt_goes_inward_in_the_contact_and_the_sensor_reads_less_there() -> None:
+def test_contact_moves_belt_inward() -> None:
     theta = np.array([0.0, 1.5, math.pi])
     displacement = np.cos(np.outer(theta, ORDERS)) @ displacement_orders(ORDERS, TABLE_3_NUMBERS, **LOADED)
     assert displacement[0] < -0.01
@@ -99,7 +97,7 @@ def test_the_belt_goes_inward_in_the_contact_and_the_sensor_reads_less_there() -
     np.testing.assert_allclose(waveform[1:], baseline, rtol=0.05)
 
 
-def test_linear_ring_meets_the_exact_ring_at_a_small_load() -> None:
+def test_linear_ring_matches_exact_ring_at_small_load() -> None:
     exact = solution(100.0)
     orders = np.arange(2, 26)
     linear = signal_orders(
@@ -114,7 +112,7 @@ def test_linear_ring_meets_the_exact_ring_at_a_small_load() -> None:
     )
     true = cosine_orders(exact.sensor.radial_m)[orders - 1]
     np.testing.assert_allclose(linear, true, atol=0.02 * np.abs(true).max())
-    # The printed kinematics are 4/3 of that at n = 2.
+    # The printed kinematics give 4/3 of that at n = 2.
     assert signal_orders(
         2,
         TABLE_3_NUMBERS,
@@ -125,11 +123,11 @@ def test_linear_ring_meets_the_exact_ring_at_a_small_load() -> None:
     ) == pytest.approx(true[0] * 4.0 / 3.0, rel=0.05)
 
 
-def test_stiffness_is_linear_in_the_numbers() -> None:
+def test_stiffness_is_linear_in_numbers() -> None:
     np.testing.assert_allclose(modal_stiffness(1, TABLE_3_NUMBERS), TABLE_3_NUMBERS[2] + TABLE_3_NUMBERS[3])
     assert stiffness_terms(ORDERS).shape == (60, 4)
     np.testing.assert_allclose(stiffness_terms(2), [36.0, 12.0, 4.0, 1.0])
 
 
-def test_pressure_number_of_the_base_case() -> None:
+def test_pressure_number_of_base_case() -> None:
     assert pressure_number(5000.0, PRESSURE_PA, RADIUS_M, 0.2398) == pytest.approx(0.485, abs=0.001)

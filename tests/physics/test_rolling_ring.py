@@ -1,4 +1,4 @@
-"""The rolling ring against exact identities, the linear ring and the reference study's figures."""
+"""Rolling ring against exact identities, the linear ring and reference values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingNotConvergedError, RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 
 NUMBERS = (3.0833e-3, 0.1953, 2.9740, 2.5289)
 RADIUS_M, PRESSURE_PA, OMEGA_RADPS, LOAD_N = 0.32, 2.1e5, 56.42, 5000.0
@@ -28,12 +28,12 @@ def base() -> RingSolution:
 
 
 def orders(values: np.ndarray, highest: int = 60) -> np.ndarray:
-    """Complex coefficients c - i s of orders 0 to `highest` over theta from -pi."""
+    """Return complex coefficients c - i s of orders 0 to `highest` over theta from -pi."""
     spectrum = np.fft.rfft(values)[: highest + 1] / len(values) * 2.0
     return spectrum * (-1.0) ** np.arange(highest + 1)
 
 
-def test_base_case_agrees_with_the_reference_study(base: RingSolution) -> None:
+def test_base_case_matches_reference_values(base: RingSolution) -> None:
     pressure = base.contact_pressure_npm
     assert base.half_angle_rad == pytest.approx(0.2398, abs=1e-4)
     assert base.deflection_m == pytest.approx(26.3e-3, abs=5e-5)
@@ -45,7 +45,7 @@ def test_base_case_agrees_with_the_reference_study(base: RingSolution) -> None:
     assert radial[1800] == pytest.approx(-0.06, abs=0.002)
 
 
-def test_load_is_carried_and_edges_bracket_the_nodes_in_contact(base: RingSolution) -> None:
+def test_pressure_carries_load_between_edges(base: RingSolution) -> None:
     step = base.theta_rad[1] - base.theta_rad[0]
     assert base.contact_pressure_npm.sum() * RADIUS_M * step == pytest.approx(LOAD_N, rel=1e-9)
     touching = base.theta_rad[base.in_contact]
@@ -54,7 +54,7 @@ def test_load_is_carried_and_edges_bracket_the_nodes_in_contact(base: RingSoluti
     assert base.contact_centre_rad == pytest.approx(0.0, abs=1e-9)
 
 
-def test_free_body_of_the_belt_is_in_balance(base: RingSolution) -> None:
+def test_belt_is_in_balance(base: RingSolution) -> None:
     """Sidewall pull plus road push is zero: pressure and inertia of a closed, steadily rolling belt sum to zero."""
     out = base.position_m - RADIUS_M * np.stack([np.sin(base.theta_rad), -np.cos(base.theta_rad)], axis=1)
     radial = np.stack([np.sin(base.theta_rad), -np.cos(base.theta_rad)], axis=1)
@@ -66,13 +66,13 @@ def test_free_body_of_the_belt_is_in_balance(base: RingSolution) -> None:
 
 
 def test_mean_radial_is_r_omega_squared(base: RingSolution) -> None:
-    """Closure: the curvature of a closed belt integrates to one turn; belt extension takes 0.013 %."""
+    """The curvature of a closed belt integrates to one turn; belt extension changes this by 0.013 %."""
     assert base.sensor.radial_m.mean() / RADIUS_M == pytest.approx(1.0, abs=2e-4)
     stiff = solve(replace(RING, extension_stiffness_n=5e9))
     assert stiff.sensor.radial_m.mean() / RADIUS_M == pytest.approx(1.0, abs=1e-6)
 
 
-def test_belt_is_nearly_straight_in_contact_and_speaks_like_its_curvature(base: RingSolution) -> None:
+def test_belt_is_nearly_straight_in_contact(base: RingSolution) -> None:
     inner = np.abs(base.theta_rad) < 0.5 * base.half_angle_rad
     assert np.abs(base.curvature_pm[inner] * RADIUS_M).max() < 0.1
     # s = V^2 kappa, up to the belt's extension and the grid's chords.
@@ -81,7 +81,7 @@ def test_belt_is_nearly_straight_in_contact_and_speaks_like_its_curvature(base: 
 
 
 @pytest.mark.parametrize("speed_kmh", [0.0, 30.0, 120.0])
-def test_shape_does_not_depend_on_speed_without_damping(speed_kmh: float) -> None:
+def test_undamped_shape_does_not_depend_on_speed(speed_kmh: float) -> None:
     moving = solve()
     other = solve(omega_radps=speed_kmh / 3.6 / RADIUS_M)
     assert other.half_angle_rad == pytest.approx(moving.half_angle_rad, rel=1e-4)
@@ -100,8 +100,8 @@ def test_grid_refinement_converges(base: RingSolution) -> None:
     assert error[2] < 3e-4
 
 
-def test_light_load_agrees_with_the_linear_ring() -> None:
-    """c_n = (n^2 - 1) n^2 alpha_n / (pi p0 D_n) with the pressure of the solution itself (physics notes, section 0)."""
+def test_light_load_matches_linear_ring() -> None:
+    """c_n = (n^2 - 1) n^2 alpha_n / (pi p0 D_n) with the pressure of the exact solution."""
     light = solve(load_n=50.0, nodes=2880)
     n = np.arange(2, 41)
     bs, cw, rs, ts = NUMBERS
@@ -115,7 +115,7 @@ def test_light_load_agrees_with_the_linear_ring() -> None:
     assert np.abs(exact.imag).max() < 1e-6 * np.abs(linear).max()
 
 
-def test_numbers_round_trip_and_scale_with_pressure() -> None:
+def test_numbers_round_trip() -> None:
     assert RING.numbers(PRESSURE_PA) == pytest.approx(NUMBERS)
     doubled = RING.numbers(2 * PRESSURE_PA)
     assert doubled.Rs == pytest.approx(NUMBERS[2] / 2)
@@ -123,8 +123,8 @@ def test_numbers_round_trip_and_scale_with_pressure() -> None:
     assert solve().numbers == pytest.approx(NUMBERS)
 
 
-def test_offset_sensor_follows_the_exact_law() -> None:
-    """s = V^2 kappa (1 - e kappa) and tangential = -(e/R) ds/dtheta for an inextensible belt (section 0)."""
+def test_offset_sensor_follows_exact_law() -> None:
+    """s = V^2 kappa (1 - e kappa) and tangential = -(e/R) ds/dtheta for an inextensible belt."""
     offset_m = 0.008
     belt = replace(RING, extension_stiffness_n=5e9)
     neutral = solve(belt).sensor.radial_m
@@ -143,13 +143,13 @@ def test_specific_force_adds_gravity_and_acceleration() -> None:
     assert still[1].mean() == pytest.approx(0.0, abs=0.1)
     moving = sensor.specific_force(50.0, gravity_mps2=0.0)
     assert moving[0] == pytest.approx(2500.0 * sensor.radial_m)
-    # Speeding up at domega/dt: at rest on the road in the contact, the axle's R domega/dt plus the rim's on top.
+    # Angular acceleration: the belt rests on the road in the contact; at the top, axle and rim add R domega/dt each.
     spun = sensor.specific_force(0.0, 10.0, gravity_mps2=0.0)
     assert spun[1][centre] == pytest.approx(0.0, abs=0.05)
     assert spun[1][0] == pytest.approx(2 * 10.0 * RADIUS_M, abs=0.05)
 
 
-def test_warm_start_reaches_the_same_solution_sooner() -> None:
+def test_warm_start_needs_fewer_iterations() -> None:
     cold = solve(load_n=5200.0)
     warm = solve(load_n=5200.0, start=solve())  # type: ignore[arg-type]
     assert warm.iterations < cold.iterations
@@ -175,11 +175,11 @@ def test_extreme_conditions_converge(load_n: float, pressure_pa: float) -> None:
         ({"load_n": math.nan}, "load_n"),
     ],
 )
-def test_bad_arguments_are_named(change: dict[str, float], name: str) -> None:
+def test_invalid_arguments_raise(change: dict[str, float], name: str) -> None:
     with pytest.raises(ValueError, match=name):
         solve(**change)
 
 
-def test_impossible_load_is_told() -> None:
+def test_unreachable_load_raises() -> None:
     with pytest.raises(RingNotConvergedError, match="no equilibrium"):
         solve(load_n=1e7)

@@ -1,4 +1,4 @@
-"""What the rolling ring adds to the plain one: damping, friction, drum, shear, stiffening; and its tangent."""
+"""Rolling ring with damping, friction, drum, shear and stiffening; its tangent and linear solver."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_band import solve_bordered
-from gateway.physics.rolling_ring_equations import belt_balance
-from gateway.physics.rolling_ring_road import BeltLaw, ring_grid
+from gateway.physics.rolling_ring.force_balance import BeltLaw, belt_balance, ring_grid
+from gateway.physics.rolling_ring.newton_solver import solve_bordered
 
 RADIUS_M, PRESSURE_PA, OMEGA_RADPS, LOAD_N = 0.32, 2.1e5, 56.42, 5000.0
 RING = RingParameters.from_numbers(3.0833e-3, 0.1953, 2.974, 2.5289, radius_m=RADIUS_M, pressure_pa=PRESSURE_PA)
@@ -26,12 +25,12 @@ def plain() -> RingSolution:
     return solve()
 
 
-def test_foundation_damping_resists_rolling_and_leans_the_contact_forward(plain: RingSolution) -> None:
+def test_foundation_damping_resists_rolling(plain: RingSolution) -> None:
     damped = solve(replace(RING, foundation_damping_nspm2=200.0))
     assert damped.rolling_resistance == pytest.approx(0.007, abs=2e-4)
     assert damped.contact_centre_rad == pytest.approx(-0.0045, abs=2e-4)
     assert plain.rolling_resistance == pytest.approx(0.0, abs=1e-9)
-    # Without friction the dissipation in the sidewall is what the axle puts in.
+    # Without friction the axle's power is dissipated in the sidewall.
     u = damped.position_m - RADIUS_M * np.stack([np.sin(damped.theta_rad), -np.cos(damped.theta_rad)], axis=1)
     turned = (u[:, 0] + 1j * u[:, 1]) * np.exp(-1j * damped.theta_rad)
     rate = (np.roll(turned, -1) - np.roll(turned, 1)) * 720 / (4 * math.pi)
@@ -39,7 +38,7 @@ def test_foundation_damping_resists_rolling_and_leans_the_contact_forward(plain:
     assert damped.axle_torque_nm * OMEGA_RADPS == pytest.approx(loss_w, rel=2e-3)
 
 
-def test_tread_damping_moves_the_contact_to_its_entry(plain: RingSolution) -> None:
+def test_tread_damping_shifts_contact_to_entry(plain: RingSolution) -> None:
     damped = solve(replace(RING, tread_damping_nspm2=5e4))
     assert -damped.leading_edge_rad > plain.half_angle_rad > damped.trailing_edge_rad
     assert damped.leading_edge_rad == pytest.approx(-0.266, abs=0.003)
@@ -48,11 +47,11 @@ def test_tread_damping_moves_the_contact_to_its_entry(plain: RingSolution) -> No
 
 
 @pytest.mark.parametrize("torque_nm", [0.0, 200.0, -200.0])
-def test_friction_balances_the_axle_torque(torque_nm: float) -> None:
+def test_friction_balances_axle_torque(torque_nm: float) -> None:
     driven = solve(replace(RING, foundation_damping_nspm2=100.0), axle_torque_nm=torque_nm)
     assert driven.axle_torque_nm == pytest.approx(torque_nm, abs=1e-6)
     assert driven.rolling_resistance == pytest.approx(0.0035, abs=5e-4)
-    # Driving winds the sidewall up: the belt lags behind the rim by T / (2 pi R^2 kv).
+    # Driving torque winds the sidewall up: the belt lags behind the rim by T / (2 pi R^2 kv).
     free = solve(replace(RING, foundation_damping_nspm2=100.0), axle_torque_nm=0.0)
     along = np.stack([np.cos(free.theta_rad), np.sin(free.theta_rad)], axis=1)
     lag = np.einsum("ia,ia->i", free.position_m - driven.position_m, along).mean()
@@ -60,7 +59,7 @@ def test_friction_balances_the_axle_torque(torque_nm: float) -> None:
     assert lag == pytest.approx(expected, rel=0.1, abs=1e-9)
 
 
-def test_drum_bends_the_belt_the_other_way() -> None:
+def test_drum_reverses_curvature() -> None:
     drum = solve(drum_radius_m=0.85)
     inner = np.abs(drum.theta_rad) < 0.4 * drum.half_angle_rad
     assert drum.curvature_pm[inner].mean() == pytest.approx(-1 / 0.85, rel=0.1)
@@ -71,7 +70,7 @@ def test_drum_bends_the_belt_the_other_way() -> None:
     assert far.sensor.radial_m == pytest.approx(solve().sensor.radial_m, abs=1e-4 * RADIUS_M)
 
 
-def test_stiff_shear_is_the_euler_belt_and_soft_shear_is_not(plain: RingSolution) -> None:
+def test_stiff_shear_equals_euler_belt(plain: RingSolution) -> None:
     stiff = solve(replace(RING, shear_stiffness_n=1e9))
     assert stiff.half_angle_rad == pytest.approx(plain.half_angle_rad, rel=5e-4)  # grids differ by O(h^2)
     assert stiff.sensor.radial_m == pytest.approx(plain.sensor.radial_m, abs=2e-3 * RADIUS_M)
@@ -79,12 +78,12 @@ def test_stiff_shear_is_the_euler_belt_and_soft_shear_is_not(plain: RingSolution
     change = np.abs(soft.sensor.radial_m - plain.sensor.radial_m).max() / RADIUS_M
     assert 0.02 < change < 0.2
     assert soft.sensor.radial_m.mean() / RADIUS_M == pytest.approx(1.0, abs=3e-4)
-    # Sections that shear turn against the belt's line, which the circumferential axis sees even without an offset.
+    # Sheared sections rotate relative to the belt, which the circumferential axis reads even without an offset.
     assert np.abs(soft.sensor.circumferential_m).max() > 20 * np.abs(plain.sensor.circumferential_m).max()
 
 
 @pytest.mark.parametrize("nodes", [240, 480])
-def test_shear_begins_at_the_euler_belt_on_any_grid(nodes: int) -> None:
+def test_shear_correction_holds_on_any_grid(nodes: int) -> None:
     euler = solve(nodes=nodes)
     size = float(np.ptp(euler.sensor.radial_m))
     changes = []
@@ -97,14 +96,14 @@ def test_shear_begins_at_the_euler_belt_on_any_grid(nodes: int) -> None:
 
 
 @pytest.mark.parametrize("shear_n", [math.inf, 1e5])
-def test_speed_does_not_change_a_shear_flexible_belt_either(shear_n: float) -> None:
+def test_shear_flexible_shape_does_not_depend_on_speed(shear_n: float) -> None:
     ring = replace(RING, shear_stiffness_n=shear_n)
     slow = solve_rolling_ring(ring, LOAD_N, PRESSURE_PA, 10.0, nodes=480)
     fast = solve_rolling_ring(ring, LOAD_N, PRESSURE_PA, 100.0, nodes=480)
     assert fast.position_m == pytest.approx(slow.position_m, abs=1e-4 * RADIUS_M)
 
 
-def test_rotary_inertia_is_less_bending_stiffness() -> None:
+def test_rotary_inertia_reduces_bending_stiffness() -> None:
     rotary = 3.5 * 0.015**2 / 12
     inertia = solve(replace(RING, rotary_inertia_kgm=rotary))
     softened = RING.bending_stiffness_nm2 - rotary * (RADIUS_M * OMEGA_RADPS) ** 2
@@ -114,13 +113,13 @@ def test_rotary_inertia_is_less_bending_stiffness() -> None:
         solve(replace(RING, rotary_inertia_kgm=1.0))
 
 
-def test_stiffening_sidewall_sinks_less(plain: RingSolution) -> None:
+def test_stiffening_sidewall_deflects_less(plain: RingSolution) -> None:
     stiffer = solve(replace(RING, sidewall_stiffening_pm=5.0))
     softer = solve(replace(RING, sidewall_stiffening_pm=-5.0))
     assert stiffer.deflection_m < plain.deflection_m < softer.deflection_m
 
 
-def test_softer_tread_lengthens_the_contact(plain: RingSolution) -> None:
+def test_softer_tread_lengthens_contact(plain: RingSolution) -> None:
     softer = solve(replace(RING, tread_stiffness_npm2=RING.tread_stiffness_npm2 / 1.1))
     exponent = math.log(softer.half_angle_rad / plain.half_angle_rad) / math.log(1 / 1.1)
     assert exponent == pytest.approx(-0.10, abs=0.015)
@@ -141,7 +140,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("changes", LAWS.values(), ids=LAWS.keys())
-def test_tangent_is_the_derivative_of_the_balance(changes: dict[str, float]) -> None:
+def test_tangent_matches_finite_differences(changes: dict[str, float]) -> None:
     law = BeltLaw(
         **{  # type: ignore[arg-type]
             "radius_m": RADIUS_M,
@@ -195,7 +194,7 @@ def test_tangent_is_the_derivative_of_the_balance(changes: dict[str, float]) -> 
 
 
 @pytest.mark.parametrize(("nodes", "dof", "border"), [(12, 2, 1), (25, 3, 2), (7, 1, 1)])
-def test_folded_band_solves_what_the_dense_matrix_says(nodes: int, dof: int, border: int) -> None:
+def test_folded_band_matches_dense_solve(nodes: int, dof: int, border: int) -> None:
     rng = np.random.default_rng(2)
     blocks = rng.standard_normal((5, nodes, dof, dof))
     blocks[2] += 10 * np.eye(dof)

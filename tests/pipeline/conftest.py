@@ -1,43 +1,16 @@
-"""Signals of a rolling wheel for pipeline tests, made from the geometrically exact ring, not from any estimator."""
+"""Signals of a rolling wheel for pipeline tests, made from the geometrically exact ring."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-
-RADIUS_M = 0.32
-PRESSURE_PA = 210e3
-LOAD_N = 5000.0
-SCALE_MPS2 = 0.05
-
-
-@cache
-def ring_solution() -> RingSolution:
-    ring = RingParameters.from_numbers(3.0833e-3, 0.1953, 2.9740, 2.5289, radius_m=RADIUS_M, pressure_pa=PRESSURE_PA)
-    return solve_rolling_ring(ring, LOAD_N, PRESSURE_PA, 56.42, nodes=1200)
-
-
-@dataclass(frozen=True)
-class Rolling:
-    """A radial signal and its truth."""
-
-    rate_hz: float
-    speed_mps: NDArray[np.float64]
-    theta_rad: NDArray[np.float64]
-    radial_mps2: NDArray[np.float64]
-    contacts: NDArray[np.float64]
-
-    def errors(self, centres: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance of each centre from the nearest true contact, in samples."""
-        return np.array([np.abs(self.contacts - centre).min() for centre in centres])
+from firmware_protocol.messages import Environment, Frame, MessageType, SampleBlock
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from tests.pipeline.rolling_signals import PRESSURE_PA, RADIUS_M, SCALE_MPS2, Rolling, hello, ring_solution
 
 
 @pytest.fixture(scope="session")
@@ -65,7 +38,8 @@ def roll() -> Callable[..., Rolling]:
             return np.interp(wrapped, grid, values, period=2.0 * np.pi)
 
         omega = speed / RADIUS_M
-        radial = omega**2 * at_angle(solution.sensor.radial_m) + 9.80665 * at_angle(solution.sensor.gravity_radial)
+        radial = omega**2 * at_angle(solution.sensor.radial_m)
+        radial += STANDARD_GRAVITY_MPS2 * at_angle(solution.sensor.gravity_radial)
         if ac:
             radial = radial - radial.mean()
         radial = sign * (radial + noise_mps2 * np.random.default_rng(seed).standard_normal(len(t)))
@@ -77,17 +51,9 @@ def roll() -> Callable[..., Rolling]:
     return make
 
 
-def hello(rate_hz: float = 9600.0, **changes: object) -> Hello:
-    base = Hello(
-        1, 0, 0xAB, 0x1234, (1, 2, 3), 1, rate_hz, 0b100, Coupling.DC, 0.0,
-        (0.0, 0.0, 19620.0), (0.0, 0.0, SCALE_MPS2), (0.0, 0.0, 0.0), 32767,
-    )  # fmt: skip
-    return base._replace(**changes)
-
-
 @pytest.fixture(scope="session")
 def to_frames() -> Callable[..., list[Frame]]:
-    """Turn a radial signal into the frames a hub would send for one wheel."""
+    """Convert a radial signal into the frames that a hub sends for one wheel."""
 
     def make(
         radial_mps2: NDArray[np.float64],

@@ -1,4 +1,4 @@
-"""Speed and contact per revolution through the whole pipeline, against the exact ring's truth."""
+"""Speed and contact of each revolution through the whole pipeline, against the exact ring."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
+from tests.pipeline.rolling_signals import ring_solution
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
 
 
 @cache
 def errors(tables: str = "", duration_s: float = 16.0):
-    """Relative errors of period and half angle, and the stated relative error of the period, of settled revolutions."""
+    """Return relative errors of period and half angle, and the stated one of the period, of settled revolutions."""
     text = f"[scenario]\nseed = 4\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
     simulation = simulate(parse_document(Scenario, text, "test"), duration_s=duration_s)
     pipeline, decoder, results = Pipeline((SETUP,), SETUP, ("kinematic",)), FrameDecoder(), []
@@ -47,14 +48,14 @@ def errors(tables: str = "", duration_s: float = 16.0):
     return np.array(rows).T
 
 
-def test_speed_is_near_its_bound() -> None:
+def test_speed_error_is_near_bound() -> None:
     period, _, stated = errors()
     assert abs(period.mean()) < 1e-6
     assert period.std() < 2e-5  # 1.3e-5 is the bound at 5 mg/rtHz
     assert 0.7 < np.median(stated) / period.std() < 1.5
 
 
-def test_half_angle_is_near_its_bound() -> None:
+def test_half_angle_error_is_near_bound() -> None:
     _, half, _ = errors()
     assert half.std() < 5e-4  # 2.4e-4 is the bound
     assert abs(half.mean()) < 0.01
@@ -70,7 +71,7 @@ def test_half_angle_is_near_its_bound() -> None:
         ("[tire]\ntread_damping_nspm2 = 5e4\nfoundation_damping_nspm2 = 200", 2.5e-5, 6e-4),
     ],
 )
-def test_they_hold_under_other_conditions(tables: str, speed_std: float, half_std: float) -> None:
+def test_errors_hold_under_other_conditions(tables: str, speed_std: float, half_std: float) -> None:
     period, half, stated = errors(tables)
     assert abs(period.mean()) < 1e-5
     assert period.std() < speed_std
@@ -78,8 +79,8 @@ def test_they_hold_under_other_conditions(tables: str, speed_std: float, half_st
     assert 0.5 < np.median(stated) / period.std() < 2.5
 
 
-def test_the_steady_edge_carries_the_timing(roll, to_frames) -> None:
-    """The leading edge jitters by 2 mm as on the real tire: speed must be better than half of that over the period."""
+def test_steadier_edge_dominates_timing(roll, to_frames) -> None:
+    """The leading edge jitters by 2 mm as on a real tire; the error of the speed is less than half of that."""
     signal = jittered(roll)
     pipeline = Pipeline((SETUP,), SETUP, ("kinematic",))
     results = pipeline.frames("link", to_frames(signal), 10**18)[15:]
@@ -97,9 +98,7 @@ def test_the_steady_edge_carries_the_timing(roll, to_frames) -> None:
 
 
 def jittered(roll):
-    """A wheel at 65 km/h whose leading edge comes 2 mm (one standard deviation) early or late."""
-    from tests.pipeline.conftest import ring_solution
-
+    """Return a wheel at 65 km/h whose leading edge jitters by 2 mm (one standard deviation)."""
     plain = roll(65.0, 12.0, noise_mps2=3.4)
     shape, grid = ring_solution().sensor.radial_m, ring_solution().theta_rad
     turn = np.round(plain.theta_rad / (2.0 * math.pi)).astype(int)

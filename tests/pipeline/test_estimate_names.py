@@ -1,15 +1,15 @@
-"""Several estimators of the same numbers side by side: whose is whose."""
+"""Names of estimates when several estimators give the same quantity."""
 
 from __future__ import annotations
 
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
-from tests.pipeline.conftest import LOAD_N, PRESSURE_PA, RADIUS_M
+from tests.pipeline.rolling_signals import LOAD_N, PRESSURE_PA, RADIUS_M
 
 SETUP = WheelSetup("FL", 0, 0, RADIUS_M, load_n=LOAD_N, pressure_pa=PRESSURE_PA)
 
 
-def test_the_first_estimator_keeps_the_plain_names_and_later_ones_are_prefixed(roll, to_frames) -> None:
+def test_later_estimators_prefix_shared_names(roll, to_frames) -> None:
     frames = to_frames(roll(65.0, 1.2).radial_mps2)
 
     def names_and_values(*estimators: str) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Known effects taken off in the pipeline: a wheel with an effect reads as one without, and says where it does not."""
+"""Correction of known effects in the pipeline, and its limits."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from gateway.config.vehicle_file import parse_vehicle
 from gateway.estimators.base import Status
 from gateway.io.source import Chunk
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup
+from gateway.reasons import Code, codes_of
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore
 from gateway.signal.effect_correction import EffectParameter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
-from tests.simulated_wheel import simulated
+from tests.testkit.simulated_wheel import simulated
 
 STEADY = "[motion]\nspeed_kmh = 70.0"
 EFFECT = "[wheel.edge_waves]\namplitude_percent = 8.0\norder_before = 20.0\norder_after = 26.0"
@@ -36,7 +37,7 @@ def mean_orders(results):
 
 @pytest.fixture(scope="module")
 def table():
-    """What the effect adds, as the difference of two simulated wheels that differ in nothing else."""
+    """Return the contribution of the effect as the difference of two otherwise identical simulated wheels."""
     without, _ = simulated(STEADY, 8.0, SETUP, ("kinematic",))
     having, _ = simulated(STEADY, 8.0, SETUP, ("kinematic",), wheel=EFFECT)
     added = mean_orders(having) - mean_orders(without)
@@ -58,36 +59,41 @@ def numbers(results):
 
 
 class TestTable:
-    def test_between_its_speeds_it_goes_with_their_squares_and_beyond_it_stays(self, table):
+    def test_table_interpolates_in_squared_speed(self, table):
         at = table.contribution_mps2(OMEGA)
         assert at.shape == (3, 1024)
         np.testing.assert_allclose(table.contribution_mps2(1.2 * OMEGA), 1.44 * at, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(table.contribution_mps2(9 * OMEGA), 2.25 * at, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(table.contribution_mps2(0.1 * OMEGA), 0.25 * at, rtol=1e-9, atol=1e-9)
 
-    def test_its_waveform_has_its_orders(self, table):
+    def test_contribution_has_the_tables_orders(self, table):
         orders = waveform_orders(table.contribution_mps2(OMEGA))
         np.testing.assert_allclose(
             orders, np.where(np.arange(111) == 0, table.orders_mps2[1].real, table.orders_mps2[1]), atol=1e-9
         )
 
-    def test_a_sensor_without_steady_value_has_no_order_zero_to_take_off(self, table):
+    def test_ac_coupled_contribution_has_no_order_zero(self, table):
         assert np.abs(table.contribution_mps2(OMEGA, ac_coupled=True).mean(axis=1)).max() < 1e-9
 
-    def test_one_speed_is_a_table_too(self, table):
+    def test_table_with_one_speed(self, table):
         one = replace(table, omega_radps=table.omega_radps[1:2], orders_mps2=table.orders_mps2[1:2])
         np.testing.assert_allclose(one.contribution_mps2(0.9 * OMEGA), table.contribution_mps2(OMEGA), atol=1e-9)
 
     @pytest.mark.parametrize(
-        ("omega", "load", "pressure", "word"),
-        [(1.3, 5e3, 2.1e5, "km/h"), (0.7, 5e3, 2.1e5, "km/h"), (1, 4e3, 2.1e5, "4000 N"), (1, 5e3, 2.5e5, "250 kPa")],
-    )  # fmt: skip
-    def test_outside_of_its_conditions_it_tells_why_not(self, table, omega, load, pressure, word):
-        assert word in table.refusal(omega * OMEGA, load, pressure)
+        ("omega", "load", "pressure", "code"),
+        [
+            (1.3, 5e3, 2.1e5, Code.EFFECTS_OUTSIDE_SPEEDS),
+            (0.7, 5e3, 2.1e5, Code.EFFECTS_OUTSIDE_SPEEDS),
+            (1, 4e3, 2.1e5, Code.EFFECTS_OUTSIDE_LOADS),
+            (1, 5e3, 2.5e5, Code.EFFECTS_OUTSIDE_PRESSURES),
+        ],
+    )
+    def test_table_reports_why_it_does_not_apply(self, table, omega, load, pressure, code):
+        assert table.refusal(omega * OMEGA, load, pressure).code is code
 
-    def test_what_is_not_known_is_not_held_against_it(self, table):
-        assert table.refusal(OMEGA, None, None) == ""
-        assert replace(table, load_range_n=None).refusal(OMEGA, 1.0, 2.1e5) == ""
+    def test_unknown_conditions_are_accepted(self, table):
+        assert table.refusal(OMEGA, None, None) is None
+        assert replace(table, load_range_n=None).refusal(OMEGA, 1.0, 2.1e5) is None
 
     @pytest.mark.parametrize(
         "wrong",
@@ -100,13 +106,13 @@ class TestTable:
             {"orders_mps2": np.full((3, 3, 20), complex(math.nan))},
         ],
     )
-    def test_tables_that_cannot_be_looked_up_are_refused(self, table, wrong):
+    def test_invalid_table_raises(self, table, wrong):
         with pytest.raises(ValueError, match="table"):
             replace(table, **wrong)
 
 
 class TestTakenOff:
-    def test_a_wheel_with_the_effect_reads_as_one_without(self, table):
+    def test_corrected_wheel_matches_wheel_without_effect(self, table):
         clean, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, seed=9)
         having, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, wheel=EFFECT, seed=9)
         corrected, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT, seed=9)
@@ -119,13 +125,13 @@ class TestTakenOff:
             assert abs(right.value - truth.value) < 0.15 * abs(wrong.value - truth.value), name
             assert right.status is truth.status
 
-    def test_the_contacts_stay_where_they_were(self, table):
+    def test_correction_keeps_contact_times(self, table):
         having, _ = simulated(STEADY, 10.0, SETUP, ESTIMATORS, wheel=EFFECT, seed=9)
         corrected, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT, seed=9)
         for one, other in zip(having[5:], corrected[5:], strict=True):
             assert other.revolution.start_s == pytest.approx(one.revolution.start_s, abs=2e-6)
 
-    def test_outside_of_its_speeds_nothing_is_taken_off_and_estimates_say_so(self, table):
+    def test_uncorrected_revolutions_mark_estimates(self, table):
         narrow = replace(table, omega_range_radps=(0.9 * OMEGA, 1.1 * OMEGA))
         ramp = "[motion]\nspeed_kmh = [[0.0, 70.0], [5.0, 70.0], [8.0, 90.0], [12.0, 90.0], [15.0, 70.0], [20.0, 70.0]]"
         results, _ = simulated(ramp, 20.0, replace(SETUP, correction=narrow), ESTIMATORS, wheel=EFFECT)
@@ -133,32 +139,35 @@ class TestTakenOff:
         inside = [one for one in results if not one.revolution.uncorrected]
         assert len(outside) > 30
         assert len(inside) > 80
-        assert all("90 km/h" in one.revolution.uncorrected for one in outside if 8.2 < one.revolution.start_s < 11.5)
+        for one in outside:
+            assert one.revolution.uncorrected.code is Code.EFFECTS_OUTSIDE_SPEEDS
+            if 8.2 < one.revolution.start_s < 11.5:
+                assert one.revolution.uncorrected["speed_mps"] == pytest.approx(90 / 3.6, rel=5e-3)
         of_shape = numbers(outside)["Bs"]
         assert of_shape.status is not Status.VALID
-        assert "known effects not taken off" in of_shape.reason
+        assert Code.EFFECTS_NOT_SUBTRACTED in codes_of(of_shape.reasons)
         assert numbers(outside)["speed_mps"].status is Status.VALID
-        assert "not taken off" not in numbers(inside)["Bs"].reason
-        # The two do not mix: what is estimated at the end owes nothing to the revolutions in between.
+        assert Code.EFFECTS_NOT_SUBTRACTED not in codes_of(numbers(inside)["Bs"].reasons)
+        # Corrected and uncorrected revolutions are averaged separately.
         steady, _ = simulated(STEADY, 10.0, replace(SETUP, correction=table), ESTIMATORS, wheel=EFFECT)
         assert numbers(inside)["Bs"].value == pytest.approx(numbers(steady)["Bs"].value, rel=0.1)
 
-    def test_what_is_made_of_a_doubted_estimate_says_why_once(self, table):
+    def test_derived_estimate_repeats_no_reason(self, table):
         elsewhere = replace(table, load_range_n=(3000.0, 4000.0))
         new = TireData(ring_thickness_m=0.015, reference=ReferenceNumbers(Bs=3.0e-3, pressure_pa=2.1e5))
         setup = replace(SETUP, correction=elsewhere, tire=new)
         results, _ = simulated(STEADY, 6.0, setup, (*ESTIMATORS, "wear"))
         wear = numbers(results)["wear_mm"]
         assert math.isfinite(wear.value)
-        assert wear.reason.count("known effects not taken off") == 1
+        assert codes_of(wear.reasons).count(Code.EFFECTS_NOT_SUBTRACTED) == 1
 
-    def test_another_sensor_is_not_corrected(self, table):
+    def test_other_sensor_is_not_corrected(self, table):
         other = replace(table, sensor_id=0xDEAD)
         results, _ = simulated(STEADY, 3.0, replace(SETUP, correction=other), ESTIMATORS)
-        assert all("0000dead" in one.revolution.uncorrected for one in results)
+        assert all(one.revolution.uncorrected["found_on"] == "0000dead" for one in results)
 
 
-def test_live_and_batch_take_off_the_same(table):
+def test_live_and_batch_apply_the_same_correction(table):
     text = f"[scenario]\nseed = 3\n{STEADY}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n{EFFECT}\n"
     scenario = parse_document(Scenario, text, "test")
     vehicle = parse_vehicle(vehicle_toml(scenario), "test")

@@ -1,14 +1,15 @@
-"""Contacts of wheels made by independent formulas: where earlier versions went wrong, and what must hold anywhere."""
+"""Contacts of wheels made by independent formulas: difficult cases, and properties that hold for any wheel."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.pipeline.results import WheelState
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
-from tests.segmentation_signals import MEASURED, Case, Verdict, judge, make_signal, segment
+from tools.generators.segmentation_signals import MEASURED, Case, Verdict, judge, make_signal, segment
 
 
 def verdict(case: Case) -> Verdict:
@@ -21,7 +22,7 @@ def knots(times, speeds):
 
 
 def drawn(seed: int, **changes) -> Case:
-    """A wheel, sensor and coupling at random."""
+    """Return a random wheel, sensor and coupling."""
     rng = np.random.default_rng(seed)
     ac = rng.random() < 0.4
     case = Case(
@@ -43,7 +44,7 @@ def drawn(seed: int, **changes) -> Case:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_constant_speed_any_wheel_any_sensor(seed: int):
+def test_constant_speed(seed: int):
     kmh = (10.0, 14.0, 25.0, 60.0, 120.0, 250.0)[seed % 6]
     if kmh == 10.0:
         result = verdict(drawn(seed, kmh=10.5, duration_s=7.0, radius_m=0.35, half_rad=0.3))
@@ -56,7 +57,7 @@ def test_constant_speed_any_wheel_any_sensor(seed: int):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_speeding_up_from_standstill(seed: int):
+def test_acceleration_from_standstill(seed: int):
     result = verdict(drawn(seed, kmh=lambda t: 3.0 * 3.6 * t, duration_s=9.0))
     assert result.due >= 30
     assert (result.missed, result.false) == (0, 0)
@@ -64,7 +65,7 @@ def test_speeding_up_from_standstill(seed: int):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_emergency_braking_to_standstill(seed: int):
-    """At 8 m/s^2 the wheel may stop so soon after a contact that this one has no trailing flank."""
+    """At 8 m/s^2 the wheel may stop so soon after a contact that the contact has no trailing flank."""
     result = verdict(drawn(seed, kmh=lambda t: np.clip(150.0 - 8.0 * 3.6 * t, 0.0, None), duration_s=7.0))
     assert result.due >= 20
     assert result.missed <= 1
@@ -80,15 +81,15 @@ def test_town_traffic_with_stops_and_impacts(seed: int):
     assert result.false <= 1
 
 
-def test_braking_hard_and_speeding_up_again_is_followed():
-    # the period expected from constant deceleration is twice the true one where the wheel turns to speeding up
+def test_hard_braking_then_acceleration_is_tracked():
+    # Where the wheel starts to accelerate, the period expected from constant deceleration is twice the true one.
     case = drawn(5, kmh=knots([0, 5, 8.5, 13], [40, 40, 12, 60]), duration_s=12.0, radius_m=0.5, half_rad=0.2)
     result = verdict(case)
     assert result.due >= 30
     assert (result.missed, result.false) == (0, 0)
 
 
-def test_seventy_milli_g_at_walking_pace():
+def test_noise_of_70_mg_at_low_speed():
     for seed in range(3):
         result = verdict(
             drawn(seed, kmh=20.0, duration_s=6.0, density_mg=70.0, radius_m=0.32, half_rad=0.25, rate_hz=9600.0)
@@ -97,14 +98,14 @@ def test_seventy_milli_g_at_walking_pace():
         assert np.abs(result.centre_percent).max() < 2.0
 
 
-def test_a_rough_road():
+def test_rough_road():
     for seed in range(3):
         result = verdict(drawn(seed, kmh=60.0, duration_s=4.0, road_mps2=20.0, half_rad=0.25))
         assert (result.missed, result.false) == (0, 0)
         assert np.abs(result.centre_percent).max() < 1.0
 
 
-def test_an_impact_on_a_contact_costs_no_revolution():
+def test_impact_on_contact_loses_no_revolution():
     signal = make_signal(drawn(3, kmh=30.0, duration_s=6.0, radius_m=0.32, half_rad=0.25, rate_hz=9600.0))
     hit = int(signal.contacts[8])
     signal.radial_mps2[hit - 200 : hit - 150] += 2500.0 * np.sin(np.pi * np.arange(50) / 50)
@@ -130,7 +131,7 @@ def test_lost_frames_and_bursts():
 
 
 @pytest.mark.parametrize("range_g", [40.0, 60.0, 120.0])
-def test_a_clipped_sensor_still_shows_its_contacts(range_g: float):
+def test_contacts_of_clipped_sensor_are_found(range_g: float):
     # R Omega^2 is 107 g
     for coupling in (0.0, 0.5):
         case = Case(kmh=65.0, shape="packets", range_g=range_g, highpass_hz=coupling, seed=4)
@@ -139,13 +140,13 @@ def test_a_clipped_sensor_still_shows_its_contacts(range_g: float):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_creeping_gives_nothing_wrong(seed: int):
+def test_creeping_gives_no_false_revolution(seed: int):
     for kmh in (3.0, 6.5, 9.0):
         assert verdict(drawn(seed, kmh=kmh, duration_s=9.0)).false == 0
 
 
 @pytest.mark.parametrize("acceleration", [1.0, 2.5, 6.0])
-def test_turning_back_is_no_revolution(acceleration: float):
+def test_reversal_is_not_a_revolution(acceleration: float):
     for seed, kmh in ((1, 8.0), (2, 15.0), (3, 25.0)):
         turned = 4.0 + 2.0 * kmh / 3.6 / acceleration
         speed = knots([0.0, 4.0, turned, 20.0], [kmh, kmh, -kmh, -kmh])
@@ -154,8 +155,8 @@ def test_turning_back_is_no_revolution(acceleration: float):
         assert result.missed <= 1
 
 
-def test_an_overshoot_upside_down_does_not_pass_for_a_contact():
-    """Wrongly declared sign, slow start: overshoots come into view before three contacts do."""
+def test_inverted_overshoot_is_not_a_contact():
+    """With a wrong sign and a slow start, overshoots are in view before three contacts are."""
     for seed in range(6):
         case = Case(kmh=lambda t: 3.0 * 3.6 * t, duration_s=6.0, radius_m=0.5, half_rad=0.42, sign=-1, seed=seed)
         signal = make_signal(case)
@@ -165,10 +166,10 @@ def test_an_overshoot_upside_down_does_not_pass_for_a_contact():
 
 
 @pytest.mark.parametrize("value", ["kept", "zero", "end of range"])
-def test_a_stuck_sensor_gives_nothing_and_is_found_again(value: str):
+def test_stuck_sensor_recovers(value: str):
     signal = make_signal(Case(kmh=50.0, duration_s=14.0, range_g=500.0, seed=2))
     first, end = 4 * 9600, 10 * 9600
-    stuck = {"kept": signal.radial_mps2[first], "zero": 0.0, "end of range": 500.0 * 9.80665}[value]
+    stuck = {"kept": signal.radial_mps2[first], "zero": 0.0, "end of range": 500.0 * STANDARD_GRAVITY_MPS2}[value]
     signal.radial_mps2[first:end] = stuck
     pairs, segmenter = segment(signal)
     inside = [pair for pair in pairs if pair.end.centre > first + 2000 and pair.start.centre < end - 2000]
@@ -181,18 +182,18 @@ def test_a_stuck_sensor_gives_nothing_and_is_found_again(value: str):
 
 @pytest.mark.skipif(not MEASURED.exists(), reason="the measured recording is not here")
 @pytest.mark.parametrize("kmh", [11.0, 40.0, 110.0, 230.0])
-def test_the_measured_tire_at_other_speeds(kmh: float):
+def test_measured_tire_at_other_speeds(kmh: float):
     for seed in range(2):
         result = verdict(
             drawn(seed, kmh=kmh, duration_s=7.0 if kmh < 20.0 else 2.5, shape="measured", half_rad=0.2, range_g=500.0)
         )
         assert (result.missed, result.false) == (0, 0)
-        # its leading edge alone jitters by 0.1 % of the circumference
+        # The leading edge alone jitters by 0.1 % of the circumference.
         assert np.abs(result.centre_percent).max() < 0.8
         assert 0.5 < np.sqrt(np.mean(np.square(result.z))) < 2.0
 
 
-def test_chunks_do_not_matter_when_much_goes_wrong():
+def test_faulty_signal_does_not_depend_on_chunks():
     case = drawn(9, kmh=knots([0, 3, 5, 7, 9], [60, 60, 0, 0, 25]), duration_s=10.0, loss=0.03, impacts_per_s=0.5)
     signal = make_signal(case)
     whole = segment(signal)[0]
@@ -201,7 +202,7 @@ def test_chunks_do_not_matter_when_much_goes_wrong():
         assert segment(signal, chunk)[0] == whole
 
 
-def test_a_rate_changed_in_mid_session_starts_anew(to_frames):
+def test_changed_rate_restarts_segmentation(to_frames):
     slow = make_signal(Case(kmh=65.0, duration_s=3.0, rate_hz=4800.0, seed=1))
     fast = make_signal(Case(kmh=65.0, duration_s=3.0, rate_hz=9600.0, seed=1))
     pipeline = Pipeline((WheelSetup("FL", 0, 0, 0.32),), WheelSetup("", 0, 0, 0.32), estimators=("kinematic",))
@@ -215,7 +216,7 @@ def test_a_rate_changed_in_mid_session_starts_anew(to_frames):
     assert periods == pytest.approx([2 * np.pi * 0.32 / (65 / 3.6)] * len(periods), rel=0.005)
 
 
-def test_two_hubs_with_the_same_number_on_two_links(to_frames):
+def test_same_hub_number_on_two_links(to_frames):
     pipeline = Pipeline((WheelSetup("FL", 0, 0, 0.32),), WheelSetup("", 0, 0, 0.32), estimators=("kinematic",))
     results = []
     streams = [

@@ -1,4 +1,4 @@
-"""Contacts over the whole range that the gateway promises, on the exact ring."""
+"""Contacts of the exact ring over the specified range of speeds and noise."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def ends(pairs) -> np.ndarray:
     ("kmh", "duration_s", "rate_hz"),
     [(10.0, 8.0, 9600.0), (65.0, 3.0, 9600.0), (120.0, 2.0, 2000.0), (250.0, 1.5, 2000.0), (250.0, 1.0, 25600.0)],
 )
-def test_every_revolution_is_found_at_constant_speed(roll: Callable, kmh, duration_s, rate_hz, ac, sign):
+def test_constant_speed_loses_no_revolution(roll: Callable, kmh, duration_s, rate_hz, ac, sign):
     signal = roll(kmh, duration_s, rate_hz, ac=ac, sign=sign)
     pairs, segmenter = segment(signal)
     period = rate_hz * 2 * np.pi * 0.32 / (kmh / 3.6)
-    # contacts cut off by the first or last samples need not be found
+    # Contacts that are cut by the first or last sample need not be found.
     whole = signal.contacts[
         (signal.contacts > 0.12 * period) & (signal.contacts < len(signal.radial_mps2) - 0.2 * period)
     ]
@@ -54,7 +54,7 @@ def test_every_revolution_is_found_at_constant_speed(roll: Callable, kmh, durati
 
 @pytest.mark.parametrize("rate_hz", [2000.0, 9600.0])
 @pytest.mark.parametrize("from_kmh", [0.0, 10.0])
-def test_speeding_up_at_three_mps2_loses_no_revolution(roll: Callable, from_kmh, rate_hz):
+def test_acceleration_loses_no_revolution(roll: Callable, from_kmh, rate_hz):
     signal = roll(lambda t: from_kmh + 3.0 * 3.6 * t, 10.0, rate_hz)
     pairs, _ = segment(signal)
     first_kmh = signal.speed_mps[int(pairs[0].start.centre)] * 3.6
@@ -85,14 +85,14 @@ def test_standstill_and_restart(roll: Callable):
     assert (signal.errors(ends(pairs)) < 0.01 * signal.rate_hz).all()
 
 
-def test_any_cut_of_the_samples_gives_the_same_contacts(roll: Callable):
+def test_contacts_do_not_depend_on_chunks(roll: Callable):
     signal = roll(lambda t: 40 + 10 * np.sin(t), 4.0)
     whole, _ = segment(signal, chunk=10**6)
     for chunk in (1, 37, 1000, 9999):
         assert segment(signal, chunk)[0] == whole
 
 
-def test_a_contact_lost_on_the_link_is_predicted_and_said_so(roll: Callable):
+def test_lost_contact_is_marked_predicted(roll: Callable):
     signal = roll(65.0, 3.0)
     lost = int(signal.contacts[12])
     gap = (lost - 60, lost + 60)
@@ -104,7 +104,7 @@ def test_a_contact_lost_on_the_link_is_predicted_and_said_so(roll: Callable):
     assert len(pairs) >= len(signal.contacts) - 2
 
 
-def test_noise_alone_and_a_still_wheel_give_no_revolution(roll: Callable):
+def test_noise_and_standstill_give_no_revolution(roll: Callable):
     for noise in (0.1, 3.4, 40.0):
         pairs, segmenter = segment(roll(0.0, 12.0, noise_mps2=noise))
         assert pairs == []
@@ -119,7 +119,7 @@ def test_noisy_sensor_at_town_speed(roll: Callable):
     assert signal.errors(ends(pairs)).max() < 0.01 * 2317
 
 
-def test_the_stated_period_error_covers_the_true_one(roll: Callable):
+def test_stated_period_error_covers_true_error(roll: Callable):
     signal = roll(65.0, 20.0, noise_mps2=10.0, seed=3)
     pairs, _ = segment(signal)
     period = 9600 * 2 * np.pi * 0.32 / (65 / 3.6)

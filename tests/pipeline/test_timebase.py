@@ -5,7 +5,7 @@ import numpy as np
 from gateway.pipeline.timebase import HostClock, SampleClock
 
 
-def test_true_sampling_rate_is_measured_against_the_hubs_clock():
+def test_sampling_rate_is_measured_by_hub_clock():
     clock = SampleClock(9600.0)
     true_hz = 9600.0 * 1.013
     rng = np.random.default_rng(1)
@@ -17,14 +17,14 @@ def test_true_sampling_rate_is_measured_against_the_hubs_clock():
     assert abs(clock.hub_us(179_000) - 179_000 / true_hz * 1e6) < 20
 
 
-def test_an_absurd_rate_is_not_believed():
+def test_implausible_rate_is_ignored():
     clock = SampleClock(9600.0)
     for index in range(0, 96000, 36):
         clock.stamp(index, round(index / 4800 * 1e6))
     assert clock.rate_hz(96000) == 9600.0
 
 
-def test_an_answer_does_not_change_when_later_stamps_are_known():
+def test_time_does_not_change_with_later_stamps():
     one, other = SampleClock(9600.0), SampleClock(9600.0)
     stamps = [(index, round(index / 9612.0 * 1e6)) for index in range(0, 300_000, 36)]
     answers = []
@@ -41,13 +41,13 @@ def arrivals(seconds: int, drift: float, seed: int = 2) -> list[tuple[int, int]]
     rng = np.random.default_rng(seed)
     ticks = np.arange(0, seconds * 1_000_000, 10_000)
     host = 1_700_000_000_000_000_000 + (ticks * 1000.0 * (1 + drift)).astype(np.int64)
-    # a link adds delay only: 2 ms at best, bursts of 30 ms
+    # A link only adds delay: 2 ms at least, bursts of 30 ms.
     return list(
         zip(ticks.tolist(), (host + (2e6 + rng.exponential(8e6, len(ticks)))).astype(np.int64).tolist(), strict=True)
     )
 
 
-def test_host_time_follows_the_earliest_arrivals_and_the_drift():
+def test_host_time_follows_earliest_arrivals():
     clock = HostClock()
     for tick, host_ns in arrivals(120, 80e-6):
         clock.stamp(tick, host_ns)
@@ -56,7 +56,7 @@ def test_host_time_follows_the_earliest_arrivals_and_the_drift():
     assert abs(clock.host_ns(asked) - true_ns) < 0.6e6
 
 
-def test_host_time_is_the_same_when_frames_of_other_wheels_came_first():
+def test_host_time_does_not_depend_on_frame_order():
     stamps = arrivals(30, 0.0)
     step_by_step, at_once = HostClock(), HostClock()
     answers = []
@@ -68,7 +68,7 @@ def test_host_time_is_the_same_when_frames_of_other_wheels_came_first():
     assert [at_once.host_ns(tick - 3000) for tick, _ in stamps] == answers
 
 
-def test_latency_is_the_delay_against_the_fastest():
+def test_latency_is_relative_to_fastest_frames():
     clock = HostClock()
     stamps = arrivals(60, 0.0)
     for tick, host_ns in stamps:

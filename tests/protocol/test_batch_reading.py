@@ -73,7 +73,7 @@ def test_blocks_can_be_read_in_place() -> None:
 
 
 @pytest.mark.parametrize("kind", [bytes, bytearray, memoryview])
-def test_any_bytes_like_is_taken(kind: type) -> None:
+def test_any_bytes_like_object_is_accepted(kind: type) -> None:
     data = long_stream(4, 40)
     expected = streamed(data, [])[0]
     stream, batch = FrameDecoder(), BatchDecoder()

@@ -146,7 +146,7 @@ def payload_bytes(type_: MessageType):
 
 
 @given(st.sampled_from(MessageType).flatmap(lambda type_: st.tuples(st.just(type_), payload_bytes(type_))))
-def test_codec_refuses_exactly_what_the_declaration_refuses(case: tuple[MessageType, bytes]) -> None:
+def test_codec_and_declaration_reject_the_same_payloads(case: tuple[MessageType, bytes]) -> None:
     type_, payload = case
     try:
         fields = declaration.parse_payload(type_, payload)
@@ -219,7 +219,7 @@ def test_encoding_names_the_header_field_out_of_range(field: str, value: int) ->
         encode_frame(frame)
 
 
-def test_samples_of_any_integer_type_are_taken() -> None:
+def test_samples_of_any_integer_type_are_encoded() -> None:
     wide = BLOCK._replace(counts=np.array([[-32768], [32767]], np.int64))
     assert encode_payload(wide)[-4:] == b"\x00\x80\xff\x7f"
 
@@ -230,7 +230,7 @@ def test_absent_values_survive() -> None:
         assert decode_payload(type_, encode_payload(message)) == message
 
 
-def test_text_that_is_not_utf8_is_shown_with_replacements() -> None:
+def test_invalid_utf8_is_replaced() -> None:
     assert decode_payload(MessageType.LOG_TEXT, b"\x02a\xffb") == LogText(2, "a\ufffdb")
 
 

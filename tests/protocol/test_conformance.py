@@ -23,7 +23,7 @@ def name_of(vector: dict[str, Any]) -> str:
     return vector["name"].replace(" ", "_")
 
 
-def test_committed_vectors_are_what_the_declaration_gives() -> None:
+def test_committed_vectors_match_the_declaration() -> None:
     made = make_vectors()
     assert made == {path.name: path.read_text("utf-8") for path in VECTORS.iterdir()}, (
         "run `treadlink protocol vectors --out firmware_protocol/vectors --force`"

@@ -190,7 +190,7 @@ REFUSED = {
 }
 
 
-def test_c_refuses_values_out_of_range(compiler: str, code: Path) -> None:
+def test_c_rejects_values_out_of_range(compiler: str, code: Path) -> None:
     frames = {
         MessageType(vector["type"]): vector
         for vector in json.loads((VECTORS / "frames.json").read_text("utf-8"))["frames"]
@@ -253,7 +253,7 @@ def test_c_reads_commands(compiler: str, code: Path) -> None:
     assert run_harness(compiler, code, "\n".join(body)) == ""
 
 
-def test_c_signs_as_the_vectors_say(compiler: str, code: Path) -> None:
+def test_c_signatures_match_the_vectors(compiler: str, code: Path) -> None:
     vectors = json.loads((VECTORS / "signed.json").read_text("utf-8"))
     body = ["    tl_signer signer;", "    uint8_t mac[16];"]
     for vector in vectors["macs"]:

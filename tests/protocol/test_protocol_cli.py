@@ -49,7 +49,7 @@ def test_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     assert "below" in str(result.exception)
 
 
-def test_tables_bring_a_page_up_to_date(tmp_path: Path) -> None:
+def test_tables_update_a_page(tmp_path: Path) -> None:
     page = tmp_path / "protocol.md"
     page.write_text("before\n<!-- generated: frame -->\nold\n<!-- end -->\nafter\n")
     run("tables", str(page))

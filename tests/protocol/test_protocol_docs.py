@@ -15,7 +15,7 @@ def test_generated_parts_are_current() -> None:
     assert updated(SPECIFICATION) == SPECIFICATION, "run `treadlink protocol tables docs/protocol.md`"
 
 
-def test_worked_example_decodes_to_what_the_page_says() -> None:
+def test_worked_example_decodes() -> None:
     lines = re.findall(r"^((?:[0-9A-F]{2} )+) +\w", SPECIFICATION, re.MULTILINE)
     (frame,) = FrameDecoder().feed(bytes.fromhex("".join(lines)))
     assert frame[1:5] == (0, 3, 7, 1_000_000)
@@ -23,7 +23,7 @@ def test_worked_example_decodes_to_what_the_page_says() -> None:
     assert frame.message.counts.tolist() == [[-2], [300]]
 
 
-def test_numbers_in_the_text_are_those_of_the_code() -> None:
+def test_numbers_in_the_text_match_the_code() -> None:
     assert f"Treadlink wire protocol {wire.VERSION_MAJOR}.{wire.VERSION_MINOR}" in SPECIFICATION
     assert f"{wire.CRC_CHECK_VALUE:08X}" in SPECIFICATION
     assert f"{wire.CRC_RESIDUE:08X}" in SPECIFICATION

@@ -28,7 +28,7 @@ from tests.protocol.stream_data import (
 @given(STREAMS, CUTS)
 @example(b"\xa5", [])
 @example(b"\xa5\x5a\xe1\xe1\xe1", [1, 2, 3, 4])
-def test_streaming_finds_what_the_rule_says_however_it_is_cut(data: bytes, cuts: list[int]) -> None:
+def test_streaming_equals_the_framing_rule_for_any_split(data: bytes, cuts: list[int]) -> None:
     expected, crc_errors, truncated = intact_frames(data)
     frames, counters = streamed(data, cuts)
     assert counters.intact == len(expected)
@@ -71,7 +71,7 @@ def test_batch_equals_streaming_behind_a_gate(
     assert len(at_stream.asked) == counters.intact - counters.other_major
 
 
-def test_what_a_gate_refuses_leaves_no_trace_in_the_counters() -> None:
+def test_rejected_frames_do_not_touch_the_source_counters() -> None:
     good = [encode_raw(6, b"\1own", 0, 1, seq, seq) for seq in range(4)]
     # Ahead of its time, of another start, and the same counter as a good one: each would cost good frames.
     evil = [encode_raw(6, b"\1evil", 0, 1, 2**31 - 2, 0), encode_raw(6, b"\1evil", 0, 1, 3, 0)]
@@ -86,7 +86,7 @@ def test_what_a_gate_refuses_leaves_no_trace_in_the_counters() -> None:
         assert (counters.lost, counters.duplicates, counters.restarts, counters.reordered) == (0, 0, 0, 0)
 
 
-def test_a_tag_without_room_is_no_sample_block() -> None:
+def test_a_frame_too_short_for_its_tag_is_not_decoded() -> None:
     for length in range(9):
         for axes_n in (b"\x08\x01", b"\x07\x00"):
             data = encode_raw(2, (bytes(4) + axes_n + bytes(3))[:length], 0, 0, 0, 0, flags=1)
@@ -95,7 +95,7 @@ def test_a_tag_without_room_is_no_sample_block() -> None:
 
 @pytest.mark.parametrize("dense", [1.0, scan._DENSE])
 @pytest.mark.parametrize("break_outer", [False, True])
-def test_a_frame_that_begins_inside_another_and_ends_behind_it(dense: float, break_outer: bool) -> None:
+def test_overlapping_frames(dense: float, break_outer: bool) -> None:
     last = encode_raw(6, bytes(9), 0, 1, 0, 0)
     header = bytearray(encode_raw(6, bytes(4 + len(last)), 0, 5, 0, 0)[:16])
     outer = bytearray(encode_raw(6, b"\0" + header, 0, 0, 0, 0))
@@ -112,7 +112,7 @@ def test_a_frame_that_begins_inside_another_and_ends_behind_it(dense: float, bre
 @given(STREAMS, CUTS, st.sampled_from([0x5A, 0xA5, 0xFF]))
 @example(b"\xa5\x5a\x00\xa5", [], 0x5A)
 @example(b"\xa5\x5a\x10\x02", [], 0xFF)
-def test_bytes_of_blocks_before_do_not_matter(data: bytes, cuts: list[int], filling: int) -> None:
+def test_blocks_do_not_depend_on_earlier_bytes(data: bytes, cuts: list[int], filling: int) -> None:
     stream, batch = FrameDecoder(), BatchDecoder(4096)
     before = bytes([filling]) * 3000 + bytes(2)
     stream.feed(before)
@@ -154,7 +154,7 @@ def test_batch_equals_streaming_on_hostile_repetition(unit: bytes) -> None:
     assert batched(data, [777, 4000], 1 << 14) == streamed(data, [5000])
 
 
-def test_both_decoders_go_on_after_finish() -> None:
+def test_both_decoders_continue_after_finish() -> None:
     first, second = long_stream(1, 60)[:-100], long_stream(2, 60)
     stream, batch = FrameDecoder(), BatchDecoder()
     for data in (first, second):

@@ -53,12 +53,12 @@ def test_the_first_hello_restarts_nothing() -> None:
     assert (counters.restarts, counters.lost, counters.frames) == (0, 0, 4)
 
 
-def test_a_restart_shown_by_the_counter_is_not_counted_again_by_its_hello() -> None:
+def test_a_restart_is_counted_once() -> None:
     counters = counted(hello(1, 500) + samples(501) + samples(1, 2) + hello(2, 3) + samples(4, 2))
     assert (counters.restarts, counters.lost, counters.duplicates) == (1, 0, 1)
 
 
-def test_a_restart_long_past_does_not_hide_the_next() -> None:
+def test_an_old_restart_does_not_hide_the_next() -> None:
     counters = counted(hello(1, 500) + samples(0, 1) + hello(1, 2) + hello(2, 0) + samples(1, 2))
     assert (counters.restarts, counters.duplicates) == (2, 0)
 
@@ -113,7 +113,7 @@ def test_blocks_count_as_single_frames_do(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seqs", [range(100, 130), [100, *range(102, 130)]], ids=["in order", "gap"])
-def test_a_frame_from_before_the_first_was_never_lost(seqs: list[int]) -> None:
+def test_a_frame_before_the_first_is_not_lost(seqs: list[int]) -> None:
     decoder, batch = FrameDecoder(), BatchDecoder()
     for part in (samples(*seqs), samples(99, 98)):
         decoder.feed(part)

@@ -14,7 +14,18 @@ from gateway.reasons import Code, Level, Reason
 from gateway.security.freshness import WINDOW, Ledger
 from gateway.security.guard import Guard, Place, Verdict
 from gateway.security.key_file import counters_file
-from tests.security.attacks import KEYS, PLACES, SENSORS, Sender, attacks, downgraded, forged, guard, hello, with_crc
+from tools.generators.security_attacks import (
+    KEYS,
+    PLACES,
+    SENSORS,
+    Sender,
+    attacks,
+    downgraded,
+    forged,
+    guard,
+    hello,
+    with_crc,
+)
 
 COUNT = 2000
 VERDICTS = {

@@ -23,7 +23,7 @@ from gateway.security.key_file import KeyFile, counters_file
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore
 from gateway.views.wording import notice_text, text
-from tests.security.attacks import downgraded, forged
+from tools.generators.security_attacks import downgraded, forged
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("0000a001", "0000a002", "0000a003", "0000a004", "0000b001", "5452454144000000")

@@ -39,7 +39,7 @@ def waves(count: int, noise: float = 2.0, seed: int = 3) -> list[np.ndarray]:
     return [SHAPE + rng.normal(size=1024) * noise for _ in range(count)]
 
 
-def test_plain_mean_until_the_horizon_is_full() -> None:
+def test_plain_mean_until_horizon() -> None:
     data = waves(20)
     average = RunningAverage(horizon_revolutions=20)
     for wave in data:
@@ -51,13 +51,13 @@ def test_plain_mean_until_the_horizon_is_full() -> None:
     np.testing.assert_allclose(result.orders_mps2, order_coefficients(np.mean(data, axis=0)), atol=1e-9)
 
 
-def test_then_exponential_with_the_stated_effective_count() -> None:
+def test_effective_count_matches_exponential_average() -> None:
     horizon = 10.0
     average = RunningAverage(horizon)
     for wave in waves(300):
         result = feed(average, wave)
     assert result.effective_count == pytest.approx(2.0 * horizon - 1.0, rel=1e-3)
-    # A changed tire shows after a few horizons.
+    # A change of the tire is visible after a few horizons.
     for wave in waves(60):
         result = feed(average, 0.5 * wave)
     np.testing.assert_allclose(result.radial_mps2, 0.5 * SHAPE, atol=4.0)
@@ -65,7 +65,7 @@ def test_then_exponential_with_the_stated_effective_count() -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(speeds=st.lists(st.floats(5.0, 300.0), min_size=2, max_size=12))
-def test_revolutions_at_any_speed_share_one_shape(speeds: list[float]) -> None:
+def test_average_scales_to_latest_speed(speeds: list[float]) -> None:
     average = RunningAverage()
     for omega in speeds:
         result = feed(average, SHAPE * omega**2, omega)
@@ -75,7 +75,7 @@ def test_revolutions_at_any_speed_share_one_shape(speeds: list[float]) -> None:
 
 
 @pytest.mark.parametrize("count", [2, 10, 60])
-def test_standard_errors_are_the_scatter_of_the_average(count: int) -> None:
+def test_standard_errors_match_scatter_of_average(count: int) -> None:
     means, stated, level, level_stated = [], [], [], []
     for seed in range(60):
         average = RunningAverage(horizon_revolutions=20)
@@ -89,14 +89,14 @@ def test_standard_errors_are_the_scatter_of_the_average(count: int) -> None:
     assert math.sqrt(np.mean(level_stated)) == pytest.approx(float(np.std(level)), rel=0.4)
 
 
-def test_first_revolution_rests_on_its_noise() -> None:
+def test_first_revolution_uses_stated_noise() -> None:
     result = feed(RunningAverage(), waves(1)[0], noise=2.0)
     assert result.effective_count == 1.0
     assert np.isnan(result.scatter_mps2).all()
     np.testing.assert_allclose(result.orders_std_mps2[1:], 2.0 * math.sqrt(2.0 / 1024.0), rtol=1e-9)
 
 
-def test_orders_that_a_fast_revolution_does_not_carry_keep_their_average() -> None:
+def test_nan_orders_keep_their_average() -> None:
     average = RunningAverage()
     feed(average, SHAPE, order_max=60)
     both = feed(average, SHAPE * 4.0, omega=100.0, order_max=30)
@@ -108,7 +108,7 @@ def test_orders_that_a_fast_revolution_does_not_carry_keep_their_average() -> No
     assert len(only_fast.orders_mps2) == ORDER_COUNT
 
 
-def test_mean_edges_never_beat_their_definition() -> None:
+def test_mean_edge_error_keeps_model_uncertainty() -> None:
     rng = np.random.default_rng(8)
     average = RunningAverage()
     for wave in waves(100):
@@ -122,14 +122,14 @@ def test_mean_edges_never_beat_their_definition() -> None:
     assert noisy[0] > noisy[1]
 
 
-def test_wider_definition_of_sparsely_sampled_edges_stays() -> None:
+def test_larger_stated_edge_error_is_kept() -> None:
     average = RunningAverage()
     for wave in waves(20):
         result = feed(average, wave, edges_std=(0.012, 0.012))
     assert result.leading_edge_std_rad == pytest.approx(0.012, rel=1e-6)
 
 
-def test_revolution_without_edges_leaves_the_mean_edges_alone() -> None:
+def test_nan_edges_keep_mean_edges() -> None:
     average = RunningAverage()
     missing = feed(average, SHAPE, edges=(math.nan, math.nan))
     assert math.isnan(missing.leading_edge_rad)
@@ -138,7 +138,7 @@ def test_revolution_without_edges_leaves_the_mean_edges_alone() -> None:
     assert feed(average, SHAPE, edges=(math.nan, 0.3)).trailing_edge_rad == pytest.approx(0.25)
 
 
-def test_results_handed_out_do_not_change_later() -> None:
+def test_returned_averages_do_not_change() -> None:
     average = RunningAverage()
     data = waves(4)
     first = feed(average, data[0])
@@ -152,7 +152,7 @@ def test_results_handed_out_do_not_change_later() -> None:
         np.testing.assert_array_equal(before, after)
 
 
-def test_reset_and_replay_give_the_same_bits() -> None:
+def test_reset_makes_replay_identical() -> None:
     average = RunningAverage(5)
     assert average.latest is None
     first = [feed(average, wave) for wave in waves(12)][-1]
@@ -169,7 +169,7 @@ def test_reset_and_replay_give_the_same_bits() -> None:
     ("wave", "omega"),
     [(np.full(1024, np.nan), 50.0), (np.zeros(512), 50.0), (SHAPE, 0.0), (SHAPE, math.nan), (SHAPE, -3.0)],
 )
-def test_bad_revolutions_are_refused_and_change_nothing(wave: np.ndarray, omega: float) -> None:
+def test_invalid_revolution_raises_and_keeps_average(wave: np.ndarray, omega: float) -> None:
     average = RunningAverage()
     before = feed(average, SHAPE)
     with pytest.raises(ValueError, match="average"):
@@ -178,6 +178,6 @@ def test_bad_revolutions_are_refused_and_change_nothing(wave: np.ndarray, omega:
     assert feed(average, SHAPE).count == 2
 
 
-def test_horizon_below_one_is_refused() -> None:
+def test_horizon_below_one_raises() -> None:
     with pytest.raises(ValueError, match="horizon"):
         RunningAverage(0.5)

@@ -1,4 +1,4 @@
-"""A signal that is cut off is told from one that is merely smooth, quiet or coarse."""
+"""Clipped signals against smooth, quiet and coarsely quantised ones."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.signal.clipping import is_clipped
-from tests.exact_ring_data import omega_at, sampled, solution
+from tests.testkit.exact_ring import omega_at, sampled, solution
 
 
 def counts(rate_hz: float, speed_kmh: float, noise: float, scale: float, cut: float | None = None) -> np.ndarray:
@@ -20,16 +20,16 @@ def counts(rate_hz: float, speed_kmh: float, noise: float, scale: float, cut: fl
 @pytest.mark.parametrize("rate_hz", [2000.0, 9600.0, 25600.0])
 @pytest.mark.parametrize("speed_kmh", [12.0, 65.0, 110.0])
 @pytest.mark.parametrize("noise", [0.0, 0.1, 3.4])
-def test_smooth_tops_are_not_clipped(rate_hz: float, speed_kmh: float, noise: float) -> None:
+def test_smooth_peak_is_not_clipped(rate_hz: float, speed_kmh: float, noise: float) -> None:
     assert not is_clipped(counts(rate_hz, speed_kmh, noise, 0.6))
     assert not is_clipped(-counts(rate_hz, speed_kmh, noise, 0.6))
 
 
 @pytest.mark.parametrize("rate_hz", [2000.0, 9600.0, 25600.0])
 @pytest.mark.parametrize("noise", [0.0, 3.4])
-def test_a_cut_top_is(rate_hz: float, noise: float) -> None:
+def test_cut_peak_is_clipped(rate_hz: float, noise: float) -> None:
     assert is_clipped(counts(rate_hz, 65.0, noise, 0.15, cut=1.3))
 
 
-def test_no_signal_is_not_clipped() -> None:
+def test_zero_signal_is_not_clipped() -> None:
     assert not is_clipped(np.zeros(1000, np.int16))

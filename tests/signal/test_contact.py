@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, contact_interior, edge_offset, find_contact_edges
 from gateway.signal.speed_normalisation import normalise_radial
-from tests.exact_ring_data import BASE_RING, omega_at, on_grid, sampled, solution
+from tests.testkit.exact_ring import BASE_RING, omega_at, on_grid, sampled, solution
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 
@@ -24,11 +25,11 @@ def clean_wave(load_n: float = 5000.0, **others: object) -> np.ndarray:
 
 @pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
 @pytest.mark.parametrize("pressure_pa", [1.7e5, 2.5e5])
-def test_edges_of_the_exact_ring(load_n: float, pressure_pa: float) -> None:
+def test_edges_match_exact_ring(load_n: float, pressure_pa: float) -> None:
     truth = solution(load_n, pressure_pa)
     edges = find_contact_edges(clean_wave(load_n, pressure_pa=pressure_pa), 1069.0)
     assert edges.found
-    # Ring and tread as in the paper: well inside the spread that unknown treads have.
+    # Ring and tread as in the paper: well inside the standard deviation for unknown treads.
     assert edges.leading_rad == pytest.approx(truth.leading_edge_rad, abs=1.2 * EDGE_MODEL_STD_RAD)
     assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=1.2 * EDGE_MODEL_STD_RAD)
     assert edges.trailing_std_rad >= EDGE_MODEL_STD_RAD
@@ -37,7 +38,7 @@ def test_edges_of_the_exact_ring(load_n: float, pressure_pa: float) -> None:
 
 @pytest.mark.parametrize("tread", [2e7, 2e8])
 @pytest.mark.parametrize("load_n", [3500.0, 8000.0])
-def test_unknown_tread_stays_within_the_stated_spread(tread: float, load_n: float) -> None:
+def test_edge_error_covers_unknown_tread(tread: float, load_n: float) -> None:
     ring = replace(BASE_RING, tread_stiffness_npm2=tread)
     truth = solution(load_n, ring=ring)
     edges = find_contact_edges(clean_wave(load_n, ring=ring), 1069.0)
@@ -45,7 +46,7 @@ def test_unknown_tread_stays_within_the_stated_spread(tread: float, load_n: floa
     assert 0.5 * EDGE_MODEL_STD_RAD < error < 4.0 * EDGE_MODEL_STD_RAD
 
 
-def test_damped_tread_shifts_the_edges_the_right_way() -> None:
+def test_damped_tread_shifts_edges() -> None:
     ring = replace(BASE_RING, tread_damping_nspm2=2e4)
     truth = solution(ring=ring)
     edges = find_contact_edges(clean_wave(ring=ring), 1069.0)
@@ -56,7 +57,7 @@ def test_damped_tread_shifts_the_edges_the_right_way() -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(constant=st.floats(-5e3, 5e3), gain=st.floats(0.01, 100.0))
-def test_coupling_and_gain_do_not_move_the_edges(constant: float, gain: float) -> None:
+def test_edges_ignore_coupling_and_gain(constant: float, gain: float) -> None:
     wave = clean_wave()
     reference = find_contact_edges(wave, 1069.0, 0.1)
     edges = find_contact_edges(gain * wave + constant, 1069.0, 0.1 * gain)
@@ -65,7 +66,7 @@ def test_coupling_and_gain_do_not_move_the_edges(constant: float, gain: float) -
     assert edges.contrast == pytest.approx(reference.contrast, rel=1e-6)
 
 
-def test_running_backwards_swaps_the_edges() -> None:
+def test_reversed_waveform_swaps_edges() -> None:
     wave = clean_wave(ring=replace(BASE_RING, tread_damping_nspm2=2e4))
     forward = find_contact_edges(wave, 1069.0, 0.1)
     mirrored = find_contact_edges(np.roll(wave[::-1], 1), 1069.0, 0.1)
@@ -75,7 +76,7 @@ def test_running_backwards_swaps_the_edges() -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(shift=st.floats(-0.08, 0.08))
-def test_edges_follow_a_shift_of_the_contact_centre(shift: float) -> None:
+def test_edges_follow_contact_centre(shift: float) -> None:
     spectrum = np.fft.rfft(clean_wave())
     spectrum *= np.exp(-1j * np.arange(513) * shift)
     wave = np.fft.irfft(spectrum, n=1024)
@@ -97,7 +98,7 @@ def test_edges_follow_a_shift_of_the_contact_centre(shift: float) -> None:
     ],
 )
 @pytest.mark.parametrize("ac_coupled", [False, True])
-def test_edges_through_the_whole_chain(rate_hz: float, speed_kmh: float, noise_mps2: float, ac_coupled: bool) -> None:
+def test_edges_from_time_samples(rate_hz: float, speed_kmh: float, noise_mps2: float, ac_coupled: bool) -> None:
     truth = solution()
     errors = []
     for seed in range(6):
@@ -117,7 +118,7 @@ def test_edges_through_the_whole_chain(rate_hz: float, speed_kmh: float, noise_m
 
 
 @pytest.mark.parametrize(("speed_kmh", "noise_mps2"), [(65.0, 10.0), (20.0, 5.0)])
-def test_noise_part_of_the_standard_error_is_the_scatter(speed_kmh: float, noise_mps2: float) -> None:
+def test_edge_noise_error_matches_scatter(speed_kmh: float, noise_mps2: float) -> None:
     rng = np.random.default_rng(11)
     wave = (omega_at(speed_kmh) / omega_at(65.0)) ** 2 * clean_wave()
     found = [find_contact_edges(wave + rng.normal(size=1024) * noise_mps2, 1024.0) for _ in range(300)]
@@ -126,14 +127,14 @@ def test_noise_part_of_the_standard_error_is_the_scatter(speed_kmh: float, noise
     assert stated == pytest.approx(scatter, rel=0.2)
 
 
-def test_fewer_orders_make_the_edge_less_certain() -> None:
+def test_coarse_sampling_increases_edge_error() -> None:
     widths = [15.0, 20.0, 30.0, 40.0]
     spreads = [edge_offset(width)[1] for width in widths]
     assert spreads == sorted(spreads, reverse=True)
 
 
 @pytest.mark.parametrize("kind", ["flat", "noise", "nan", "bump", "tone"])
-def test_no_contact_is_said_not_invented(kind: str) -> None:
+def test_missing_contact_is_reported(kind: str) -> None:
     theta = angle_grid(1024)
     wave = {
         "flat": np.full(1024, 12.0),
@@ -150,11 +151,11 @@ def test_no_contact_is_said_not_invented(kind: str) -> None:
     assert contact_interior(wave, 1024.0) is None
 
 
-def test_measured_tire() -> None:
+def test_edges_of_measured_tire() -> None:
     if not MEASURED.exists():
         pytest.skip("the measured recording is not kept with the project")
-    radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3] * 9.80665
-    # Contact centres midway between the half-level crossings, read off the recording.
+    radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3] * STANDARD_GRAVITY_MPS2
+    # Contact centres midway between the half-level crossings, read from the recording.
     contacts = [2528.5, 4803.5, 7076.5, 9344.5, 11610.5]
     halves = []
     for start, end in itertools.pairwise(contacts):
@@ -162,8 +163,8 @@ def test_measured_tire() -> None:
         wave = normalise_radial(resample_revolution(radial[:, np.newaxis], phase)[0], phase, ac_coupled=True)
         edges = find_contact_edges(wave.radial_mps2, phase.samples)
         assert edges.found
-        # 152.7 g from contact to baseline, as counted by hand in the study.
-        assert edges.baseline_mps2 - edges.plateau_mps2 == pytest.approx(152.7 * 9.80665, rel=0.03)
+        # 152.7 g from contact to baseline, read from the recording by hand.
+        assert edges.baseline_mps2 - edges.plateau_mps2 == pytest.approx(152.7 * STANDARD_GRAVITY_MPS2, rel=0.03)
         halves.append(0.5 * (edges.trailing_rad - edges.leading_rad))
     # The half-level crossings are 20.9 degrees apart; the edges lie outside them.
     assert all(math.radians(20.9) / 2.0 < half < math.radians(20.9) / 2.0 + 0.05 for half in halves)

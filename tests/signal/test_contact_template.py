@@ -1,4 +1,4 @@
-"""The contact template against the exact ring: shifts, stretch, gain, offset and the errors it states."""
+"""Contact template against the exact ring: shifts, stretch, gain, offset and stated errors."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import Phase
 from gateway.signal.contact_template import contact_template, match_contact
-from tests.exact_ring_data import omega_at, on_grid, solution
+from tests.testkit.exact_ring import omega_at, on_grid, solution
 
 OMEGA = omega_at(65.0)
 N = 1024
@@ -21,9 +22,18 @@ STEP = OMEGA / RATE_HZ
 
 
 def samples_around(
-    *, shifts=(0.0, 0.0), gain=1.0, offset=0.0, ramp=0.0, gravity=9.80665, noise=0.0, step=STEP, seed=0, span=1.6
+    *,
+    shifts=(0.0, 0.0),
+    gain=1.0,
+    offset=0.0,
+    ramp=0.0,
+    gravity=STANDARD_GRAVITY_MPS2,
+    noise=0.0,
+    step=STEP,
+    seed=0,
+    span=1.6,
 ):
-    """One contact in time, centre 0.31 samples off the middle; the halves shifted by angles."""
+    """Return one contact in time, its centre 0.31 samples from the middle, its halves shifted by angles."""
     ring = solution()
     theta = np.append(ring.theta_rad, math.pi)
     shape, weight = (
@@ -32,7 +42,7 @@ def samples_around(
     )
     half = math.ceil(span / step)
     angle = (np.arange(2 * half + 1) - half - 0.31) * step
-    # The shift fades from one to the other in the flat middle of the contact.
+    # The shift changes from one to the other in the flat middle of the contact.
     share = 0.5 + 0.5 * np.tanh(angle / 0.03)
     moved = angle - shifts[0] * (1.0 - share) - shifts[1] * share
     signal = gain * OMEGA**2 * shape(moved) + gravity * weight(angle) + offset + ramp * angle
@@ -40,7 +50,7 @@ def samples_around(
     return signal, Phase(float(half), half + 2.0 * math.pi / step, step, 0.0)
 
 
-def test_finds_where_the_contact_is_to_a_thousandth_of_a_sample() -> None:
+def test_match_recovers_shifts() -> None:
     template = contact_template(WAVE, OMEGA, 1069.0)
     assert template is not None
     assert abs(template.middle_rad) < 1e-5
@@ -54,7 +64,7 @@ def test_finds_where_the_contact_is_to_a_thousandth_of_a_sample() -> None:
 @pytest.mark.parametrize(
     "what", [{"gain": 1.05}, {"offset": -900.0}, {"ramp": 40.0}, {"gravity": 0.0}, {"gain": 0.93, "offset": 30.0}]
 )
-def test_gain_offset_and_ramp_do_not_move_it(what: dict[str, float]) -> None:
+def test_match_ignores_gain_offset_and_ramp(what: dict[str, float]) -> None:
     template = contact_template(WAVE, OMEGA, 1069.0)
     signal, passage = samples_around(**what)
     match = match_contact(template, signal, passage, RATE_HZ, WHITE, N)
@@ -62,7 +72,7 @@ def test_gain_offset_and_ramp_do_not_move_it(what: dict[str, float]) -> None:
         assert place - passage.start == pytest.approx(0.31, abs=0.02)
 
 
-def test_the_edges_are_told_apart() -> None:
+def test_match_separates_the_edges() -> None:
     template = contact_template(WAVE, OMEGA, 1069.0)
     signal, passage = samples_around(shifts=(0.006, -0.003))
     match = match_contact(template, signal, passage, RATE_HZ, WHITE, N)
@@ -71,8 +81,8 @@ def test_the_edges_are_told_apart() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [2000.0, 9600.0])
-def test_the_stated_error_is_the_scatter(rate_hz: float) -> None:
-    density = 5e-3 * 9.80665  # m/s^2 per root Hz
+def test_stated_error_matches_scatter(rate_hz: float) -> None:
+    density = 5e-3 * STANDARD_GRAVITY_MPS2  # m/s^2 per root Hz
     noise = density * math.sqrt(0.5 * rate_hz)
     step = OMEGA / rate_hz
     variance = np.full(61, density**2 / (2.0 * math.pi / OMEGA))
@@ -87,11 +97,11 @@ def test_the_stated_error_is_the_scatter(rate_hz: float) -> None:
     assert np.diag(scatter) == pytest.approx(np.diag(expected), rel=0.35)
     middle = np.array([0.5, 0.5])
     assert middle @ scatter @ middle == pytest.approx(middle @ expected @ middle, rel=0.35)
-    # 1.0 us is the bound for the centre at this noise (physics notes, section 4).
+    # The Cramer-Rao bound of the centre at this noise is 1.0 us.
     assert 1.0e-6 < math.sqrt(middle @ scatter @ middle) / rate_hz < 1.6e-6
 
 
-def test_refuses_what_is_not_the_contact() -> None:
+def test_match_rejects_other_signals() -> None:
     template = contact_template(WAVE, OMEGA, 1069.0)
     signal, passage = samples_around()
     assert match_contact(template, -signal, passage, RATE_HZ, WHITE, N) is None
@@ -104,7 +114,7 @@ def test_refuses_what_is_not_the_contact() -> None:
     assert match_contact(template, shaken, passage, RATE_HZ, WHITE, N) is None
 
 
-def test_no_template_without_a_contact() -> None:
+def test_waveform_without_contact_has_no_template() -> None:
     assert contact_template(np.full(N, 1000.0), OMEGA, 1069.0) is None
     assert contact_template(WAVE - WAVE.mean() - 5.0, OMEGA, 1069.0) is None
     assert contact_template(np.full(N, math.nan), OMEGA, 1069.0) is None

@@ -1,4 +1,4 @@
-"""Double integration in the order domain, its rows, the moments and the roll calibration."""
+"""Double integration in the order domain, slope rows, running moments and roll calibration."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from gateway.signal.lateral_deformation import (
     streamline_slope,
     trusted_orders,
 )
-from gateway.signal.moments import RunningMoments
-from gateway.signal.roll_calibration import MOUNTING_STD_RAD, RollCalibration
+from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, RollCalibration
+from gateway.signal.synchronous_average import RunningMoments
 
 N, RADIUS_M = 1024, 0.32
 THETA = angle_grid(N)
@@ -31,7 +31,7 @@ ORDERS = trusted_orders(60)
 
 
 def random_shape(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """A band-limited y and its second derivative by the angle."""
+    """Return a band-limited y and its second derivative by the angle."""
     rng = np.random.default_rng(seed)
     n = np.arange(1, 31)[:, None]
     c, s = rng.normal(size=(2, 30, 1)) / n**2
@@ -39,7 +39,7 @@ def random_shape(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return y, (-(n**2) * (c * np.cos(n * THETA) + s * np.sin(n * THETA))).sum(axis=0)
 
 
-def test_orders_that_the_sampling_does_not_carry_are_not_trusted() -> None:
+def test_trusted_orders_are_limited_by_sampling() -> None:
     assert trusted_orders(60) == range(1, HIGHEST_ORDER + 1)
     assert trusted_orders(17) == range(1, 18)
     assert len(trusted_orders(0)) == 0
@@ -47,7 +47,7 @@ def test_orders_that_the_sampling_does_not_carry_are_not_trusted() -> None:
 
 @given(st.integers(0, 2**31))
 @settings(max_examples=20, deadline=None)
-def test_integrating_twice_undoes_differentiating_twice(seed: int) -> None:
+def test_deformation_inverts_second_derivative(seed: int) -> None:
     y, second = random_shape(seed)
     x = lateral_coefficients(second + 3.0, ORDERS)  # a constant is no deformation
     assert deformation(x, ORDERS, N) == pytest.approx(y, abs=1e-10)
@@ -58,7 +58,7 @@ def test_integrating_twice_undoes_differentiating_twice(seed: int) -> None:
 
 @given(st.integers(0, 2**31), st.floats(-0.5, -0.05), st.floats(0.0, 0.5))
 @settings(max_examples=20, deadline=None)
-def test_rows_are_the_slopes_of_the_drawn_curve(seed: int, first: float, last: float) -> None:
+def test_rows_match_slopes_of_the_curve(seed: int, first: float, last: float) -> None:
     x = lateral_coefficients(random_shape(seed)[1], ORDERS)
     fine = np.linspace(first, last, 2001)
     dense = deformation(x, ORDERS, 2**17)
@@ -72,7 +72,7 @@ def test_rows_are_the_slopes_of_the_drawn_curve(seed: int, first: float, last: f
     assert slope_row(first, ORDERS, RADIUS_M) @ x == pytest.approx(steep, abs=1e-4 * scale)
 
 
-def test_variance_of_a_slope_is_row_covariance_row() -> None:
+def test_slope_variance_is_row_covariance_row() -> None:
     rng = np.random.default_rng(3)
     records = lateral_coefficients(rng.normal(size=(4000, N)), ORDERS)
     row = line_row(-0.2, 0.25, ORDERS, RADIUS_M)
@@ -80,13 +80,13 @@ def test_variance_of_a_slope_is_row_covariance_row() -> None:
 
 
 @given(st.floats(-0.3, 0.3), st.floats(-50, 50), st.floats(-50, 2000))
-def test_roll_is_undone_exactly(tau: float, side: float, up: float) -> None:
+def test_remove_roll_is_exact(tau: float, side: float, up: float) -> None:
     lateral = math.cos(tau) * side + math.sin(tau) * up
     radial = math.cos(tau) * up - math.sin(tau) * side
     assert remove_roll(np.array([lateral]), np.array([radial]), tau)[0] == pytest.approx(side, abs=1e-8)
 
 
-def test_moments_of_equal_weights_are_the_textbook_ones() -> None:
+def test_equal_weights_give_sample_moments() -> None:
     values = np.random.default_rng(1).normal(size=(40, 5))
     whole, diagonal = RunningMoments(5, covariance=True), RunningMoments(5)
     for i, value in enumerate(values):
@@ -106,7 +106,7 @@ def calibrate(roll_deg: float, offset: float, squares: list[float], noise: float
     return calibration
 
 
-def test_roll_from_one_speed_is_as_good_as_the_offset() -> None:
+def test_roll_error_at_one_speed_is_the_offset() -> None:
     clean = calibrate(2.0, 0.0, [1019.0] * 50)
     assert math.degrees(clean.roll_rad) == pytest.approx(2.0, abs=1e-3)
     assert math.degrees(clean.roll_std_rad) == pytest.approx(math.degrees(1.0 / 1019.0), rel=0.05)
@@ -114,21 +114,21 @@ def test_roll_from_one_speed_is_as_good_as_the_offset() -> None:
     assert abs(off.roll_rad - clean.roll_rad) == pytest.approx(clean.roll_std_rad, rel=0.1)
 
 
-def test_two_speeds_separate_roll_and_offset() -> None:
+def test_two_speeds_separate_roll_from_offset() -> None:
     both = calibrate(-1.5, 9.8, [300.0] * 60 + [1600.0] * 60, noise=0.3)
     assert math.degrees(both.roll_rad) == pytest.approx(-1.5, abs=0.02)
     assert both.offset_mps2 == pytest.approx(9.8, abs=0.6)
     assert both.roll_std_rad < 0.2 * calibrate(0.0, 0.0, [1019.0] * 120).roll_std_rad
 
 
-def test_roll_follows_slow_changes() -> None:
+def test_roll_tracks_slow_changes() -> None:
     moved = RollCalibration(horizon_revolutions=50)
     for roll in [0.0] * 200 + [0.01] * 300:
         moved.update(math.tan(roll) * 1000.0, 1000.0)
     assert moved.roll_rad == pytest.approx(0.01, rel=0.02)
 
 
-def test_without_a_mean_there_is_only_the_mounting() -> None:
+def test_roll_without_mean_keeps_mounting_error() -> None:
     nothing = calibrate(5.0, 0.0, [-3.0, 0.0, math.nan])
     assert nothing.count == 0
     assert nothing.roll_rad == 0.0

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.physics.rolling_ring import solve_rolling_ring
 from gateway.signal.sensor_mounting import belt_kinematics, mounting_rows, relative_curvature
-from tests.exact_ring_data import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
+from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
 
 OMEGA = omega_at(65.0)
 
@@ -38,7 +38,7 @@ def solved(offset_m: float, pitch_deg: float, shift: float = 0.0, **others) -> t
 
 @pytest.mark.parametrize("offset_m", [0.0, 0.005, 0.010, -0.003])
 @pytest.mark.parametrize("pitch_deg", [0.0, 3.0])
-def test_offset_and_pitch_come_back(offset_m: float, pitch_deg: float) -> None:
+def test_offset_and_pitch_are_recovered(offset_m: float, pitch_deg: float) -> None:
     offset, pitch, zero = solved(offset_m, pitch_deg)
     assert offset == pytest.approx(offset_m, abs=3e-5)
     assert pitch == pytest.approx(pitch_deg, abs=0.005)
@@ -55,24 +55,24 @@ def test_offset_and_pitch_come_back(offset_m: float, pitch_deg: float) -> None:
         {"ring": replace(BASE_RING, tread_damping_nspm2=5e4, foundation_damping_nspm2=200.0)},
     ],
 )
-def test_nothing_else_moves_them(others: dict[str, object]) -> None:
+def test_other_properties_do_not_bias_mounting(others: dict[str, object]) -> None:
     offset, pitch, zero = solved(0.005, 1.0, **others)
     assert offset == pytest.approx(0.005, abs=5e-5)
     assert pitch == pytest.approx(1.0, abs=0.01)
     assert zero == pytest.approx(others.get("shift", 0.0), abs=0.1)
 
 
-def test_curvature_closes_the_belt_whatever_the_offset() -> None:
+def test_curvature_closes_belt_at_any_offset() -> None:
     _, _, clean = measured(0.0, 0.0)
     _, _, below = measured(0.008, 0.0)
     np.testing.assert_allclose(relative_curvature(below, 0.008 / RADIUS_M), relative_curvature(clean, 0.0), atol=3e-3)
 
 
-def test_closure_tells_order_1_whatever_was_measured() -> None:
+def test_closure_determines_order_1() -> None:
     _, _, clean = measured(0.0, 0.0)
     theta = -math.pi + 2.0 * math.pi / 1024 * np.arange(1024)
     plain = belt_kinematics(clean, 0.0, 0.0)
     disturbed = belt_kinematics(clean + 3.0 * np.cos(theta), 0.0, 0.0)
     assert disturbed.signal_order_1 == pytest.approx(plain.signal_order_1, abs=3e-5)
     own = 2.0 * float((clean * np.cos(theta)).mean()) / float(clean.mean())
-    assert plain.signal_order_1 == pytest.approx(own, abs=3e-4)  # belt stretch is what they differ by
+    assert plain.signal_order_1 == pytest.approx(own, abs=3e-4)  # they differ by belt stretch

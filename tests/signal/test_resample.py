@@ -27,7 +27,7 @@ def tone(order: int, samples: float, start: float, rows: int) -> np.ndarray:
     ("rate_hz", "speed_kmh", "limit"),
     [(9600, 65, 1e-3), (9600, 10, 1e-3), (25600, 80, 1e-3), (9600, 250, 1e-3), (2000, 40, 1e-3), (2000, 65, 5e-3)],
 )
-def test_orders_to_60_survive_the_interpolation(rate_hz: float, speed_kmh: float, limit: float) -> None:
+def test_orders_to_60_are_preserved(rate_hz: float, speed_kmh: float, limit: float) -> None:
     samples = 2.0 * math.pi * 0.32 / (speed_kmh / 3.6) * rate_hz
     start = 40.37
     phase = fit_phase(start, start + samples)
@@ -39,7 +39,7 @@ def test_orders_to_60_survive_the_interpolation(rate_hz: float, speed_kmh: float
         assert np.abs(coefficients).max() < limit
 
 
-def test_first_half_of_the_revolution_is_the_positive_half_of_the_grid() -> None:
+def test_first_half_maps_to_positive_angles() -> None:
     ramp = np.arange(600.0)[:, np.newaxis]
     (wave,) = resample_revolution(ramp, Phase(50.0, 550.0, 2.0 * math.pi / 500.0, 0.0), n=1000)
     theta = angle_grid(1000)
@@ -49,7 +49,7 @@ def test_first_half_of_the_revolution_is_the_positive_half_of_the_grid() -> None
 
 @pytest.mark.parametrize("acceleration", [-3.0, 3.0])
 @pytest.mark.parametrize("speed_kmh", [20.0, 65.0])
-def test_constant_acceleration_leaves_no_warp(acceleration: float, speed_kmh: float) -> None:
+def test_constant_acceleration_is_corrected(acceleration: float, speed_kmh: float) -> None:
     rate, start = 9600.0, 3000.25
     omega, omega_dot = speed_kmh / 3.6 / 0.32, acceleration / 0.32
     t = (np.arange(9000) - start) / rate
@@ -66,7 +66,7 @@ def test_constant_acceleration_leaves_no_warp(acceleration: float, speed_kmh: fl
         coefficients = order_coefficients(resample_revolution(wave[:, np.newaxis], phase)[0])
         assert abs(coefficients[5] - 1.0) < 1e-4
         assert abs(coefficients[31] + 1j) < 1e-3
-    # Without a neighbour the speed counts as constant, which this test must be able to tell.
+    # Without a neighbour the speed is taken as constant; the test must be able to detect that.
     warped = order_coefficients(resample_revolution(wave[:, np.newaxis], fit_phase(start, position(1)))[0])
     assert abs(warped[31] + 1j) > 0.02
 
@@ -78,9 +78,7 @@ def test_constant_acceleration_leaves_no_warp(acceleration: float, speed_kmh: fl
     before=st.floats(0.3, 3.5),
     after=st.floats(0.3, 3.5),
 )
-def test_phase_passes_the_contacts_and_never_turns_back(
-    start: float, period: float, before: float, after: float
-) -> None:
+def test_phase_is_monotonic_between_contacts(start: float, period: float, before: float, after: float) -> None:
     phase = fit_phase(start, start + period, start - before * period, start + (1.0 + after) * period)
     positions = phase.positions(np.linspace(0.0, 2.0 * math.pi, 400))
     assert positions[0] == pytest.approx(start, abs=1e-6)
@@ -92,13 +90,13 @@ def test_phase_passes_the_contacts_and_never_turns_back(
     )
 
 
-def test_a_stop_before_the_revolution_is_no_acceleration() -> None:
+def test_stop_before_revolution_is_not_acceleration() -> None:
     assert fit_phase(1000.0, 1500.0, previous=-1000.0).acceleration == 0.0
 
 
 @settings(max_examples=25, deadline=None)
 @given(fraction=st.floats(0.0, 1.0), period=st.floats(150.0, 1500.0))
-def test_fractional_contact_centres_do_not_shift_the_phase(fraction: float, period: float) -> None:
+def test_fractional_centres_do_not_shift_phase(fraction: float, period: float) -> None:
     start = 30.0 + fraction
     wave = tone(7, period, start, int(period) + 80)[:, np.newaxis]
     coefficients = order_coefficients(resample_revolution(wave, fit_phase(start, start + period))[0])
@@ -106,7 +104,7 @@ def test_fractional_contact_centres_do_not_shift_the_phase(fraction: float, peri
 
 
 @pytest.mark.parametrize("samples", [700.3, 1069.4, 6949.0])
-def test_noise_above_the_grid_is_not_folded_into_low_orders(samples: float) -> None:
+def test_noise_above_grid_does_not_alias(samples: float) -> None:
     rng = np.random.default_rng(7)
     noise = rng.normal(size=(int(samples) + 60, 40))
     waves = resample_revolution(noise, fit_phase(20.2, 20.2 + samples))
@@ -115,7 +113,7 @@ def test_noise_above_the_grid_is_not_folded_into_low_orders(samples: float) -> N
     assert spread == pytest.approx(math.sqrt(2.0 / samples), rel=0.05)
 
 
-def test_samples_beside_the_margin_do_not_matter() -> None:
+def test_samples_beyond_margin_have_no_effect() -> None:
     rng = np.random.default_rng(3)
     wave = rng.normal(size=(700, 1))
     phase = fit_phase(100.5, 600.25)
@@ -126,7 +124,7 @@ def test_samples_beside_the_margin_do_not_matter() -> None:
     np.testing.assert_allclose(cut, expected, atol=2e-4)
 
 
-def test_an_absent_axis_stays_nan_and_spoils_no_other() -> None:
+def test_nan_axis_does_not_affect_others() -> None:
     wave = np.ones((400, 3))
     wave[:, 1] = np.nan
     result = resample_revolution(wave, fit_phase(50.0, 350.0))
@@ -134,11 +132,11 @@ def test_an_absent_axis_stays_nan_and_spoils_no_other() -> None:
     np.testing.assert_allclose(result[[0, 2]], 1.0)
 
 
-def test_grid_helpers_agree() -> None:
+def test_elapsed_angles_match_grid() -> None:
     np.testing.assert_allclose(elapsed_angles(64), angle_grid(64) % (2.0 * math.pi), atol=1e-12)
 
 
-def test_bad_arguments_are_named() -> None:
+def test_invalid_arguments_raise() -> None:
     wave = np.zeros((100, 1))
     with pytest.raises(ValueError, match="cover"):
         resample_revolution(wave, fit_phase(50.0, 120.0))

@@ -13,7 +13,7 @@ from gateway.simulator.scenario import builtin_scenarios, load_scenario, parse_s
 WHEEL = '[[wheel]]\nposition = "W"\nwheel = 0\n'
 
 
-def test_built_in_scenarios_read_and_say_what_they_are() -> None:
+def test_built_in_scenarios_parse_and_have_descriptions() -> None:
     scenarios = builtin_scenarios()
     assert {"demo", "lab", "standstill_restart"} <= set(scenarios)
     for name, text in scenarios.items():
@@ -23,7 +23,7 @@ def test_built_in_scenarios_read_and_say_what_they_are() -> None:
 
 
 @pytest.mark.parametrize("name", ["demo", "lab", "standstill_restart"])
-def test_vehicle_that_comes_along_is_a_valid_configuration(name: str) -> None:
+def test_vehicle_of_a_scenario_is_a_valid_configuration(name: str) -> None:
     scenario = load_scenario(name)
     vehicle = parse_vehicle(vehicle_toml(scenario), name)
     assert vehicle.name == scenario.scenario.name
@@ -34,7 +34,7 @@ def test_vehicle_that_comes_along_is_a_valid_configuration(name: str) -> None:
         assert setup.pressure_pa == pytest.approx(wheel.pressure_kpa.at(0.0) * 1e3)
 
 
-def test_wheels_inherit_what_they_do_not_state() -> None:
+def test_wheels_inherit_unstated_values() -> None:
     text = f"""
 [sensor]
 rate_hz = 4800.0
@@ -57,7 +57,7 @@ speed_kmh = [[0, 10], [5, 20]]
     assert second.motion.speed_kmh.at(3.0) == pytest.approx(16.0)
 
 
-def test_every_fault_is_listed_with_key_value_and_what_is_allowed() -> None:
+def test_every_fault_is_listed_with_key_value_and_range() -> None:
     text = """
 [scenario]
 seed = -1
@@ -99,7 +99,7 @@ drum_radius_mm = -100.0
         "tire.speling: 1 found, there is no such key",
         "sensor.rate_hz: 100.0 found, allowed: a number 2000 to 25600",
         "noise_mg_rthz: a list of 2 found",
-        "the times do not rise",
+        "the times do not increase",
         'pressure_kpa: "high" found',
         "hub[#2].hub: 3 found",
         "another wheel has it already",
@@ -111,7 +111,7 @@ drum_radius_mm = -100.0
 
 
 @pytest.mark.parametrize("value", ["[]", "[[0]]", "[1, 2]", "true", "[[0, 900000]]", "nan"])
-def test_series_refuse_what_is_no_series(value: str) -> None:
+def test_invalid_series_are_rejected(value: str) -> None:
     with pytest.raises(ConfigError, match="load_n"):
         parse_scenario(f"{WHEEL}load_n = {value}\n", "test")
 
@@ -125,12 +125,12 @@ def test_series_refuse_what_is_no_series(value: str) -> None:
         "hub = 7",
     ],
 )
-def test_wrong_types_are_faults_too(text: str) -> None:
+def test_wrong_types_are_rejected(text: str) -> None:
     with pytest.raises(ConfigError, match=r"test: (wheel|hub)"):
         parse_scenario(text, "test")
 
 
-def test_bandwidth_beyond_the_rate_is_refused() -> None:
+def test_bandwidth_beyond_the_rate_is_rejected() -> None:
     text = f"[sensor]\nrate_hz = 2000.0\nbandwidth_hz = 950.0\n{WHEEL}"
     with pytest.raises(ConfigError, match=r"bandwidth_hz: 950.0 found, allowed: up to 0.45 of rate_hz, 900"):
         parse_scenario(text, "test")

@@ -65,7 +65,7 @@ def test_vehicle_file_reads_back(tmp_path: Path) -> None:
     assert load_vehicle(path).name == "Demo car"
 
 
-def test_mistakes_are_told(tmp_path: Path) -> None:
+def test_usage_errors_are_reported(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="of no known kind"):
         run("lab", "--out", str(tmp_path / "a.txt"), "--duration", "0.1")
     with pytest.raises(SourceError, match="has no end"):
@@ -81,7 +81,7 @@ def test_list_names_scenarios_and_faults() -> None:
     assert "reboot:at=5" in output
 
 
-def test_pty_command_tells_how_to_read_it(pty: PtyPort) -> None:
+def test_pty_command_prints_how_to_read_it(pty: PtyPort) -> None:
     pty.close()
     output = run("lab", "--pty", "--speed", "max", "--duration", "0.3")
     assert "treadlink live serial:///dev/" in output
@@ -122,7 +122,7 @@ def _read_all(reader: int) -> bytes:
         data += piece
 
 
-def test_pty_without_a_reader_loses_bytes_and_does_not_wait(pty: PtyPort) -> None:
+def test_pty_without_a_reader_discards_bytes(pty: PtyPort) -> None:
     for _ in range(100):
         pty.write(bytes(2600))
     assert not pty.connected
@@ -138,7 +138,7 @@ def test_pty_without_a_reader_loses_bytes_and_does_not_wait(pty: PtyPort) -> Non
     pty.close()
 
 
-def test_pty_drops_whole_chunks_of_a_reader_that_is_too_slow(pty: PtyPort) -> None:
+def test_pty_drops_whole_chunks_for_a_slow_reader(pty: PtyPort) -> None:
     source = open_source("sim:demo?speed=max&duration=3", ManualClock())
     reader = os.open(pty.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     received, written = b"", 0

@@ -14,10 +14,9 @@ from firmware_protocol.messages import Environment, HubStatus, SampleBlock
 from gateway.config.vehicle_file import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
-from gateway.simulator.edge_jitter import EdgeJitter
+from gateway.simulator.disturbances import EdgeJitter
 from gateway.simulator.filters import band_noise_gain, loose_mass, resonator
-from gateway.simulator.motion import MotionProfile
-from gateway.simulator.rotation import Ripple, WheelRotation
+from gateway.simulator.motion import MotionProfile, Ripple, WheelRotation
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.sensor import mounting_matrix
 from gateway.simulator.simulated_wheel import WheelSimulator
@@ -65,7 +64,7 @@ def shapes(plan: WheelPlan, samples: int) -> np.ndarray:
     return look_up(table, plan.rotation(0.0).at(np.arange(samples) / RATE).angle_rad)
 
 
-def test_ripple_turns_as_told_and_back() -> None:
+def test_ripple_angle_and_time_are_inverse() -> None:
     rotation = WheelRotation(MotionProfile(Series(((0, 50), (3, 80)))), 0.3, 0.4, Ripple(0.05, 3.0, 0.7))
     time = np.linspace(0.0, 3.0, 30001)
     turning = rotation.at(time)
@@ -94,7 +93,7 @@ def test_ripple_in_samples_is_the_shape_at_the_rippled_speed() -> None:
 
 
 @pytest.mark.parametrize(("speed", "factor"), [(65.0, 1.0), (32.5, 0.25)])
-def test_imbalance_is_order_one_of_the_hub_and_grows_with_the_square_of_speed(speed: float, factor: float) -> None:
+def test_imbalance_is_order_one_and_quadratic_in_speed(speed: float, factor: float) -> None:
     wheel = "[wheel.vibration]\nimbalance_mps2 = 8.0\nimbalance_deg = 40.0"
     shaken = run(wheel, speed=str(speed)) - run(speed=str(speed))
     angle = plan_of(speed=str(speed)).rotation(0.0).at(np.arange(len(shaken)) / RATE).angle_rad
@@ -205,7 +204,7 @@ def test_driving_torque_reaches_the_ring() -> None:
     assert driven.longitudinal_force_n == pytest.approx(200.0 / driven.axle_height_m, rel=0.1)
 
 
-def test_electrical_tone_passes_by_the_lowpass() -> None:
+def test_electrical_tone_bypasses_the_lowpass() -> None:
     sensor = "bandwidth_hz = 100.0\n"
     added = run(sensor=f"{sensor}tone_mg = [0, 2000, 4000]\ntone_hz = 1000.0") - run(sensor=sensor)
     wave = np.sin(2 * math.pi * 1000.0 * np.arange(len(added)) / RATE)
@@ -248,7 +247,7 @@ def test_stuck_and_dead_channels_from_their_time_on() -> None:
     assert dead[: math.ceil(0.3 * RATE)] == pytest.approx(plain[: math.ceil(0.3 * RATE)])
 
 
-def test_a_silent_wheel_and_a_stuck_pressure_as_the_host_sees_them() -> None:
+def test_silent_wheel_and_stuck_pressure_reach_the_host() -> None:
     other = '[[wheel]]\nposition = "X"\nwheel = 1\n'
     wheel = "pressure_kpa = [[0, 200], [10, 300]]\n[wheel.defect]\nsilent_from_s = 6.0\npressure_stuck_from_s = 2.0\n"
     simulation = simulate(scenario_of(wheel + other), duration_s=8.0)
@@ -267,7 +266,7 @@ def test_a_silent_wheel_and_a_stuck_pressure_as_the_host_sees_them() -> None:
     assert decoder.counters.sources[(0, 0)].lost == 0
 
 
-def test_what_is_stated_wrongly_is_in_the_vehicle_and_not_in_the_samples() -> None:
+def test_misstatements_change_the_vehicle_file_only() -> None:
     stated = "[wheel.stated]\nload_n = 4500.0\npressure_kpa = 230.0\noffset_mm = 3.0\nroll_deg = 0.0\nradius_mm = 316.0"
     sensor = "offset_mm = 8.0\nroll_deg = 2.0"
     assert run(stated, sensor) == pytest.approx(run("", sensor))
@@ -278,7 +277,7 @@ def test_what_is_stated_wrongly_is_in_the_vehicle_and_not_in_the_samples() -> No
     assert "roll_deg = 2.0" in vehicle_toml(scenario_of("", sensor))
 
 
-def test_a_sensor_the_wrong_way_round_is_nobodys_intention() -> None:
+def test_a_reversed_sensor_is_not_in_the_vehicle_file() -> None:
     upside_down = "roll_deg = 180.0\nyaw_deg = 90.0"
     parse_vehicle(vehicle_toml(scenario_of("", upside_down)), "test")
     assert "roll_deg = 0.0" in vehicle_toml(scenario_of("", upside_down))
@@ -308,7 +307,7 @@ def test_effects_do_not_change_the_noise_of_each_other() -> None:
     assert (counts("") == counts("[wheel.vibration]\ncavity_rms_mps2 = 9.0")).all()
 
 
-def test_a_bad_scenario_of_effects_is_told_key_by_key() -> None:
+def test_faults_of_effect_tables_are_reported_by_key() -> None:
     text = """
 [sensor]
 rate_hz = 2000.0

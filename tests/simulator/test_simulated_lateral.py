@@ -13,12 +13,11 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.ply_steer import separate_plysteer_conicity
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
-from gateway.simulator.lateral_truth import slopes_of
 from gateway.simulator.scenario import load_scenario, parse_scenario
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import simulate
 from gateway.simulator.tire_table import LATERAL, Range, TireTable, look_up
-from gateway.simulator.truth import WheelTruth
+from gateway.simulator.truth import WheelTruth, slopes_of
 from gateway.simulator.wheel_plan import wheel_plans
 
 QUIET = "[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\n"
@@ -41,7 +40,7 @@ def run(wheel: str = "", tables: str = "", until_s: float = 0.5) -> np.ndarray:
 
 
 @pytest.mark.parametrize("slip_deg", [-0.7, 0.13, 0.9])
-def test_between_its_points_the_table_is_the_belt_under_slip(slip_deg: float) -> None:
+def test_lateral_table_interpolates_the_belt_under_slip(slip_deg: float) -> None:
     tire, slip = plan_of().tire, math.radians(slip_deg)
     table = TireTable(
         tire, Range(5000, 5000), Range(2.1e5, 2.1e5), Range(0, 60), Range(-math.radians(1), math.radians(1))
@@ -82,7 +81,7 @@ def test_ply_steer_turns_with_the_rotation_and_conicity_with_the_side() -> None:
     assert turned.first_half_rad == pytest.approx(ply_steer - conicity, rel=1e-6)
 
 
-def test_in_reverse_the_glued_sensor_reads_backwards_along_the_belt() -> None:
+def test_reverse_rolling_flips_the_circumferential_axis() -> None:
     tire = "[wheel.tire]\nfoundation_damping_nspm2 = 100.0\ncord_angle_deg = 0.0"
     ahead, back = run(tire), run(tire, '[motion]\ndirection = "reverse"')
     assert back[:, 0] == pytest.approx(-ahead[:, 0], abs=0.7)
@@ -98,7 +97,7 @@ def test_camber_over_time_is_gravity_over_time() -> None:
     assert truth_of(text).camber_rad(1.5) == pytest.approx(math.radians(15.0))
 
 
-def test_slip_over_time_reaches_the_lateral_axis_alone() -> None:
+def test_slip_reaches_the_lateral_axis_only() -> None:
     swept, straight = run("slip_angle_deg = [[0, 0], [1, 1]]", until_s=1.5), run(until_s=1.5)
     held = run("slip_angle_deg = 1.0", until_s=1.5)
     assert swept[:, [0, 2]] == pytest.approx(straight[:, [0, 2]], abs=1e-9)
@@ -122,7 +121,7 @@ def test_slopes_of_a_parabola_in_the_contact() -> None:
     assert found.adhesion_line_rad == pytest.approx(c * (0.5 * (leading + b) - b) / radius, rel=1e-2)
 
 
-def test_the_demo_steers_and_the_sweep_goes_both_ways() -> None:
+def test_demo_has_ply_steer_and_sweep_has_both_signs() -> None:
     for truth in (WheelTruth(plan, 0.0) for plan in wheel_plans(load_scenario("demo"))):
         for slope in truth.ply_steer(3.0):
             assert 0.1 < math.degrees(slope) < 0.25
@@ -133,7 +132,7 @@ def test_the_demo_steers_and_the_sweep_goes_both_ways() -> None:
     assert all(low < high for low, high in pairwise(found))
 
 
-def test_estimates_of_ply_steer_are_the_truth() -> None:
+def test_ply_steer_estimates_match_the_truth() -> None:
     text = "[scenario]\nseed = 3\n[sensor]\nroll_deg = 1.0\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
     simulation = simulate(parse_scenario(text, "test"), duration_s=8.0)
     setup = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
@@ -148,6 +147,6 @@ def test_estimates_of_ply_steer_are_the_truth() -> None:
         assert abs(estimate.value - value) < 4.0 * estimate.std, name
 
 
-def test_a_tread_that_slides_altogether_is_simulated_too() -> None:
+def test_a_fully_sliding_tread_is_simulated() -> None:
     measured = run("slip_angle_deg = 12.0")
     assert np.isfinite(measured).all()

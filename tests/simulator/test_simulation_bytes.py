@@ -50,7 +50,7 @@ def scenario(text: str, **arguments: float) -> tuple[list[Chunk], object]:
 WHEEL = '[[wheel]]\nposition = "W"\nwheel = 0\n'
 
 
-def test_same_seed_same_bytes_another_seed_others() -> None:
+def test_bytes_depend_on_the_seed_only() -> None:
     uri = "sim:demo?speed=max&duration=0.6"
     assert chunks_of(uri) == chunks_of(uri)
     assert chunks_of(f"{uri}&seed=1") == chunks_of(uri)
@@ -89,7 +89,7 @@ def test_fewer_axes_fill_the_frames_too(axes: str, size: int) -> None:
     assert {len(block.counts) for block in blocks} == {size}
 
 
-def test_hello_tells_the_sensor() -> None:
+def test_hello_describes_the_sensor() -> None:
     chunks, _ = scenario(
         f'{WHEEL}sensor_id = "00c0ffee"\n[wheel.sensor]\ncoupling = "ac"\nhighpass_hz = 2.0\nrate_hz = 4800.0\n'
         "radial_sign = -1\n[[hub]]\nhub = 0\nboot_count = 9\n",
@@ -159,7 +159,7 @@ def test_truth_finds_the_sensor_below_the_axle() -> None:
     assert truth.numbers(0.0).Cw == pytest.approx(0.195)
 
 
-def test_worn_tire_bends_with_the_cube_of_what_is_left() -> None:
+def test_bending_stiffness_is_cubic_in_thickness() -> None:
     text = f"{WHEEL}[wheel.tire]\nwear_mm = 5.0\nring_thickness_mm = 15.0\n"
     _, simulation = scenario(text, duration_s=0.1)
     numbers = simulation.truth["W"].numbers(0.0)  # type: ignore[attr-defined]
@@ -167,7 +167,7 @@ def test_worn_tire_bends_with_the_cube_of_what_is_left() -> None:
     assert numbers.Rs == pytest.approx(2.97)
 
 
-def test_pressure_stiffens_half_of_the_sidewall() -> None:
+def test_half_of_the_sidewall_stiffness_grows_with_pressure() -> None:
     _, simulation = scenario(f"{WHEEL}pressure_kpa = [[0, 210], [10, 420]]\n", duration_s=0.1)
     truth = simulation.truth["W"]  # type: ignore[attr-defined]
     assert truth.numbers(0.0).Rs == pytest.approx(2.97)
@@ -234,23 +234,23 @@ def test_faults_of_a_uri_and_of_a_scenario_add_up() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [
         ("speed=0", "speed=0 is not allowed"),
         ("speed=fast", "speed=fast is not allowed"),
         ("duration=-1", "duration=-1 is not allowed"),
         ("seed=x", "seed=x is not allowed"),
         ("sped=1", "no option 'sped'"),
-        ("fault=bang", "fault 'bang' is not known"),
+        ("fault=bang", "fault 'bang' is invalid"),
     ],
 )
-def test_wrong_options_are_told(options: str, told: str) -> None:
-    with pytest.raises(SourceError, match=told) as caught:
+def test_invalid_options_are_reported(options: str, message: str) -> None:
+    with pytest.raises(SourceError, match=message) as caught:
         open_source(f"sim:demo?{options}", ManualClock())
     assert caught.value.remedy
 
 
-def test_a_tire_that_cannot_carry_its_load_is_told() -> None:
+def test_an_unsolvable_tire_is_reported() -> None:
     text = f"{WHEEL}load_n = 50000.0\npressure_kpa = 20.0\n[wheel.tire]\nradius_mm = 120.0\n"
     with pytest.raises(ConfigError, match="wheel W: its tire cannot be solved"):
         simulate(parse_scenario(text, "test"))

@@ -15,8 +15,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock, TimeSync
 from gateway.errors import SourceError
 from gateway.io.source import Chunk
-from gateway.simulator.frame_pieces import cut, frame_pieces
-from gateway.simulator.link_faults import FAULTS, Fault, apply_faults, parse_fault, parse_faults
+from gateway.simulator.link_faults import FAULTS, Fault, apply_faults, cut, frame_pieces, parse_fault, parse_faults
 
 LINK = "sim:test"
 START_NS = 1_700_000_000_000_000_000
@@ -169,7 +168,7 @@ def test_reboot_restarts_everything_once() -> None:
         assert blocks[0].tick_us < 200_000
 
 
-def test_reboot_again_and_again_tells_the_hubs_clock_anew() -> None:
+def test_repeated_reboots_restart_the_hub_clock() -> None:
     stamps = [TimeSync(10**6 * n, 0) for n in range(60)]
     frames = [encode_frame(Frame(MessageType.TIME_SYNC, 2, 255, n, s.hub_us, s)) for n, s in enumerate(stamps)]
     frames[0] += encode_frame(Frame(MessageType.HELLO, 2, 0, 0, 0, HELLO))
@@ -194,9 +193,7 @@ def test_foreign_bytes_pass_a_reboot_unchanged() -> None:
     st.floats(0.0, 1.0),
     st.binary(max_size=60),
 )
-def test_any_mixture_of_faults_keeps_time_in_order_and_never_raises(
-    kinds: list[str], seed: int, rate: float, junk: bytes
-) -> None:
+def test_any_mixture_of_faults_keeps_time_ordered(kinds: list[str], seed: int, rate: float, junk: bytes) -> None:
     texts = [kind + ("" if kind == "reboot" else f":rate={rate}") for kind in kinds]
     chunks = [*stream(40), *([Chunk(LINK, START_NS + 10**9, junk)] if junk else [])]
     result = list(apply_faults(parse_faults(texts, seed), chunks))
@@ -207,7 +204,7 @@ def test_any_mixture_of_faults_keeps_time_in_order_and_never_raises(
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.binary(min_size=1, max_size=40), max_size=12), st.randoms(use_true_random=False))
-def test_cutting_at_frames_loses_no_byte(parts: list[bytes], random: object) -> None:
+def test_cutting_at_frame_borders_keeps_every_byte(parts: list[bytes], random: object) -> None:
     frames = [data_of(stream(3, 1))[:262], b"\xa5", b"\xa5\x5a", b"\xa5\x5a\x10\x02\xe0"]
     data = [item for part in parts for item in (part, random.choice(frames))]  # type: ignore[attr-defined]
     chunks = [Chunk(LINK, START_NS + n, item) for n, item in enumerate(data)]
@@ -221,7 +218,7 @@ def test_cutting_at_frames_loses_no_byte(parts: list[bytes], random: object) -> 
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("nonsense", "one of flip, drop"),
         ("flip:rat=1", "flip has the options rate, bits, not 'rat'"),
@@ -231,10 +228,10 @@ def test_cutting_at_frames_loses_no_byte(parts: list[bytes], random: object) -> 
         ("", "one of flip"),
     ],
 )
-def test_wrong_texts_tell_what_is_allowed(text: str, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_invalid_faults_name_the_allowed_values(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         parse_fault(text)
-    with pytest.raises(SourceError, match="is not known") as caught:
+    with pytest.raises(SourceError, match="is invalid") as caught:
         parse_faults([text])
     assert "flip:rate=0.01" in caught.value.remedy
 

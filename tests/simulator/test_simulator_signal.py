@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
-from gateway.physics.rolling_ring_waves import EdgeWaves
+from gateway.physics.tread_pattern import EdgeWaves
 from gateway.simulator.filters import highpass, lowpass, lowpass_noise_gain
 from gateway.simulator.motion import MotionProfile
 from gateway.simulator.scenario import parse_scenario
@@ -60,7 +60,7 @@ def test_motion_integrates_its_speed() -> None:
     assert profile.highest_mps == pytest.approx(20.0)
 
 
-def test_profile_repeats_and_starts_late_points_early() -> None:
+def test_profile_repeats_and_holds_before_the_first_point() -> None:
     profile = MotionProfile(Series(((0, 36), (1, 72), (2, 36))), repeat=True)
     assert profile.at(np.array([201.0])).speed_mps == pytest.approx(20.0)
     assert profile.at(np.array([200.0])).distance_m == pytest.approx(100 * 30.0)
@@ -83,14 +83,14 @@ def test_time_at_distance_is_the_inverse(steps: list[tuple[float, float]], time_
     assert profile.at(found).distance_m == pytest.approx(distance, abs=1e-6)
 
 
-def test_of_a_standstill_the_first_moment_is_told() -> None:
+def test_time_at_distance_is_the_start_of_a_standstill() -> None:
     profile = MotionProfile(Series(((0, 36), (1, 0), (4, 0), (5, 36), (6, 36), (7, 0), (8, 36))), repeat=True)
     assert profile.time_at(np.array([5.0, 5.0 + 1e-9])) == pytest.approx([1.0, 4.0], abs=1e-3)
     ends_standing = MotionProfile(Series(((0, 0), (1, 36), (2, 0), (5, 0))), repeat=True)
     assert ends_standing.time_at(np.array([10.0, 20.0])) == pytest.approx([2.0, 7.0])
 
 
-def test_a_distance_never_rolled_is_never_reached() -> None:
+def test_time_at_an_unreached_distance_is_infinite() -> None:
     assert MotionProfile(Series(((0, 36), (1, 0)))).time_at(np.array([5.0, 5.1])) == pytest.approx([1.0, math.inf])
 
 
@@ -115,7 +115,7 @@ def test_lowpass_rolls_off_with_two_poles_and_passes_steady_values() -> None:
 
 @given(st.lists(st.integers(0, 50), min_size=1, max_size=10))
 @settings(max_examples=30, deadline=None)
-def test_filters_do_not_see_the_blocks(sizes: list[int]) -> None:
+def test_filters_do_not_depend_on_block_length(sizes: list[int]) -> None:
     signal = np.random.default_rng(1).standard_normal((sum(sizes), 2))
     whole, parts = lowpass(700.0, 9600.0), lowpass(700.0, 9600.0)
     ends = np.cumsum([0, *sizes])
@@ -123,7 +123,7 @@ def test_filters_do_not_see_the_blocks(sizes: list[int]) -> None:
     assert np.concatenate(pieces) == pytest.approx(whole(signal), abs=1e-12)
 
 
-def test_noise_behind_the_lowpass_has_the_told_deviation() -> None:
+def test_lowpass_noise_gain_matches_the_noise() -> None:
     noise = np.random.default_rng(1).standard_normal((200_000, 1))
     assert lowpass(400.0, 9600.0)(noise).std() == pytest.approx(lowpass_noise_gain(400.0, 9600.0), rel=0.01)
 
@@ -134,7 +134,7 @@ def table() -> TireTable:
     return TireTable(tire, Range(4500, 5500), Range(2.0e5, 2.2e5), Range(0, 80))
 
 
-def test_tire_table_between_its_points_is_the_solution_there(table: TireTable) -> None:
+def test_tire_table_interpolates_the_solution(table: TireTable) -> None:
     load, pressure = 4830.0, 2.07e5
     direct = solve_rolling_ring(
         table.tire.ring_at(pressure), load, pressure, 50.0, nodes=RING_NODES, sensor_offset_m=0.004
@@ -161,7 +161,7 @@ def test_tire_table_without_damping_does_not_depend_on_speed(table: TireTable) -
     assert leading + trailing < -0.005
 
 
-def test_look_up_wraps_round_the_revolution(table: TireTable) -> None:
+def test_look_up_wraps_around_the_revolution(table: TireTable) -> None:
     wave = table.waveform(5000, 2.1e5, 50.0)
     angles = np.array([-math.pi, math.pi, 3 * math.pi, math.pi - 1e-15, -math.pi - 1e-12])
     assert look_up(wave, angles) == pytest.approx(np.tile(wave[0], (5, 1)), abs=1e-6)
@@ -196,14 +196,14 @@ def test_closure_identity_holds_over_whole_revolutions_at_any_acceleration() -> 
     assert mean == pytest.approx(1.0, abs=1e-3)
 
 
-def test_standing_wheel_feels_gravity_alone() -> None:
+def test_standing_wheel_reads_gravity_only() -> None:
     measured = run(wheel_of("camber_deg = 10.0", speed="0.0"), 0.5)
     camber = math.radians(10)
     assert measured[:, 2] == pytest.approx(STANDARD_GRAVITY_MPS2 * math.cos(camber), abs=0.2)
     assert measured[:, 1] == pytest.approx(STANDARD_GRAVITY_MPS2 * math.sin(camber), abs=0.2)
 
 
-def test_road_shakes_as_told_and_not_at_standstill() -> None:
+def test_road_noise_has_its_rms_and_none_at_standstill() -> None:
     toml = "[wheel.road]\nrms_mps2 = 20.0\nbandwidth_hz = 300.0\n"
     shaken, still = run(wheel_of(toml), 4.0), run(wheel_of(), 4.0)
     assert (shaken - still).std(axis=0) == pytest.approx(20.0, rel=0.1)
@@ -223,7 +223,7 @@ def test_bandwidth_delays_the_signal() -> None:
     assert 1 + int(np.argmin(lags)) == pytest.approx(math.sqrt(2) / (2 * math.pi * 300) * 9600, abs=1.0)
 
 
-def test_ac_coupling_takes_the_mean_away() -> None:
+def test_ac_coupling_removes_the_mean() -> None:
     sensor = QUIET + 'coupling = "ac"\nhighpass_hz = 1.0'
     coupled = run(wheel_of(sensor=sensor), 4.0)
     assert coupled[-9600:, 2].mean() == pytest.approx(0.0, abs=10.0)
@@ -246,7 +246,7 @@ def test_axes_sign_offset_gain_and_saturation() -> None:
     assert clipped[:, 2].max() == 32767
 
 
-def test_mounting_leaks_radial_into_the_other_axes() -> None:
+def test_mounting_angles_project_radial_onto_other_axes() -> None:
     tilted = run(wheel_of(sensor=QUIET + "roll_deg = 2.0\npitch_deg = 1.0"), 0.25)
     plain = run(wheel_of(), 0.25)
     assert tilted[:, 1].mean() / tilted[:, 2].mean() == pytest.approx(math.tan(math.radians(2)), rel=0.01)
@@ -274,7 +274,7 @@ def test_changing_pressure_and_load_fade_without_steps() -> None:
         assert inside * 2 * math.pi == pytest.approx(trailing - leading, rel=0.35)
 
 
-def test_edge_waves_run_out_of_both_edges_and_keep_the_belt_closed() -> None:
+def test_edge_waves_leave_both_edges_and_keep_the_belt_closed() -> None:
     theta = -math.pi + 2 * math.pi * np.arange(2048) / 2048
     wave = EdgeWaves(0.1, order_before=30.0, order_after=50.0, decay_rad=0.8).radial(theta, -0.24, 0.23)
     spectrum = np.abs(np.fft.rfft(wave))
@@ -293,7 +293,7 @@ def test_edge_waves_of_a_scenario_reach_the_samples() -> None:
     assert 0.05 < np.abs(waved - plain)[:, 2].max() / scale < 0.15
 
 
-def test_series_and_chain_are_what_they_are_told() -> None:
+def test_series_and_sensor_keep_their_parameters() -> None:
     series = Series(((0.0, 1.0), (2.0, 5.0)))
     assert [series.at(time) for time in (-1, 1, 9)] == [1.0, 3.0, 5.0]
     assert (series.low, series.high) == (1.0, 5.0)

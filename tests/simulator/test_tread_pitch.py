@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Coupling
-from gateway.physics.rolling_ring_waves import TreadPitch
+from gateway.physics.tread_pattern import TreadPitch
 from gateway.simulator.scenario import parse_scenario
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.wheel_plan import wheel_plans
@@ -50,13 +50,13 @@ def test_blocks_of_a_scenario_reach_the_samples(direction: str, sign: float) -> 
     assert np.abs(added).max() > 40.0
 
 
-def test_blocks_turn_the_belt_below_which_an_offset_sensor_sits() -> None:
+def test_blocks_tilt_an_offset_sensor() -> None:
     sensor = "offset_mm = 5.0"
     along = read(wheel_of(PATTERN, sensor))[:, 0] - read(wheel_of("", sensor))[:, 0]
     assert np.abs(along).max() == pytest.approx(0.005 / 0.32 * 60.0 * 0.05 * 0.32 * OMEGA**2, rel=0.1)
 
 
-def test_a_coupling_that_nobody_told_of() -> None:
+def test_an_undeclared_ac_coupling_is_simulated() -> None:
     hidden = wheel_of(sensor='coupling = "ac"\nhighpass_hz = 2.0\ncoupling_declared = false')
     assert hidden.chain.coupling == Coupling.DC
     assert hidden.chain.highpass_hz == 0.0
@@ -67,7 +67,7 @@ def test_a_coupling_that_nobody_told_of() -> None:
     assert abs(coupled[-4800:, 2].mean()) < 15.0
 
 
-def test_a_belt_that_does_not_stretch_closes_to_its_mean() -> None:
+def test_an_inextensible_belt_closes_to_its_mean() -> None:
     radial = read(wheel_of(tire="extension_stiffness_mn = 20000.0"), 0.11138)[:, 2]
     per_turn = 2 * math.pi / OMEGA * 9600.0
     assert len(radial) == math.ceil(per_turn)

@@ -46,7 +46,7 @@ def test_averaging_helps_by_the_root_of_the_count(base: Outcome) -> None:
     assert len(one.errors) == 8
 
 
-def test_samples_repeat_and_hold_what_was_asked_for() -> None:
+def test_samples_are_repeatable_and_as_requested() -> None:
     case = Case("noise", "base", waves=(MEASURED_WAVES,), road_rms_mps2=2.0, hub_rms_mps2=1.0, jitter_m=0.002)
     first, again = (samples_of(case, 3, np.random.default_rng(5)) for _ in range(2))
     assert np.array_equal(first.counts, again.counts)
@@ -58,7 +58,7 @@ def test_samples_repeat_and_hold_what_was_asked_for() -> None:
     assert np.abs(quiet.counts).max() > 30000  # as fine as 16 bit go
 
 
-def test_errors_are_relative_but_for_what_may_be_zero() -> None:
+def test_errors_are_relative_except_for_values_near_zero() -> None:
     sample = Sample()
     sample.add(Estimate("Bs", 2.2, 0.1, Status.VALID), 2.0)
     sample.add(Estimate("Bs", math.nan, math.nan, Status.INVALID, "no"), 2.0)
@@ -69,7 +69,7 @@ def test_errors_are_relative_but_for_what_may_be_zero() -> None:
     assert wear.bias == pytest.approx(0.3)
 
 
-def test_tables_show_every_estimator_that_has_something_to_show(base: Outcome) -> None:
+def test_tables_show_every_estimator_with_results(base: Outcome) -> None:
     tables = [*case_tables([base], NAMES, "noise"), *use_tables([base])]
     text = "\n".join(table.text(markdown=False) for table in tables)
     assert "weak-form" in text

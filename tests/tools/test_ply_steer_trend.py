@@ -78,7 +78,7 @@ def test_the_beams_answer_solves_its_equation() -> None:
         assert found == pytest.approx(integral, rel=1e-4)
 
 
-def test_laws_tried_and_rivals() -> None:
+def test_candidate_laws() -> None:
     derived = derived_laws(POINTS, ANGLE)
     assert len(derived) == 83
     named = {law.name: law for law in derived}

@@ -30,7 +30,7 @@ def base() -> RingSolution:
     return solve()
 
 
-def test_what_the_numbers_imply() -> None:
+def test_implied_stiffnesses() -> None:
     ring, at = base().ring, contact(base())
     assert ring.bending_stiffness_nm2 == pytest.approx(6.8, abs=0.05)
     assert ring.tension_width_m == pytest.approx(0.062, abs=6e-4)
@@ -50,17 +50,17 @@ def test_what_the_numbers_imply() -> None:
     assert stiffness == pytest.approx(229e3, abs=1e3)
 
 
-def test_the_linear_ring_is_flat_at_another_angle() -> None:
+def test_linear_ring_has_another_contact_angle() -> None:
     assert flat_angle(Kinematics.PRINTED) == pytest.approx(0.217, abs=1e-3)
     assert flat_angle(Kinematics.CORRECTED) == pytest.approx(0.208, abs=1e-3)
 
 
-def test_what_fixes_the_half_angle() -> None:
+def test_contact_half_angle_constraints() -> None:
     expected = {"Bs": -0.15, "Cw": -0.25, "Rs": -0.23, "Ts": 0.02, "kt": -0.09, "load": 0.71}
     assert sensitivities() == pytest.approx(expected, abs=6e-3)
 
 
-def test_what_the_numbers_leave_open() -> None:
+def test_undetermined_quantities() -> None:
     expected = {
         "tread kt / 3": (0.270, 26.9, 1.20, 1.17, 33.8, 5.4),
         "tread kt x 3": (0.219, 26.1, 1.34, 0.80, 33.8, 3.6),
@@ -89,7 +89,7 @@ def test_the_scale_of_forces_is_not_in_the_waveform(factor: float) -> None:
     assert contact(scaled(factor)).half_angle_rad == pytest.approx(contact(base()).half_angle_rad, rel=1e-5)
 
 
-def test_how_the_papers_estimator_reads_this_ring() -> None:
+def test_paper_estimator_on_this_ring() -> None:
     ratio, residual = ratio_with_truth_given(base())
     assert ratio == pytest.approx([0.78, 0.64, 1.07, 2.24], abs=6e-3)
     assert residual == pytest.approx(0.059, abs=6e-4)
@@ -102,7 +102,7 @@ def test_how_the_papers_estimator_reads_this_ring() -> None:
         (70.0, (0.84, 1.25, 0.90, 0.03), (0.69, 1.04, 0.94, 1.61), 0.08),
     ],
 )
-def test_a_tire_that_is_read_as_table_3(
+def test_a_tire_that_reads_as_table_3(
     tread_mpa: float, numbers: tuple[float, ...], read: tuple[float, ...], residual: float
 ) -> None:
     found = tire_that_reads_table_3(tread_mpa * 1e6)

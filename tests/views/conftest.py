@@ -21,7 +21,7 @@ from gateway.reasons import Code, Notice, Reason
 
 RADIUS_M = 0.32
 NUMBERS = {"Bs": (3.0833e-3, 1.2e-5), "Cw": (0.1953, 0.0012), "Rs": (2.974, 0.031), "Ts": (2.529, 0.099)}
-NEEDS_LOAD = "needs load (set load_n of the wheel, or weight_kg of its axle, in the vehicle file); the ratios do not"
+NEEDS_LOAD = Reason(Code.NEEDS_LOAD)
 
 
 def _curve(omega_radps: float, n: int = 512) -> np.ndarray:
@@ -31,7 +31,7 @@ def _curve(omega_radps: float, n: int = 512) -> np.ndarray:
     return baseline * (1.0 - dip)
 
 
-def _result(position="FL", index=12, speed_kmh=65.0, status=Status.VALID, reason="", load_n=5000.0, faults=(), **kw):
+def _result(position="FL", index=12, speed_kmh=65.0, status=Status.VALID, reasons=(), load_n=5000.0, faults=(), **kw):
     omega = speed_kmh / 3.6 / RADIUS_M
     revolution = Revolution(
         index=index,
@@ -60,16 +60,16 @@ def _result(position="FL", index=12, speed_kmh=65.0, status=Status.VALID, reason
         Estimate("contact_length_m", 0.1522, 0.0011, Status.VALID),
     )
     if load_n is None:
-        numbers = [Estimate(name, math.nan, math.nan, Status.INVALID, NEEDS_LOAD) for name in NUMBERS]
+        numbers = [Estimate.invalid(name, NEEDS_LOAD) for name in NUMBERS]
     elif status is Status.INVALID:
-        numbers = [Estimate(name, math.nan, math.nan, status, reason) for name in NUMBERS]
+        numbers = [Estimate.invalid(name, *reasons) for name in NUMBERS]
     else:
-        numbers = [Estimate(name, value, std, status, reason) for name, (value, std) in NUMBERS.items()]
+        numbers = [Estimate(name, value, std, status, reasons) for name, (value, std) in NUMBERS.items()]
     for name in ("Bs", "Rs", "Ts"):
         ratio = NUMBERS[name][0] / NUMBERS["Cw"][0]
         known = status is not Status.INVALID
         numbers.append(
-            Estimate(f"{name}/Cw", ratio if known else math.nan, 0.01 * ratio, status, "" if known else reason)
+            Estimate(f"{name}/Cw", ratio if known else math.nan, 0.01 * ratio, status, () if known else reasons)
         )
     estimates = kw.get("estimates", (*kinematic, *numbers))
     return RevolutionResult(position, 0, revolution, Conditions(RADIUS_M, load_n, 210e3, 31.5), estimates)

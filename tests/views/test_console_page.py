@@ -119,7 +119,7 @@ def test_ratios_are_shown_with_the_reason(made, size):
     rows = page(made.snapshot([made.wheel("FL", load_n=None), "FR"]), size)
     text = "\n".join(rows)
     assert "Bs/Cw 0.01579 ± 0.00016" in text
-    assert "ratios only: needs load" in text
+    assert "ratios only: needs the load" in text
     assert "load not stated" in text
 
 
@@ -133,9 +133,11 @@ def test_ratios_stand_under_their_numerators_in_the_overview(made):
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize(("status", "mark"), [(Status.PROVISIONAL, "~"), (Status.INVALID, "x")])
 def test_status_is_a_mark_with_a_reason(made, size, status, mark):
-    wheel = made.wheel("FL", result={"status": status, "reason": "average of 3 revolutions"})
+    wheel = made.wheel(
+        "FL", result={"status": status, "reasons": (Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0),)}
+    )
     rows = page(made.snapshot([wheel]), size)
-    assert row_with(rows, f"{mark} average of 3 revolutions")
+    assert row_with(rows, f"{mark} 3 revolutions so far")
     assert f"{'0.1953 ± 0.0012' if status is Status.PROVISIONAL else '—'} {mark}" in "\n".join(rows)
 
 

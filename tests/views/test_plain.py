@@ -5,6 +5,7 @@ import pytest
 from gateway.estimators.base import Estimate, Status
 from gateway.reasons import Code, Notice, Reason
 from gateway.views.plain import HEADER_EVERY, LINE_WIDTH, PlainView
+from gateway.views.wording import text
 
 
 @pytest.fixture
@@ -40,12 +41,12 @@ def test_header_returns_every_forty_lines(made, plain):
 
 def test_lines_fit_and_columns_stay_aligned(made, plain):
     view, lines = plain
-    long_reason = "a reason that is far too long for what the line has left, " * 3
+    long_reason = Reason(Code.UNKNOWN_ESTIMATOR, estimator="a name that is far too long for the line, " * 3)
     results = [
         made.result("FL"),
-        made.result("hub12.wheel3", status=Status.PROVISIONAL, reason=long_reason),
+        made.result("hub12.wheel3", status=Status.PROVISIONAL, reasons=(long_reason,)),
         made.result("a very long name of a wheel that nobody should ever give", load_n=None),
-        made.result("左前輪", status=Status.INVALID, reason=long_reason),
+        made.result("左前輪", status=Status.INVALID, reasons=(long_reason,)),
         made.result("FR", faults=(long_reason,)),
     ]
     for result in results:
@@ -61,32 +62,32 @@ def test_no_escape_code_no_nan(made, plain):
     view, lines = plain
     estimates = (Estimate("Cw", math.nan, math.nan, Status.VALID), Estimate("speed_mps", math.inf, 0.0, Status.VALID))
     view.result(made.result("\x1b[2Jevil", estimates=estimates))
-    view.result(made.result(status=Status.INVALID, reason="bad\x07bell\nnext"))
+    view.result(
+        made.result(status=Status.INVALID, reasons=(Reason(Code.UNKNOWN_ESTIMATOR, estimator="bad\x07bell\nnext"),))
+    )
     view.notice(Notice("hub 1", Reason(Code.QUOTED_TEXT, text="\x1b]0;title\x07\nand a second line")))
-    text = "".join(lines)
-    assert text.isprintable()
-    assert "nan" not in text
-    assert "inf" not in text
+    written = "".join(lines)
+    assert written.isprintable()
+    assert "nan" not in written
+    assert "inf" not in written
     assert lines[-2:] == ["# hub 1:  ]0;title ", "# and a second line"]
 
 
 def test_long_reason_is_written_in_full_once(made, plain):
     view, lines = plain
     for count in range(3):
-        reason = f"average of {count} revolutions, settles at 8 and some more words"
-        view.result(made.result(index=count, status=Status.PROVISIONAL, reason=reason))
+        reason = Reason(Code.RING_DOES_NOT_FIT, residual=0.6 + 0.1 * count, limit=0.5)
+        view.result(made.result(index=count, status=Status.PROVISIONAL, reasons=(reason,)))
     full = [line for line in lines if line.startswith("# ")]
-    assert full == ["# FL rev 0: average of 0 revolutions, settles at 8 and some more words"]
-    assert all(" ~  average of" in line for line in lines if line.startswith("FL"))
+    assert full == [f"# FL rev 0: {text(Reason(Code.RING_DOES_NOT_FIT, residual=0.6, limit=0.5))}"]
+    assert all(" ~  the ring does not" in line for line in lines if line.startswith("FL"))
 
 
 def test_remark_on_valid_numbers_is_written_once(made, plain):
     view, lines = plain
     for position in ("FL", "FR", "FL"):
-        view.result(made.result(position, reason="linear ring: model error is not in the standard error"))
-    assert [line for line in lines if line.startswith("#")] == [
-        "# linear ring: model error is not in the standard error"
-    ]
+        view.result(made.result(position, reasons=(Reason(Code.LINEAR_RING),)))
+    assert [line for line in lines if line.startswith("#")] == [f"# {text(Reason(Code.LINEAR_RING))}"]
     assert all(line.endswith(" ok") for line in lines if line.startswith("F"))
 
 
@@ -95,14 +96,14 @@ def test_ratios_are_named_as_such(made, plain):
     view.result(made.result(load_n=None))
     assert "Bs/Cw 0.01579±0.00016" in lines[1]
     assert "ok ratios only" in lines[1]
-    assert made.needs_load in lines[2]
+    assert text(made.needs_load) in lines[2]
 
 
 def test_differing_marks_are_at_the_numbers(made, plain):
     view, lines = plain
     estimates = (
         Estimate("Cw", 0.1953, 0.0012, Status.VALID),
-        Estimate("Ts", 2.5, 2.6, Status.PROVISIONAL, "error exceeds value"),
+        Estimate("Ts", 2.5, 2.6, Status.PROVISIONAL, (Reason(Code.NOT_DETERMINED, relative_error=1.04),)),
     )
     view.result(made.result(estimates=estimates))
     assert "Cw 0.1953±0.0012 " in lines[1]

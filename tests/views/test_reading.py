@@ -2,8 +2,15 @@ import dataclasses
 import math
 
 from gateway.estimators.base import Estimate, Status
+from gateway.reasons import Code, Reason
 from gateway.views.numbers import MISSING
 from gateway.views.readout import read_result
+from gateway.views.wording import text
+
+LINEAR = Reason(Code.LINEAR_RING)
+FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
+AT_ZERO = Reason(Code.FIT_AT_ZERO, number="Rs")
+SATURATED = Reason(Code.RADIAL_SATURATED)
 
 
 def test_numbers_are_shown_and_their_ratios_are_not(made):
@@ -22,31 +29,33 @@ def test_ratios_stand_in_when_the_load_is_missing(made):
     assert [number.label for number in reading.numbers] == ["Bs/Cw", "Rs/Cw", "Ts/Cw"]
     assert reading.ratios_only
     assert reading.status is Status.VALID
-    assert reading.note == f"ratios only: {made.needs_load}"
+    assert reading.note == f"ratios only: {text(made.needs_load)}"
 
 
 def test_worst_status_and_its_reason_win(made):
     estimates = (
-        Estimate("Bs", 3e-3, 1e-4, Status.VALID, "linear ring"),
-        Estimate("Cw", 0.2, 0.01, Status.PROVISIONAL, "few revolutions"),
-        Estimate("Rs", math.nan, math.nan, Status.INVALID, "the fit puts it at zero"),
+        Estimate("Bs", 3e-3, 1e-4, Status.VALID, (LINEAR,)),
+        Estimate("Cw", 0.2, 0.01, Status.PROVISIONAL, (FEW,)),
+        Estimate.invalid("Rs", AT_ZERO),
     )
     reading = read_result(made.result(estimates=estimates))
     assert reading.status is Status.INVALID
-    assert reading.note == "the fit puts it at zero"
-    assert read_result(made.result(estimates=estimates[:2])).note == "few revolutions"
-    assert read_result(made.result(estimates=estimates[:1])).note == "linear ring"
+    assert reading.reasons == (AT_ZERO,)
+    assert read_result(made.result(estimates=estimates[:2])).reasons == (FEW,)
+    assert read_result(made.result(estimates=estimates[:1])).reasons == (LINEAR,)
 
 
 def test_fault_of_the_revolution_comes_first(made):
-    result = made.result(status=Status.INVALID, reason="no contact", faults=("one frame lost", "saturated"))
-    assert read_result(result).note == "one frame lost; saturated"
+    faults = (Reason(Code.SAMPLES_LOST), Reason(Code.RADIAL_SATURATED))
+    reading = read_result(made.result(status=Status.INVALID, reasons=(AT_ZERO,), faults=faults))
+    assert reading.reasons == faults
+    assert reading.note == f"{text(faults[0])}; {text(faults[1])}"
 
 
 def test_reason_of_the_angles_is_told_when_the_numbers_have_none(made):
     result = made.result()
-    estimates = (Estimate("speed_mps", 18.0, 0.1, Status.PROVISIONAL, "sensor saturated"), *result.estimates[1:])
-    assert read_result(dataclasses.replace(result, estimates=estimates)).note == "sensor saturated"
+    estimates = (Estimate("speed_mps", 18.0, 0.1, Status.PROVISIONAL, (SATURATED,)), *result.estimates[1:])
+    assert read_result(dataclasses.replace(result, estimates=estimates)).reasons == (SATURATED,)
 
 
 def test_without_estimates_the_revolution_speaks(made):

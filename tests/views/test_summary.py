@@ -6,11 +6,17 @@ import pytest
 
 from gateway.estimators.base import Conditions, Estimate, Revolution, Status
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
+from gateway.reasons import Code, Reason
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
+from gateway.views.wording import text
+
+LOST = Reason(Code.SAMPLES_LOST)
+FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
+OUTSIDE = Reason(Code.EFFECTS_OUTSIDE_LOADS, load_n=6500.0, low_n=4000.0, high_n=6000.0)
 
 
 def result(
-    position: str, period_s: float, *estimates: Estimate, missing: float = 0.0, faults: tuple[str, ...] = ()
+    position: str, period_s: float, *estimates: Estimate, missing: float = 0.0, faults: tuple[Reason, ...] = ()
 ) -> RevolutionResult:
     revolution = Revolution(
         index=0,
@@ -35,18 +41,18 @@ def result(
     return RevolutionResult(position, 0, revolution, Conditions(0.5 / math.pi), estimates)
 
 
-def bs(value: float, status: Status = Status.VALID, reason: str = "") -> Estimate:
-    return Estimate("Bs", value, 1.2e-5, status, reason)
+def bs(value: float, status: Status = Status.VALID, *reasons: Reason) -> Estimate:
+    return Estimate("Bs", value, 1.2e-5, status, reasons)
 
 
 def test_sums_per_wheel() -> None:
     summary = ResultSummary()
     summary.add(result("FL", 0.1, bs(3e-3), missing=0.3))
     summary.add(result("RR", 0.2))
-    summary.add(result("FL", 0.3, bs(3.083e-3), faults=("too much missing",)))
+    summary.add(result("FL", 0.3, bs(3.083e-3), faults=(LOST,)))
     front, rear = summary.wheels()
     assert (front.position, front.revolutions, front.revolutions_valid) == ("FL", 2, 1)
-    assert front.faults == {"too much missing": 1}
+    assert front.faults == {LOST: 1}
     # 1 m of circumference: distance over time, not the mean of the speeds.
     assert front.distance_m == pytest.approx(2.0)
     assert front.speed_mean_mps == pytest.approx(2.0 / 0.4)
@@ -58,7 +64,7 @@ def test_sums_per_wheel() -> None:
 
 def test_the_last_estimate_that_is_not_invalid_stays() -> None:
     summary = ResultSummary()
-    refused = bs(math.nan, Status.INVALID, "saturated")
+    refused = bs(math.nan, Status.INVALID, Reason(Code.RADIAL_SATURATED))
     summary.add(result("FL", 0.1, refused))
     assert summary.wheels()[0].estimates == (refused,)
     good = bs(3e-3, Status.PROVISIONAL)
@@ -70,37 +76,42 @@ def test_the_last_estimate_that_is_not_invalid_stays() -> None:
 def test_lines_are_aligned_and_rounded_to_the_error() -> None:
     summary = ResultSummary()
     speed = Estimate("speed_mps", 10.00012345, 0.0021, Status.VALID)
-    summary.add(result("FL", 0.1, speed, bs(3.0834e-3, Status.PROVISIONAL, "few revolutions"), missing=0.01))
+    summary.add(result("FL", 0.1, speed, bs(3.0834e-3, Status.PROVISIONAL, FEW), missing=0.01))
     lines = summary_lines(summary.wheels())
     assert lines[0] == "FL"
     by_label = {line.split("  ")[1].strip(): line for line in lines[1:]}
     assert "36.0004 ± 0.0076 km/h" in by_label["speed"]
     assert "(3.083 ± 0.012)e-3" in by_label["Bs"]
-    assert "provisional: few revolutions" in by_label["Bs"]
+    assert f"provisional: {text(FEW)}" in by_label["Bs"]
     assert "36.000 km/h" in by_label["mean speed"]
     assert "1.000 %" in by_label["samples lost"]
     assert "all valid" in by_label["revolutions"]
     column = by_label["revolutions"].index("1")
-    assert {line.index(text) for line, text in ((by_label["speed"], "36.0004"), (by_label["Bs"], "(3.083"))} == {column}
+    assert {line.index(number) for line, number in ((by_label["speed"], "36.0004"), (by_label["Bs"], "(3.083"))} == {
+        column
+    }
 
 
 def test_a_shared_reason_is_told_once() -> None:
     summary = ResultSummary()
-    refused = [Estimate(name, math.nan, math.nan, Status.INVALID, "no load") for name in ("Bs", "Cw")]
-    early = [Estimate(name, 2.0, 0.1, Status.PROVISIONAL, "few") for name in ("Rs_over_Cw", "Ts_over_Cw")]
+    refused = [Estimate.invalid(name, Reason(Code.NOT_FINITE)) for name in ("Bs", "Cw")]
+    early = [
+        Estimate(name, 2.0, 0.1, Status.PROVISIONAL, (Reason(Code.FIT_NOT_CONVERGED),))
+        for name in ("Rs_over_Cw", "Ts_over_Cw")
+    ]
     summary.add(result("FL", 0.1, *refused, *early))
     lines = [line.split() for line in summary_lines(summary.wheels())]
-    assert ["Bs,", "Cw", "—", "invalid:", "no", "load"] in lines
-    assert ["Rs/Cw", "2.00", "±", "0.10", "provisional:", "few"] in lines
+    assert ["Bs,", "Cw", "—", "invalid:", *text(Reason(Code.NOT_FINITE)).split()] in lines
+    assert ["Rs/Cw", "2.00", "±", "0.10", "provisional:", *text(Reason(Code.FIT_NOT_CONVERGED)).split()] in lines
     assert ["Ts/Cw", "2.00", "±", "0.10", "provisional"] in lines
 
 
 def test_faults_and_links_are_told() -> None:
     summary = ResultSummary()
-    summary.add(result("FL", 0.1, faults=("late",)))
+    summary.add(result("FL", 0.1, faults=(LOST,)))
     link = LinkSnapshot("sim:demo", False, "", 100, 990, 3, 17, 10, 0, 2, 0, None, {"pipeline": 4})
     lines = summary_lines(summary.wheels(), [link])
-    assert any("0 valid; 1 late" in line for line in lines)
+    assert any(f"0 valid; 1 x {text(LOST)}" in line for line in lines)
     assert lines[-1] == (
         "sim:demo: 990 frames, 10 lost (1.00 %), 3 bad CRC, 2 reordered, 17 noise bytes, 4 dropped by pipeline"
     )
@@ -113,11 +124,12 @@ def test_nothing_at_all() -> None:
 @pytest.mark.parametrize(
     ("uncorrected", "says"),
     [
-        ((), "FL: taken off its axes: roll tilt, imbalance"),
-        ((0, 1, 2), "FL: NOT taken off its axes: roll tilt, imbalance: 6500 N is outside"),
+        ((), "FL: subtracted from its axes: roll tilt, imbalance"),
+        ((0, 1, 2), f"FL: NOT subtracted from its axes: roll tilt, imbalance: {text(OUTSIDE)}"),
         (
             (0,),
-            "FL: taken off its axes in 2 of 3 revolutions: roll tilt, imbalance; not in the others: 6500 N is outside",
+            "FL: subtracted from its axes in 2 of 3 revolutions: roll tilt, imbalance; "
+            f"not in the others: {text(OUTSIDE)}",
         ),
     ],
     ids=["all", "none", "some"],
@@ -126,7 +138,7 @@ def test_known_effects_are_said_to_be_taken_off_where_they_are(uncorrected: tupl
     summary = ResultSummary()
     for number in range(3):
         one = result("FL", 0.1)
-        reason = "6500 N is outside" if number in uncorrected else ""
+        reason = OUTSIDE if number in uncorrected else None
         summary.add(replace(one, revolution=replace(one.revolution, uncorrected=reason)))
     (wheel,) = summary.wheels()
     assert effects_line(wheel, ["roll tilt", "imbalance"]) == says

@@ -13,12 +13,17 @@ import pytest
 from gateway.errors import OutputError
 from gateway.estimators.base import Conditions, Estimate, Revolution, Status
 from gateway.pipeline.results import RevolutionResult
+from gateway.reasons import Code, Reason
 from gateway.views.tables.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
+from gateway.views.wording import joined, text
 
+FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
+UNKNOWN = Reason(Code.UNKNOWN_ESTIMATOR, estimator='says; "none"')
+FAULTS = (Reason(Code.SAMPLES_LOST), Reason(Code.RADIAL_SATURATED))
 START_NS = 1_700_000_000_123_456_789
-BS = Estimate("Bs", 3.08e-3, 1.2e-5, Status.PROVISIONAL, "few revolutions, so far")
+BS = Estimate("Bs", 3.08e-3, 1.2e-5, Status.PROVISIONAL, (FEW,))
 SPEED = Estimate("speed_mps", 18.0554321987, 0.002, Status.VALID)
-TS = Estimate("Ts", math.nan, math.nan, Status.INVALID, 'load unknown; says "none"')
+TS = Estimate.invalid("Ts", UNKNOWN)
 
 
 def result(
@@ -42,7 +47,7 @@ def result(
         missing_fraction=0.25,
         saturated=index % 2 == 1,
         ac_coupled=False,
-        faults=("too much missing", "late") if index == 0 else (),
+        faults=FAULTS if index == 0 else (),
     )
     return RevolutionResult(position, START_NS + index, revolution, Conditions(0.32, **conditions), estimates)
 
@@ -83,9 +88,9 @@ def test_every_value_comes_back_exactly(tmp_path: Path, table_format: TableForma
     assert (first["position"], first["revolution"], first["host_ns"]) == ("FL", 0, START_NS)
     assert (first["device_start_s"], first["device_end_s"]) == (1.5, 1.6)
     assert (first["speed_mps"], first["speed_mps_std"], first["speed_mps_status"]) == (18.0554321987, 0.002, "valid")
-    assert (first["Bs"], first["Bs_status"], first["Bs_reason"]) == (3.08e-3, "provisional", "few revolutions, so far")
+    assert (first["Bs"], first["Bs_status"], first["Bs_reason"]) == (3.08e-3, "provisional", text(FEW))
     assert (first["Ts"], first["Ts_std"]) == (None, None)
-    assert (first["Ts_status"], first["Ts_reason"]) == ("invalid", 'load unknown; says "none"')
+    assert (first["Ts_status"], first["Ts_reason"]) == ("invalid", text(UNKNOWN))
     assert (first["load_n"], first["load_std_n"], first["pressure_pa"], first["temperature_degc"]) == (
         5000.0,
         50.0,
@@ -93,9 +98,20 @@ def test_every_value_comes_back_exactly(tmp_path: Path, table_format: TableForma
         None,
     )
     assert first["acceleration_mps2"] == pytest.approx(0.64)
-    assert (first["missing_fraction"], first["saturated"], first["faults"]) == (0.25, False, "too much missing; late")
+    assert (first["missing_fraction"], first["saturated"], first["faults"]) == (0.25, False, joined(FAULTS))
     assert (second["position"], second["saturated"], second["load_n"], second["load_std_n"]) == ("FR", True, None, None)
     assert second["faults"] == ""
+
+
+def test_json_lines_list_reasons_as_values(tmp_path: Path) -> None:
+    path = tmp_path / "out"
+    with open_table(path, TableFormat.JSON) as table:
+        table.write(result(0))
+    (row,) = read_back(path, TableFormat.JSON)
+    values = {"revolutions": 3.0, "needed": 8.0}
+    assert row["Bs_reasons"] == [{"code": "not_settled", "values": values, "text": text(FEW)}]
+    assert row["speed_mps_reasons"] == []
+    assert [fault["code"] for fault in row["fault_reasons"]] == ["samples_lost", "radial_saturated"]
 
 
 def test_host_time_is_iso_and_a_timestamp_in_parquet(tmp_path: Path) -> None:

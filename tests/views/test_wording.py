@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,16 @@ def test_reasons_are_made_with_the_values_of_their_template():
             if isinstance(code, ast.Attribute) and None not in named and named != fields(Code[code.attr]):
                 wrong.append(f"{path.relative_to(GATEWAY)}:{node.lineno} {code.attr}: {named}")
     assert wrong == []
+
+
+@pytest.mark.parametrize("code", list(Code))
+def test_every_template_prints_its_values(code: Code) -> None:
+    assert text(Reason(code, **dict.fromkeys(fields(code), 1.0)))
+
+
+def test_what_is_not_finite_is_null_in_json() -> None:
+    values = as_json(Reason(Code.NOT_DETERMINED, relative_error=math.inf))["values"]
+    assert values == {"relative_error": None}
 
 
 def test_a_reason_is_given_once():

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters
-from gateway.physics.rolling_ring_waves import EdgeWaves
+from gateway.physics.tread_pattern import EdgeWaves
 
 RADIUS_M = 0.32
 REFERENCE_PA = 2.1e5

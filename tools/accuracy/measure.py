@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
 from accuracy.chain import Turn, hello_of, take, turns_of
 from accuracy.signals import samples_of, truth_of
@@ -16,9 +17,9 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Estimate, Status
 from gateway.estimators.registry import make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
-from gateway.physics.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Reason
 from gateway.signal.synchronous_average import RunningAverage
 
 LONG = 100
@@ -104,7 +105,7 @@ class Outcome:
         single: of one revolution.
         long: after LONG.
         bound: of one revolution, relative, by quantity.
-        reasons: last reason why an estimate was not valid, after LONG.
+        reasons: last reasons why an estimate was not valid, after LONG.
     """
 
     case: Case
@@ -112,7 +113,7 @@ class Outcome:
     single: dict[tuple[str, str], Sample] = field(default_factory=dict)
     long: dict[tuple[str, str], Sample] = field(default_factory=dict)
     bound: dict[str, float] = field(default_factory=dict)
-    reasons: dict[tuple[str, str], str] = field(default_factory=dict)
+    reasons: dict[tuple[str, str], tuple[Reason, ...]] = field(default_factory=dict)
 
 
 def truths(case: Case) -> dict[str, float]:
@@ -175,7 +176,7 @@ def measure(case: Case, estimators: Sequence[str], effort: Effort) -> Outcome:
         final = _after(estimators, turns)
         _add(outcome.long, final, truth)
         outcome.reasons |= {
-            (name, e.name): e.reason for name, found in final.items() for e in found if e.status is not Status.VALID
+            (name, e.name): e.reasons for name, found in final.items() for e in found if e.status is not Status.VALID
         }
         for index, turn in enumerate(turns[:share]):
             _add(outcome.single, _after(estimators if index < slow_share else quick, [turn]), truth)
@@ -227,7 +228,7 @@ def _with_half_angle(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
         0.5 * (trailing.value - leading.value),
         0.5 * math.hypot(leading.std, trailing.std),
         leading.status,
-        leading.reason,
+        leading.reasons,
     )
     return (*estimates, half)
 
@@ -238,7 +239,7 @@ def _mean(history: list[tuple[Estimate, ...]]) -> tuple[Estimate, ...]:
     for column in zip(*history, strict=True):
         values = [estimate.value for estimate in column if math.isfinite(estimate.value)]
         mean = float(np.mean(values)) if values else math.nan
-        rows.append(Estimate(column[0].name, mean, column[-1].std, column[-1].status, column[-1].reason))
+        rows.append(Estimate(column[0].name, mean, column[-1].std, column[-1].status, column[-1].reasons))
     return tuple(rows)
 
 

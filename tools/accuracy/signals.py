@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from accuracy.cases import RADIUS_M, Case
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
-from gateway.physics.rolling_ring_waveform import angle_derivatives
+from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.simulator.filters import lowpass, lowpass_noise_gain
 from gateway.types import FloatArray
 

@@ -1,4 +1,4 @@
-"""A blind rig for the closure: tires, sensors and what nobody declares, recordings, sealed labels, a judge."""
+"""Blind test of the closure: random tires and sensors with undeclared effects, recordings, sealed labels, judgement."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""The tire, the sensor and the runs of a case before anything is wrong with them: what the exact start model has."""
+"""Baseline of a case: a tire, a sensor and runs that the exact baseline model describes completely."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# The default of the closure's own ring is as stiff; at 20 GN a belt stretches by a millionth.
+# As stiff as the closure's own ring; at 20 GN a belt stretches by a millionth.
 EXTENSION_STIFFNESS_MN = 20_000.0
 # With half as many a belt is softer by a shear length of 0.4 mm, which shows in a hundred revolutions at 3 mg/rtHz.
 RING_NODES = 2880
@@ -20,11 +20,11 @@ class Run:
     """One recording's conditions, all of them declared.
 
     Attributes:
-        speed_kmh: mean; it drifts a little.
-        load_n: on the wheel.
+        speed_kmh: mean; it drifts slightly.
+        load_n: wheel load.
         pressure_kpa: gauge.
         temperature_degc: of sensor and inner liner.
-        reverse: the tire rolls the other way round.
+        reverse: whether the tire rolls backwards.
     """
 
     speed_kmh: float
@@ -36,7 +36,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """A tire, a sensor and a campaign with nothing wrong: an undamped ring without stretch or ply steer, a flat road.
+    """A tire, a sensor and a campaign without undeclared effects: undamped inextensible ring, no ply steer, flat road.
 
     Attributes:
         radius_mm: belt radius.
@@ -48,7 +48,7 @@ class Bench:
         offset_mm: of the sensor below the neutral layer, declared.
         rate_hz: sampling rate.
         noise_mg_rthz: density on circumferential, lateral, radial.
-        lateral: stiffnesses of the belt sideways, by the scenario's keys.
+        lateral: lateral stiffnesses of the belt, by the scenario's keys.
         runs: recordings.
     """
 
@@ -71,7 +71,7 @@ class Bench:
 
 
 def draw_bench(rng: np.random.Generator) -> Bench:
-    """Return a tire and a sensor of a passenger car, and seven runs that part speed, load, pressure and heat."""
+    """Return a passenger car tire, a sensor, and seven runs that separate speed, load, pressure and temperature."""
     paper = (3.0833e-3, 0.1953, 2.9740, 2.5289)
     spread = (0.35, 0.2, 0.25, 0.4)
     bs, cw, rs, ts = (value * math.exp(rng.uniform(-s, s)) for value, s in zip(paper, spread, strict=True))

@@ -1,4 +1,4 @@
-"""A sensor whose radial axis is not straight, which the simulator does not have."""
+"""Sensor with a nonlinear radial axis, which the simulator cannot make."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ class Bend:
     cube_s4pm2: float
 
     def __call__(self, force_mps2: FloatArray) -> FloatArray:
-        """Return (n, 3) specific force as the element takes it."""
+        """Return (n, 3) specific force as the nonlinear element reads it."""
         read = force_mps2.copy()
         read[:, 2] *= 1.0 + force_mps2[:, 2] * (self.square_s2pm + self.cube_s4pm2 * force_mps2[:, 2])
         return read
 
 
 class BentChain:
-    """A sensor chain that takes what it feels for something else."""
+    """Sensor chain with a nonlinear element."""
 
     def __init__(self, chain: SensorChain, bend: Bend) -> None:
-        """Take the sensor and its bend."""
+        """Take the sensor and its nonlinearity."""
         self._chain = chain
         self._bend = bend
 
@@ -43,5 +43,5 @@ class BentChain:
         return getattr(self._chain, name)
 
     def __call__(self, force_mps2: FloatArray, time_s: FloatArray, temperature_degc: float) -> NDArray[np.int16]:
-        """Return the sensor's counts of the bent force."""
+        """Return the sensor's counts of the distorted force."""
         return self._chain(self._bend(force_mps2), time_s, temperature_degc)

@@ -1,4 +1,4 @@
-"""What may be wrong: every effect of the catalogue that the simulator can make, at three sizes."""
+"""Undeclared effects: every effect of the catalogue that the simulator can make, at three sizes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from closure_rig.bent import Bend
 from gateway.constants import STANDARD_GRAVITY_MPS2
 
 Tables = Mapping[str, Mapping[str, Any]]
-"""Changes to a scenario: table -> key -> value; "wheel" is the wheel's own table, "stated" is what is declared."""
+"""Changes to a scenario: table -> key -> value; "wheel" is the wheel's table, "stated" the declared values."""
 
 SIZES: Final = ("small", "middle", "large")
 
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """What a cause is made from.
+    """Inputs from which a cause is made.
 
     Attributes:
         size: in the cause's unit.
@@ -47,16 +47,16 @@ class Drawing:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """Something physical that a scenario can have.
+    """A physical effect that a scenario can contain.
 
     Attributes:
-        name: as the catalogue calls it.
+        name: in the catalogue.
         unit: of the sizes.
-        sizes: about the detection limit of the campaign, three times that, and what tires and sensors really have.
-        tables: what to change for a size.
-        mirrored: (table, key) of phases that change sign when the tire rolls the other way round.
+        sizes: about the detection limit of the campaign, three times that, and a typical large value.
+        tables: changes to the scenario for a size.
+        mirrored: (table, key) of phases that change sign when the tire rolls backwards.
         per_load: (table, key) of what is in proportion to each run's load; their values are for 1 N.
-        bend: of the sensor, which no scenario has; None where the tables say it all.
+        bend: nonlinearity of the sensor, which no scenario has; None when the tables are enough.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""From a seed to a case: a tire, a sensor, what is wrong and by how much, and the label that says so."""
+"""Drawing of a case from a seed: tire, sensor, undeclared effects with sizes, and the label that lists them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from closure_rig.bent import Bend
 from closure_rig.causes import CAUSES, SIZES, Drawing, Tables, cause
 from closure_rig.outside import STRANGERS, Disturbance, stranger
 
-# Pairs that cannot be in one tire and sensor, or of which one hides the other.
+# Pairs that exclude or mask each other.
 UNPAIRED: Final = frozenset(
     frozenset(pair)
     for pair in (
@@ -31,7 +31,7 @@ UNPAIRED: Final = frozenset(
 
 
 class Kind(StrEnum):
-    """What a case is about."""
+    """Kind of a case."""
 
     EFFECT = "effect"
     PAIR = "pair"
@@ -41,12 +41,12 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What to draw.
+    """Order for a case.
 
     Attributes:
         kind: of the case.
         seed: of everything else.
-        names: effects, or what is outside the catalogue; empty for nothing.
+        names: effects, in or outside the catalogue; empty for none.
         size: index in SIZES.
     """
 
@@ -66,14 +66,14 @@ class Case:
     """A case to be recorded.
 
     Attributes:
-        order: what was asked for.
-        bench: tire, sensor and runs without what is wrong.
-        tables: what is wrong, as changes to the scenario.
+        order: the order.
+        bench: tire, sensor and runs without undeclared effects.
+        tables: undeclared effects, as changes to the scenario.
         mirrored: keys of `tables` that change sign in reverse.
         per_load: keys of `tables` to be multiplied by a run's load.
-        disturbance: what is wrong, added to the samples.
-        bend: of the sensor, which the scenario does not have.
-        label: what the recordings do not tell; to be sealed.
+        disturbance: undeclared disturbance, added to the samples.
+        bend: nonlinearity of the sensor.
+        label: the truth, to be sealed.
     """
 
     order: Order
@@ -87,10 +87,10 @@ class Case:
 
 
 def draw(order: Order) -> Case:
-    """Return the case of an order; the same one each time.
+    """Return the case of an order, the same one each time.
 
     Raises:
-        ValueError: effects that cannot be had together.
+        ValueError: effects that cannot occur together.
     """
     bench_rng, rng = np.random.default_rng(order.number).spawn(2)
     bench = draw_bench(bench_rng)
@@ -135,7 +135,7 @@ def draw(order: Order) -> Case:
 
 
 def blind(seed: int) -> Order:
-    """Return what a seed draws when nobody asks for anything: an effect, a pair, a stranger or nothing."""
+    """Return the order that a seed draws: an effect, a pair, an effect outside the catalogue, or none."""
     rng = np.random.default_rng(seed)
     kind = Kind(str(rng.choice([Kind.EFFECT, Kind.PAIR, Kind.OUTSIDE, Kind.NOTHING], p=[0.5, 0.2, 0.15, 0.15])))
     size = int(rng.integers(0, len(SIZES)))
@@ -149,7 +149,7 @@ def blind(seed: int) -> Order:
 
 
 def pair(rng: np.random.Generator) -> tuple[str, str]:
-    """Return two effects that can be had together."""
+    """Return two effects that can occur together."""
     while True:
         first, second = (CAUSES[int(i)].name for i in rng.choice(len(CAUSES), 2, replace=False))
         if frozenset((first, second)) not in UNPAIRED:

@@ -1,4 +1,4 @@
-"""The confusion matrix as a figure that is the same file for the same figures."""
+"""Confusion matrix as a reproducible figure."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from closure_rig.score import confusion
 
 
 def draw_confusion(judgements: Sequence[Judgement], path: Path) -> None:
-    """Write what was true against what was said, as SVG."""
+    """Write the confusion matrix, truth against diagnosis, as SVG."""
     import matplotlib
 
     matplotlib.use("svg")

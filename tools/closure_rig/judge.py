@@ -1,4 +1,4 @@
-"""What a diagnosis is worth once the label is open."""
+"""Judgement of a diagnosis against the opened label."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Final
 
 
 class Outcome(StrEnum):
-    """What became of a case; the first four are right."""
+    """Outcome of a case; the first four are correct."""
 
     EXACT = "exactly right"
     CANNOT_TELL = "indistinguishable, rightly"
@@ -23,7 +23,7 @@ class Outcome(StrEnum):
 
     @property
     def right(self) -> bool:
-        """Whether the user was told the truth as far as the data tell it."""
+        """Whether the diagnosis is correct as far as the data allow."""
         return self in (Outcome.EXACT, Outcome.CANNOT_TELL, Outcome.NOTHING, Outcome.LEFT)
 
 
@@ -47,7 +47,7 @@ CANNOT_TELL: Final[Mapping[frozenset[str], str]] = {
     frozenset(("roll tilt", "conicity")): "likewise when small",
     frozenset(("zero-g offset", "camber")): "a constant of the lateral axis, at any speed, load and direction",
 }
-"""Pairs that the rig's campaign cannot tell at every size, and why; only these count as right when left open."""
+"""Pairs that this campaign cannot separate at every size, with the reason. Only these count as correct when open."""
 
 # The paper's model lacks these whatever the case is; they are always to be found.
 ALWAYS: Final[Mapping[str, frozenset[str]]] = {
@@ -61,15 +61,15 @@ ALWAYS: Final[Mapping[str, frozenset[str]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """A case judged.
+    """Judgement of a case.
 
     Attributes:
-        outcome: what became of it.
-        truth: what the label says; the name of what is outside the catalogue in round brackets.
+        outcome: of the case.
+        truth: effects of the label; in parentheses when outside the catalogue.
         named: effects that the diagnosis named.
-        open: names that it left open between, one set each.
+        open: sets of names left open.
         unexplained: whether it reported something unexplained.
-        ratio: held-out error after, over the noise floor; NaN when not told.
+        ratio: held-out error after, over the noise floor; NaN when not reported.
         kind: of the case.
         size: of its first effect, "" for nothing.
         seed: of the case.
@@ -87,7 +87,7 @@ class Judgement:
 
 
 def judge(diagnosis: Mapping[str, Any], label: Mapping[str, Any]) -> Judgement:
-    """Return what a diagnosis (its JSON) is worth, given the label."""
+    """Return the judgement of a diagnosis (its JSON) against the label."""
     effects = diagnosis["effects"]
     named = tuple(entry["name"] for entry in effects if entry["verdict"] == "named")
     left_open = tuple(

@@ -1,4 +1,4 @@
-"""What no catalogue has: some the simulator knows, some added here to what the sensor feels."""
+"""Effects outside the catalogue: some made by the simulator, some added here to the sensor's input."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closure_rig.causes import Drawing, Tables
-from gateway.simulator.rotation import Turning, WheelRotation
+from gateway.simulator.motion import Turning, WheelRotation
 from gateway.simulator.sensor import SensorChain
 from gateway.types import FloatArray
 
@@ -23,14 +23,14 @@ REFERENCE_RADPS: Final = 65.0 / 3.6 / 0.32
 
 @dataclass(frozen=True, slots=True)
 class Stranger:
-    """Something outside the catalogue.
+    """An effect outside the catalogue.
 
     Attributes:
         name: in the label.
         unit: of the sizes.
         sizes: small, middle, large.
-        tables: what to change in the scenario.
-        disturbance: what to add to the samples, None when the scenario has it all.
+        tables: changes to the scenario.
+        disturbance: added to the samples, None when the scenario is enough.
     """
 
     name: str
@@ -41,10 +41,10 @@ class Stranger:
 
 
 class DisturbedChain:
-    """A sensor chain that feels something more."""
+    """Sensor chain with an added disturbance."""
 
     def __init__(self, chain: SensorChain, rotation: WheelRotation, disturbance: Disturbance, reverse: bool) -> None:
-        """Take the sensor, the wheel's rotation and what to add."""
+        """Take the sensor, the wheel's rotation and the disturbance."""
         self._chain = chain
         self._rotation = rotation
         self._disturbance = disturbance
@@ -54,7 +54,7 @@ class DisturbedChain:
         return getattr(self._chain, name)
 
     def __call__(self, force_mps2: FloatArray, time_s: FloatArray, temperature_degc: float) -> NDArray[np.int16]:
-        """Return the sensor's counts of the force and what is added."""
+        """Return the sensor's counts of the disturbed force."""
         added = self._disturbance(self._rotation.at(time_s), self._reverse)
         return self._chain(force_mps2 + added, time_s, temperature_degc)
 
@@ -84,7 +84,7 @@ def _loose(drawn: Drawing) -> Tables:
 
 
 def splice(size: float, rng: np.random.Generator) -> Disturbance:
-    """A stiff splice of the belt somewhere else: it kicks the sensor when it is in the contact; with omega squared."""
+    """A stiff belt splice away from the sensor: an impulse at each contact, proportional to omega squared."""
     at, width = rng.uniform(0.9, 2.6) * rng.choice([-1.0, 1.0]), rng.uniform(0.05, 0.12)
 
     def added(turning: Turning, reverse: bool) -> FloatArray:
@@ -98,7 +98,7 @@ def splice(size: float, rng: np.random.Generator) -> Disturbance:
 
 
 def rub(size: float, rng: np.random.Generator) -> Disturbance:
-    """Something rubs in every second revolution: a burst of an order from 30 to 80."""
+    """Rubbing in every second revolution: a burst at one order between 30 and 80."""
     at, order = rng.uniform(0.8, 2.4) * rng.choice([-1.0, 1.0]), rng.uniform(30.0, 80.0)
 
     def added(turning: Turning, _: bool) -> FloatArray:
@@ -136,5 +136,5 @@ STRANGERS: Final[tuple[Stranger, ...]] = (
 
 
 def stranger(name: str) -> Stranger:
-    """Return what is outside the catalogue by its name."""
+    """Return an effect outside the catalogue by name."""
     return next(entry for entry in STRANGERS if entry.name == name)

@@ -1,4 +1,4 @@
-"""A case as recordings: the real bytes of a simulated hub, with what was declared and nothing else."""
+"""Recordings of a case: bytes of a simulated hub with the declared configuration only."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ POSITION: Final = "W"
 # A fixed day; a minute from run to run.
 _START_NS: Final = 1_760_000_000_000_000_000
 _BETWEEN_NS: Final = 60_000_000_000
-# Of what a coupling capacitor begins with, e to the minus this is left; the wheel begins where the signal is its mean.
+# Time constants of the coupling capacitor before the recording starts. The wheel starts where the signal is its mean.
 _SETTLED: Final = 6.0
 # Chunks come at the ends of slots of 10 ms, a little late.
 _HALF_SLOT_NS: Final = 5_000_000
-# A run's speed changes by up to so much to either side.
+# Largest change of speed within a run, to either side.
 _DRIFT: Final = 0.005
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What a diagnosis gets to see.
+    """Inputs of a diagnosis.
 
     Attributes:
         paths: recordings; the vehicle's configuration, as declared, is in each.
-        reverse: those made rolling the other way round, which the user states.
+        reverse: those made rolling backwards, as stated by the user.
     """
 
     paths: tuple[Path, ...]
@@ -52,7 +52,7 @@ class Recorded:
 
 
 def record(case: Case, folder: Path, seconds: float = SECONDS) -> Recorded:
-    """Write a case's recordings into an existing, empty folder, and `declared.json` beside them."""
+    """Write a case's recordings into an existing, empty folder, and `declared.json`."""
     paths, reverse = [], []
     seeds = np.random.default_rng(case.order.number + 1).integers(0, 2**31, len(case.bench.runs))
     for index, (run, seed) in enumerate(zip(case.bench.runs, seeds.tolist(), strict=True)):
@@ -69,7 +69,7 @@ def record(case: Case, folder: Path, seconds: float = SECONDS) -> Recorded:
 
 
 def scenario_of(case: Case, run: Run, seed: int, seconds: float) -> Scenario:
-    """Return the scenario of one run, what is wrong included."""
+    """Return the scenario of one run, undeclared effects included."""
     bench = case.bench
     bs, cw, rs, ts = bench.numbers
     begin = settling_s(case)
@@ -117,7 +117,7 @@ def scenario_of(case: Case, run: Run, seed: int, seconds: float) -> Scenario:
 
 
 def settling_s(case: Case) -> float:
-    """Return how long a run must go on before it is recorded: a coupling capacitor charges before anybody measures.
+    """Return how long a run must go on before it is recorded: a coupling capacitor charges before the measurement.
 
     Whole periods of the hello, so that a recording begins with one.
     """
@@ -129,7 +129,7 @@ def settling_s(case: Case) -> float:
 
 
 def simulation_of(case: Case, scenario: Scenario, run: Run, seed: int) -> Simulation:
-    """Return the run being simulated, with what the simulator itself cannot do."""
+    """Return the simulation of a run, with the effects that the simulator itself cannot make."""
     simulation = simulate(scenario, seed=seed)
     if case.bend is not None:
         for wheel in simulation.wheels:
@@ -144,7 +144,7 @@ def simulation_of(case: Case, scenario: Scenario, run: Run, seed: int) -> Simula
 
 
 def declared(scenario: Scenario) -> str:
-    """Return the vehicle's configuration: load, radius, pressure and mounting as stated, but no numbers of the tire."""
+    """Return the vehicle's configuration: stated load, radius, pressure and mounting, no dimensionless numbers."""
     config: dict[str, Any] = tomllib.loads(vehicle_toml(scenario))
     for wheel in config["wheel"]:
         tire: Mapping[str, Any] = wheel["tire"]

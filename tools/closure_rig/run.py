@@ -1,4 +1,4 @@
-"""One case from the seed to the judgement, as a user would have it: recordings, `diagnose`, and only then the label."""
+"""Run of one case: recordings, `diagnose` as a user runs it, then the label and the judgement."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from closure_rig.judge import Judgement, Outcome, judge
 from closure_rig.record import SECONDS, Recorded, record
 from closure_rig.seal import open_label, seal
 
-# A diagnosis that grows without end must not take the others with it.
+# Limits the memory that a leaking diagnosis can take.
 _CASES_A_PROCESS: Final = 8
 
 
@@ -30,9 +30,9 @@ class Trial:
 
     Attributes:
         order: of the case.
-        judgement: what the diagnosis was worth.
-        seconds: that the diagnosis took.
-        fault: what went wrong, empty when nothing did.
+        judgement: of the diagnosis.
+        seconds: duration of the diagnosis.
+        fault: error of the run, empty when there was none.
     """
 
     order: Order
@@ -42,12 +42,12 @@ class Trial:
 
 
 def run(order: Order, model: str = "exact", keep: Path | None = None, seconds: float = SECONDS) -> Trial:
-    """Run one case; what the diagnosis raises is a fault of the trial, not of the bench.
+    """Run one case. An exception of the diagnosis is recorded as a fault of the trial.
 
     Args:
         order: of the case.
-        model: starting model.
-        keep: folder in which to leave the diagnosis and the label.
+        model: baseline model.
+        keep: folder for the diagnosis and the label.
         seconds: length of each recording.
     """
     case = draw(order)
@@ -76,7 +76,7 @@ def run(order: Order, model: str = "exact", keep: Path | None = None, seconds: f
 
 
 def kept(folder: Path) -> list[Judgement]:
-    """Return the judgements of the cases that runs have left in a folder; without a diagnosis, the run failed."""
+    """Return the judgements of the cases kept in a folder; a case without a diagnosis has failed."""
     found = []
     for path in sorted(folder.glob("*.label.json")):
         label = json.loads(path.read_text(encoding="utf-8"))
@@ -95,13 +95,13 @@ def _stem(order: Order) -> str:
 def run_all(orders: list[Order], jobs: int, model: str, keep: Path | None) -> list[Trial]:
     """Run cases on several processes, in the order given; progress goes to the terminal's error stream."""
     found: dict[int, Trial] = {}
-    # Fresh interpreters: the diagnosis starts processes of its own, which forks of threads would not survive.
+    # Fresh interpreters: the diagnosis starts its own processes, which do not survive a fork with threads.
     with get_context("spawn").Pool(jobs, maxtasksperchild=_CASES_A_PROCESS) as pool:
         numbered = partial(_numbered, model=model, keep=keep)
         for place, trial in pool.imap_unordered(numbered, list(enumerate(orders))):
             found[place] = trial
             what = " + ".join(trial.order.names) or "nothing"
-            said = " + ".join(trial.judgement.named) or "no name"
+            said = " + ".join(trial.judgement.named) or "nothing named"
             line = f"{len(found)}/{len(orders)} {what} ({trial.judgement.size}, seed {trial.order.seed}): {said}"
             print(f"{line}: {trial.fault or trial.judgement.outcome}, {trial.seconds:.0f} s", file=sys.stderr)
     return [found[place] for place in range(len(orders))]
@@ -112,16 +112,16 @@ def _numbered(case: tuple[int, Order], model: str, keep: Path | None) -> tuple[i
 
 
 def default_jobs() -> int:
-    """Return as many processes as leave a core free."""
+    """Return the number of processes that leaves one core free."""
     return max(1, (os.cpu_count() or 2) - 1)
 
 
 def _diagnose(given: Recorded, model: str) -> str:
-    from gateway.closure.effects.base import StartModel
+    from gateway.closure.effects.base import BaselineModel
     from gateway.session.campaign_diagnosis import diagnose_recordings
     from gateway.views.report.diagnosis_json import diagnosis_json
 
-    diagnosis = diagnose_recordings(given.paths, model=StartModel(model), jobs=1, reverse=given.reverse)
+    diagnosis = diagnose_recordings(given.paths, model=BaselineModel(model), jobs=1, reverse=given.reverse)
     return json.dumps(diagnosis_json(diagnosis), indent=1, allow_nan=False)
 
 

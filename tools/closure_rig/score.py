@@ -1,4 +1,4 @@
-"""Many judgements as figures: how often right, and from which size on."""
+"""Scores over many judgements: share correct, and smallest size found."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ENOUGH = 0.9
 
 
 def summary(judgements: Sequence[Judgement]) -> list[str]:
-    """Return the lines that the bench prints first."""
+    """Return the summary lines."""
     lines = []
     for kind in Kind:
         of_kind = [entry for entry in judgements if entry.kind == kind]
@@ -43,7 +43,7 @@ def summary(judgements: Sequence[Judgement]) -> list[str]:
 
 
 def by_effect(judgements: Sequence[Judgement]) -> list[str]:
-    """Return one line an effect: right at each size, and the smallest size found."""
+    """Return one line per effect: share correct at each size, and the smallest size found."""
     units = {entry.name: entry for entry in (*CAUSES, *STRANGERS)}
     lines = []
     for name in sorted({_plain(entry.truth[0]) for entry in judgements if len(entry.truth) == 1}):
@@ -63,12 +63,12 @@ def by_effect(judgements: Sequence[Judgement]) -> list[str]:
 
 
 def _plain(truth: str) -> str:
-    """Return the name of a truth; what is outside the catalogue stands in brackets."""
+    """Return the name of a truth, in parentheses when outside the catalogue."""
     return truth[1:-1] if truth.startswith("(") else truth
 
 
 def confusion(judgements: Iterable[Judgement]) -> tuple[list[str], list[str], np.ndarray]:
-    """Return truths, what was said, and how often (share of a truth's cases), of cases with one truth or none."""
+    """Return the confusion matrix (truth, diagnosis, share of the truth's cases) of cases with at most one truth."""
     truths = [entry.name for entry in CAUSES] + [f"({entry.name})" for entry in STRANGERS] + ["nothing"]
     says = [entry.name for entry in CAUSES] + ["left open", "unexplained", "no name"]
     count = np.zeros((len(truths), len(says)))

@@ -1,4 +1,4 @@
-"""A label that is written before the diagnosis and opened after it."""
+"""Label written before the diagnosis and opened after it."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class SealBrokenError(ValueError):
 
 
 def seal(label: Mapping[str, Any], path: Path) -> str:
-    """Write a label so that nobody reads it by accident; return its digest, to be kept elsewhere.
+    """Write a label in sealed form; return its digest, to be kept elsewhere.
 
     Raises:
-        FileExistsError: there is a label already; it must not be exchanged.
+        FileExistsError: there is a label already; it must not be replaced.
     """
     text = json.dumps(label, sort_keys=True).encode()
     digest = hashlib.sha256(text).hexdigest()
@@ -29,7 +29,7 @@ def seal(label: Mapping[str, Any], path: Path) -> str:
 
 
 def open_label(path: Path, digest: str, diagnosis: Path) -> dict[str, Any]:
-    """Return a sealed label, once the diagnosis that it is to judge lies in a file.
+    """Return a sealed label once the diagnosis to be judged is in a file.
 
     Args:
         path: of the label.
@@ -41,7 +41,7 @@ def open_label(path: Path, digest: str, diagnosis: Path) -> dict[str, Any]:
         SealBrokenError: the label was changed or exchanged.
     """
     if not diagnosis.is_file() or not diagnosis.stat().st_size:
-        raise FileNotFoundError(f"'{diagnosis}' is not there: the label stays closed until the diagnosis is made")
+        raise FileNotFoundError(f"'{diagnosis}' does not exist: the label stays sealed until the diagnosis is made")
     sealed = json.loads(path.read_text(encoding="ascii"))
     try:
         text = zlib.decompress(base64.b64decode(sealed["sealed"], validate=True))

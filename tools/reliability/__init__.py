@@ -1,1 +1,1 @@
-"""What `tools/bench_faults.py` runs, one fault a module; tests run the same, smaller."""
+"""Fault injections run by `tools/bench_faults.py`; the tests run smaller ones."""

@@ -36,7 +36,7 @@ def _bytes(items: Iterator[LinkItem] | list[LinkItem]) -> bytes:
 
 
 def record(folder: Path, seconds: float) -> tuple[Path, bytes]:
-    """Return a recording of four wheels and the bytes that went into it."""
+    """Return a recording of four wheels and the recorded bytes."""
     source = open_source(f"sim:demo?speed=max&duration={seconds}", ManualClock())
     items = list(source.items(threading.Event()))
     path = folder / "whole.mcap"
@@ -50,7 +50,7 @@ def record(folder: Path, seconds: float) -> tuple[Path, bytes]:
 
 
 def report(folder: Path, times: int, seed: int = 1) -> Iterator[str]:
-    """Yield what comes of `times` truncations and as many torn ends, and of full disks."""
+    """Yield the results of `times` truncations, as many torn ends, and full disks."""
     seconds = 20.0
     path, sent = record(folder, seconds)
     whole = path.read_bytes()

@@ -1,4 +1,4 @@
-"""What is fuzzed: each target takes any bytes, and raises only where the program is at fault.
+"""Fuzz targets: each takes any bytes and raises only on a defect of the program.
 
 `tests/reliability/test_fuzzing.py` runs them with hypothesis, `tools/fuzz_atheris.py` with coverage guidance.
 """
@@ -108,7 +108,7 @@ def decode(data: bytes) -> bool:
 
 
 def session(data: bytes) -> bool:
-    """Frames that pass every check and say anything: type, wheel, length and payload come from the bytes."""
+    """Valid frames with arbitrary content: type, wheel, length and payload come from the bytes."""
     frames: list[bytes] = []
     at = 0
     while at + 8 <= len(data):
@@ -185,7 +185,7 @@ def import_with_map(data: bytes) -> bool:
 
 
 def read_vehicle(data: bytes) -> bool:
-    """A vehicle configuration; one that is accepted must come back from its own text."""
+    """A vehicle configuration; an accepted one must round-trip through its text."""
     with _file(data, "v.toml") as path:
         try:
             vehicle = load_vehicle(path)

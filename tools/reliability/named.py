@@ -71,7 +71,7 @@ def cases() -> Iterator[tuple[str, list[LinkItem]]]:
     both = b"".join(a + b for a, b in zip(frames, newer, strict=True))
     yield "newer minor version (1.2)", _paced(both, 20.0)
     yield "no hello", _paced(b"".join(frame for frame in frames if frame[3] != MessageType.HELLO), 20.0)
-    # The sensor falls silent after 5 s; the hub goes on.
+    # The sensor falls silent after 5 s; the hub continues.
     silent = [frame for number, frame in enumerate(frames) if frame[6] == 0xFF or number < len(frames) / 4]
     early = sum(number < len(frames) / 4 for number in range(len(frames)))
     yield (

@@ -27,7 +27,7 @@ Bytes = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What happens to a link.
+    """Disturbance of a link.
 
     Attributes:
         name: for the table.
@@ -60,7 +60,7 @@ NOISES = (
 
 @dataclass(slots=True)
 class Outcome:
-    """What came of a disturbed stream.
+    """Result of decoding a disturbed stream.
 
     Attributes:
         sent: frames sent.

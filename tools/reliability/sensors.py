@@ -1,4 +1,4 @@
-"""Sensors at fault: flag, time until it is raised, and what the estimates come to."""
+"""Sensor faults: flag, time until it is raised, and resulting estimates."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from gateway.config.vehicle_file import parse_vehicle
 from gateway.estimators.base import Estimate
 from gateway.io.source import open_source
 from gateway.session.core import SessionCore
+from gateway.views.wording import text
 
 _SPEED_MPS = 65.0 / 3.6
 _CASES: dict[str, str] = {
@@ -90,6 +91,6 @@ def report() -> Iterator[str]:
             others = ", ".join(key.removeprefix("W2 ") for key in first_s if key.startswith("W2 ")) or "none"
             yield (
                 f"{name:24s} {flag:18s} {after_s:5.1f}s {count:7d}  {_show(last.get('speed_mps'), _SPEED_MPS)}; "
-                f"{_show(last.get('Cw'))}; {others}" + (f"; every revolution: {reasons[0]}" if reasons else "")
+                f"{_show(last.get('Cw'))}; {others}" + (f"; every revolution: {text(reasons[0])}" if reasons else "")
             )
             core.finish()

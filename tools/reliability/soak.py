@@ -1,4 +1,4 @@
-"""Hours of four wheels through a whole session as fast as the machine goes: memory, time and revolutions held."""
+"""Soak test: hours of four wheels through a whole session at full speed, with memory, time and revolutions checked."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _BINS = 40_000
 
 @dataclass(slots=True)
 class Soak:
-    """What came of it.
+    """Result of the soak.
 
     Attributes:
         simulated_s: length of the data.
@@ -88,7 +88,7 @@ class _TimeErrors:
 
 
 class _Fast:
-    """A simulation as a source, noting memory as it goes."""
+    """Simulation as a source that samples memory."""
 
     vehicle_toml: str | None = None
 
@@ -165,7 +165,7 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
         while not live.wait(0.02):
             look(live.results())
     except KeyboardInterrupt:
-        # What was run is told all the same.
+        # Report the part that was run.
         print("stopped", file=sys.stderr)
     snapshot = live.close()
     look(live.results())
@@ -182,7 +182,7 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
 
 
 def report(soak: Soak) -> Iterator[str]:
-    """Yield the lines that tell what came of it."""
+    """Yield the lines of the report."""
     yield (
         f"{soak.simulated_s / 3600:.2f} h of data in {soak.took_s / 60:.1f} min "
         f"({soak.simulated_s / soak.took_s:.1f} x real time), recording {soak.recorded_bytes / 1e9:.2f} GB"

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def received(data: bytes, sent_baud: float, received_baud: float) -> bytes:
-    """Return what a receiver (8N1) reads of `data`; bytes with a wrong stop bit come through as they are."""
+    """Return the bytes that a receiver (8N1) reads; bytes with a wrong stop bit are delivered unchanged."""
     bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little").reshape(-1, 8)
     line = np.concatenate([np.zeros((len(bits), 1), np.uint8), bits, np.ones((len(bits), 1), np.uint8)], 1).ravel()
     line = np.concatenate(([1, 1], line, np.ones(20, np.uint8)))

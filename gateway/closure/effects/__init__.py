@@ -1,1 +1,1 @@
-"""One physical effect a module; `catalogue` is the one list of them."""
+"""Effects that a baseline model may lack, grouped by physics; `catalogue` lists them all."""

@@ -1,81 +1,44 @@
-"""The one list of effects. Adding one is adding a module, with `EFFECT = ...` in it, and a line here."""
+"""Catalogue of the effects: every instance in `EFFECTS` of a module of this package, in the order of its rank."""
 
 from __future__ import annotations
 
 import importlib
+import pkgutil
 from functools import cache
-from typing import Final
 
-from gateway.closure.effects.base import Effect, StartModel
-
-# Modules of gateway.closure.effects, in the order in which signal effects of the same stage are applied.
-MODULES: Final[tuple[str, ...]] = (
-    # what the ring is solved for
-    "belt_kinematics",
-    "pressure_shape",
-    "tension_loss",
-    "structural_damping",
-    "tread_damping",
-    "contact_asymmetry",
-    "belt_extension",
-    "shear_flexibility",
-    "rotary_inertia",
-    "drum_curvature",
-    "sidewall_stiffening",
-    "mounting_offset",
-    "runout",
-    # BELT
-    "gravity",
-    "speed_drift",
-    "imbalance",
-    "edge_waves",
-    "standing_waves",
-    "tread_pitch",
-    "ply_steer",
-    "conicity",
-    "carcass_compliance",
-    "rolling_radius",
-    "clock_error",
-    # this one acts on all that the belt does
-    "torsional_ripple",
-    # a constant that no ripple touches
-    "camber",
-    # MOUNTING
-    "yaw_tilt",
-    "roll_tilt",
-    "pitch_tilt",
-    # ELEMENT
-    "gain",
-    "gain_temperature",
-    "sensor_nonlinearity",
-    "zero_g_offset",
-    # ELECTRIC
-    "clipping",
-    "anti_alias_filter",
-    "ac_coupling",
-    # not locked to the wheel
-    "road_vibration",
-    "hub_vibration",
-    "cavity_resonance",
-    # how revolutions differ
-    "edge_scatter",
-)
+from gateway.closure import effects as package
+from gateway.closure.effects.base import BaselineModel, Effect
 
 
 @cache
 def catalogue() -> dict[str, Effect]:
-    """Return every effect by name."""
-    effects: list[Effect] = [importlib.import_module(f"gateway.closure.effects.{name}").EFFECT for name in MODULES]
-    return {effect.name: effect for effect in effects}
+    """Return every effect by name, in the order in which candidates are tried and effects of one stage are applied.
+
+    Raises:
+        ValueError: two effects share a name or a rank.
+    """
+    found: list[Effect] = []
+    for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+        found += getattr(importlib.import_module(module.name), "EFFECTS", ())
+    found.sort(key=lambda effect: effect.rank)
+    by_name = {effect.name: effect for effect in found}
+    if len(by_name) < len(found) or len({effect.rank for effect in found}) < len(found):
+        raise ValueError(f"effects share a name or a rank: {[(effect.rank, effect.name) for effect in found]}")
+    return by_name
 
 
-def candidates(model: StartModel) -> dict[str, Effect]:
-    """Return the effects that a starting model lacks and can take.
+def candidates(model: BaselineModel) -> dict[str, Effect]:
+    """Return the effects that a baseline model lacks and can take.
 
     Some ring effects act on the exact ring only: a series has no belt that they could act on.
     """
     return {
         name: effect
         for name, effect in catalogue().items()
-        if model not in effect.already_in and (model is StartModel.EXACT or not getattr(effect, "needs_exact", False))
+        if model not in effect.already_in and (model is BaselineModel.EXACT or not effect.needs_exact)
     }
+
+
+def group_of(effect: Effect) -> str:
+    """Return the physical group of an effect, the name of its module in words: `sensor response`."""
+    return type(effect).__module__.rpartition(".")[2].replace("_", " ")

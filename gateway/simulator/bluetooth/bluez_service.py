@@ -1,4 +1,4 @@
-"""A stand-in for BlueZ on a D-Bus of one's own: programs that know the real one find peripherals that are software.
+"""Emulation of BlueZ on a private D-Bus: BlueZ clients find simulated peripherals.
 
 It follows what BlueZ 5.66 was seen to do: which signals come in which order, what stays when a link is lost, and what
 vanishes with it.
@@ -23,7 +23,7 @@ ADAPTER: Final = "org.bluez.Adapter1"
 PROPERTIES: Final = "org.freedesktop.DBus.Properties"
 OBJECT_MANAGER: Final = "org.freedesktop.DBus.ObjectManager"
 BUS: Final = "org.freedesktop.DBus"
-# A D-Bus connection breaks when it runs 160 and more messages ahead of the daemon; a question after fewer waits for it.
+# A D-Bus connection breaks when it runs 160 or more messages ahead of the daemon; a call after fewer waits for it.
 _BURST: Final = 64
 
 
@@ -31,7 +31,7 @@ class BluezService:
     """The service, its adapter and its peripherals. Use it in one event loop only."""
 
     def __init__(self, address: str, *, adapter: str | None = "hci0", advertising_interval_s: float = 0.1) -> None:
-        """Describe it; `start` puts it on the bus.
+        """Describe the service; `start` puts it on the bus.
 
         Args:
             address: of the bus.
@@ -51,7 +51,7 @@ class BluezService:
         self._sent = 0
         self._bus: MessageBus | None = None
 
-    # what happens on the air
+    # radio
 
     async def start(self) -> None:
         """Take BlueZ's name on the bus.
@@ -64,12 +64,12 @@ class BluezService:
         await self._ask("AddMatch", "s", [f"type='signal',interface='{BUS}',member='NameOwnerChanged'"])
         reply = await self._bus.request_name(NAME, NameFlag.DO_NOT_QUEUE)
         if reply is not RequestNameReply.PRIMARY_OWNER:
-            raise SourceError(f"{NAME} is taken on this bus", "The stand-in needs a bus without a real BlueZ.")
+            raise SourceError(f"{NAME} is taken on this bus", "The emulation needs a bus without a real BlueZ.")
         if self.adapter:
             await self._added(self.adapter, self._adapter_interfaces())
 
     async def stop(self, *, crash: bool = False) -> None:
-        """Leave the bus; in a crash without a word, as a killed bluetoothd does."""
+        """Leave the bus; in a crash without notice, as a killed bluetoothd does."""
         if self._bus is None:
             return
         for task in [*self._tasks, *([self._advertiser] if self._advertiser else [])]:
@@ -89,13 +89,13 @@ class BluezService:
         self._peripherals[peripheral.path(self.adapter)] = peripheral
 
     async def lose(self, peripheral: Peripheral, *, advertising: bool = False) -> None:
-        """Break the link: out of range, or its battery is empty. What BlueZ learned of it stays."""
+        """Break the link, as out of range or with an empty battery. BlueZ keeps its objects."""
         peripheral.advertising = advertising
         if peripheral.connected:
             await self._link_lost(peripheral)
 
     async def forget(self, peripheral: Peripheral) -> None:
-        """Drop BlueZ's objects of a peripheral, as it does some time after its last sign of life."""
+        """Drop BlueZ's objects of a peripheral, as it does some time after the last advertisement."""
         if peripheral.connected:
             await self._link_lost(peripheral)
         if peripheral.known:
@@ -108,7 +108,7 @@ class BluezService:
             await self._removed(path, peripheral.device(self.adapter))
 
     async def power(self, on: bool) -> None:
-        """Switch the adapter; off loses every link."""
+        """Switch the adapter on or off; off breaks every link."""
         self.powered = on
         if not on:
             for peripheral in self._peripherals.values():
@@ -117,7 +117,7 @@ class BluezService:
         await self._changed(self.adapter, ADAPTER, {"Powered": Variant("b", on)})
 
     async def notify(self, peripheral: Peripheral, payloads: Iterable[bytes]) -> int:
-        """Send notifications to whoever subscribed; return how many went out."""
+        """Send notifications to subscribers; return their number."""
         path = peripheral.notify_path(self.adapter)
         sent = 0
         for payload in payloads:
@@ -315,7 +315,7 @@ class BluezService:
             await self._ask("GetId")
 
     async def _ask(self, member: str, signature: str = "", body: list[Any] | None = None) -> None:
-        """Call the daemon itself; its answer says that everything before has arrived there."""
+        """Call the daemon itself; its reply confirms that all earlier messages have arrived."""
         assert self._bus is not None
         await self._bus.call(Message(BUS, "/org/freedesktop/DBus", BUS, member, signature=signature, body=body or []))
 

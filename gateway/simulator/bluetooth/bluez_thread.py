@@ -1,4 +1,4 @@
-"""The stand-in for BlueZ in a thread of its own, for programs that do not live in an event loop."""
+"""BlueZ emulation in its own thread, for programs without an event loop."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class BluezStandIn:
     """
 
     def __init__(self, address: str, *, adapter: str | None = "hci0", advertising_interval_s: float = 0.1) -> None:
-        """Start it on the bus at `address`; the arguments are those of `BluezService`.
+        """Start the service on the bus at `address`; the arguments are those of `BluezService`.
 
         Raises:
             SourceError: a real BlueZ is there.
@@ -35,7 +35,7 @@ class BluezStandIn:
         self.run(self.service.start())
 
     def run(self, work: Coroutine[Any, Any, _T]) -> _T:
-        """Run a coroutine of the service and return what it returns."""
+        """Run a coroutine of the service and return its result."""
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(_TIMEOUT_S)
 
     def add(self, peripheral: Peripheral) -> Peripheral:
@@ -48,7 +48,7 @@ class BluezStandIn:
         return self.run(add())
 
     def close(self, *, crash: bool = False) -> None:
-        """Leave the bus, without a word in a crash; harmless twice."""
+        """Leave the bus, in a crash without notice. May be called twice."""
         if self._closed:
             return
         self._closed = True

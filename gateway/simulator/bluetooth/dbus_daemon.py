@@ -1,4 +1,4 @@
-"""A private D-Bus with nothing on it, from the system's own `dbus-daemon`: no root, no system service."""
+"""A private, empty D-Bus run by the system's `dbus-daemon`, without root and without a system service."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gateway.errors import SourceError
 PROGRAM: Final = "dbus-daemon"
 _STOP_TIMEOUT_S: Final = 5.0
 _PR_SET_PDEATHSIG: Final = 1
-# The limits of a system bus stay in force: what overflows there shall overflow here.
+# The limits of a system bus stay in force, so that overflows show here too.
 _CONFIGURATION: Final = """\
 <!DOCTYPE busconfig PUBLIC "-//freedesktop//DTD D-Bus Bus Configuration 1.0//EN"
  "http://www.freedesktop.org/standards/dbus/1.0/busconfig.dtd">
@@ -51,7 +51,7 @@ class PrivateBus:
         program = shutil.which(PROGRAM)
         if program is None:
             raise SourceError(f"{PROGRAM} is not installed", f"Run: sudo apt-get install {PROGRAM} (or your system's).")
-        # A socket's path may have 107 characters at most: not below a deep directory of a test.
+        # The path of a socket is limited to 107 characters, so it cannot lie in a deep test directory.
         self._folder = Path(tempfile.mkdtemp(prefix="treadlink-bus-"))
         configuration = self._folder / "bus.conf"
         configuration.write_text(_CONFIGURATION.format(socket=self._folder / "bus"), "utf-8")
@@ -66,10 +66,10 @@ class PrivateBus:
         self.address = self._process.stdout.readline().strip()
         if not self.address:
             self.close()
-            raise SourceError(f"{PROGRAM} does not start", "Run it by hand to see why: dbus-daemon --session --nofork")
+            raise SourceError(f"{PROGRAM} does not start", "To see the error, run: dbus-daemon --session --nofork")
 
     def close(self) -> None:
-        """End the daemon and remove its files; harmless twice."""
+        """End the daemon and remove its files. May be called twice."""
         if self._process.poll() is None:
             self._process.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -89,5 +89,5 @@ class PrivateBus:
 
 
 def _end_with_the_parent() -> None:
-    """Ask Linux to end the daemon when its parent is killed and cannot do it any more."""
+    """Ask Linux to end the daemon when its parent is killed."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

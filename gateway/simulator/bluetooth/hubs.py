@@ -1,4 +1,4 @@
-"""The hubs of a scenario as BLE peripherals: they stream to whoever subscribes, and do what they are told."""
+"""The hubs of a scenario as BLE peripherals: they stream to subscribers and execute commands."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ from gateway.simulator.simulator_source import SimulatorSource
 
 _MASK: Final = 0xFFFF_FFFF
 _RATE_TOLERANCE: Final = 0.01
-# 53 and three more octets: addresses that IANA keeps for examples in documents.
+# Addresses reserved by IANA for documentation.
 _ADDRESS: Final = "00:00:5E:00:53:{:02X}"
 _RSSI_DBM: Final = -58
 
 
 class BleHub:
-    """One simulated hub: takes the simulation's frames and gives what goes out by Bluetooth.
+    """One simulated hub: receives the frames of the simulation and yields those sent over Bluetooth.
 
     While nobody listens nothing is sent, and nothing is counted as sent. All methods may be called from any thread.
 
     Attributes:
-        peripheral: how it shows on Bluetooth.
+        peripheral: its Bluetooth peripheral.
         number: of the hub.
-        on_listening: called when somebody subscribes and unsubscribes.
+        on_listening: called when a client subscribes or unsubscribes.
     """
 
     def __init__(self, number: int, peripheral: Peripheral) -> None:
@@ -68,7 +68,7 @@ class BleHub:
         self._sent = 0
 
     def outgoing(self, frame: Frame) -> Iterator[bytes]:
-        """Yield the answers to commands that came, then the frame itself, unless it is not to be sent now."""
+        """Yield the replies to received commands, then the frame itself unless the stream is stopped."""
         message = frame.message
         if isinstance(message, Hello):
             self._rate_hz = message.rate_hz
@@ -117,7 +117,7 @@ class BleHub:
         elif isinstance(command, SetTime):
             self._host_ns = command.host_ns
         elif isinstance(command, SetRate):
-            # The scenario was solved for one rate; a hub that has but one says so.
+            # The scenario was solved for one rate, so the hub supports only that one.
             near = self._rate_hz is not None and abs(command.rate_hz - self._rate_hz) < _RATE_TOLERANCE * self._rate_hz
             outcome = Outcome.DONE if near else Outcome.VALUE_REFUSED
         return CommandResult(frame.seq, frame.type, outcome)
@@ -138,7 +138,7 @@ def ble_hubs(scenario: Scenario) -> dict[int, BleHub]:
 def broadcast(
     source: SimulatorSource, hubs: Mapping[int, BleHub], bluez: BluezStandIn, stop: threading.Event
 ) -> Mapping[int, int]:
-    """Send a simulation's frames until it ends or `stop` is set; return how many notifications each hub sent."""
+    """Send a simulation's frames until it ends or `stop` is set; return the number of notifications of each hub."""
     decoder = FrameDecoder()
     sent = dict.fromkeys(hubs, 0)
     for item in source.items(stop):

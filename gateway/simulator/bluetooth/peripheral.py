@@ -1,4 +1,4 @@
-"""A BLE device as BlueZ shows it: its properties on the bus, and what it does when it is written to."""
+"""BLE peripheral as BlueZ presents it: its properties on the bus and its reaction to writes."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ class Peripheral:
         name: as advertised.
         rssi_dbm: signal strength of its advertisements.
         battery_percent: in its advertisements, None to leave it out.
-        mtu: ATT MTU that a connection gets; None for a BlueZ too old to tell.
+        mtu: ATT MTU that a connection gets; None for a BlueZ too old to report it.
         service: UUID of its service, which it also advertises.
-        characteristics: UUID and flags of what the service holds.
+        characteristics: UUID and flags of each characteristic.
         failures: errors of BlueZ for the next attempts to connect, as (name, text).
-        on_write: called with what a client writes.
-        on_notifying: called when clients subscribe and unsubscribe.
+        on_write: called with the bytes that a client writes.
+        on_notifying: called when clients subscribe or unsubscribe.
         advertising: whether it can be found.
         known: whether BlueZ has an object for it.
         connected: whether a client is connected.
         resolved: whether its services are known in this connection.
         explored: whether BlueZ has objects for its services; they outlast a connection.
-        notifying: whether somebody subscribed.
+        notifying: whether a client has subscribed.
     """
 
     address: str
@@ -128,7 +128,7 @@ class Peripheral:
 
     @property
     def room_bytes(self) -> int:
-        """What fits in one notification."""
+        """Largest payload of one notification, bytes."""
         return (self.mtu or 517) - _ATT_HEADER_BYTES
 
     def _characteristic_path(self, adapter: str, number: int) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from gateway.errors import OutputError
 from gateway.pipeline.results import RevolutionResult
 from gateway.views.tables.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
+from gateway.views.wording import as_json, joined
 
 HEAD: Final[dict[str, type]] = {
     "recording": str,
@@ -130,20 +131,24 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         "missing_fraction": revolution.missing_fraction,
         "saturated": bool(revolution.saturated),
         "ac_coupled": bool(revolution.ac_coupled),
-        "faults": "; ".join(revolution.faults),
+        "faults": joined(revolution.faults),
     }
-    # A later estimator may estimate what is also a condition, as the load; the condition keeps the plain name.
     named = {
-        f"estimated_{estimate.name}" if estimate.name in fixed else estimate.name: dict(
+        _column(estimate.name): dict(
             zip(
                 PARTS,
-                (_known(estimate.value), _known(estimate.std), str(estimate.status), estimate.reason),
+                (_known(estimate.value), _known(estimate.std), str(estimate.status), joined(estimate.reasons)),
                 strict=True,
             )
         )
         for estimate in result.estimates
     }
     return fixed, named
+
+
+def _column(name: str) -> str:
+    # A later estimator may estimate what is also a condition, as the load; the condition keeps the plain name.
+    return f"estimated_{name}" if name in HEAD or name in TAIL else name
 
 
 def iso_utc(host_ns: int) -> str:
@@ -177,7 +182,7 @@ class _Closing:
 
 
 class _JsonLines(_Closing):
-    """One JSON object a line, keys as the columns of the other formats; unknown is null."""
+    """One JSON object a line, keys as the columns of the other formats, and reasons as lists; unknown is null."""
 
     def __init__(self, path: Path, file: IO[bytes]) -> None:
         self._path = path
@@ -185,7 +190,10 @@ class _JsonLines(_Closing):
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
         fixed, named = row_of(result, recording)
-        row = dict(_in_order(fixed, named, named))
+        row: dict[str, object] = dict(_in_order(fixed, named, named))
+        row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
+        for estimate in result.estimates:
+            row[f"{_column(estimate.name)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
         with _writing(self._path):
             self._file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
 

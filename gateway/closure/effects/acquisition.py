@@ -1,0 +1,291 @@
+"""Signal acquisition behind the sensing element: clipping, anti-alias filter, AC coupling, sample clock.
+
+A linear filter acts on signals that repeat with the wheel: order n at angular speed omega passes at n omega / 2 pi.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from scipy.special import ndtr
+
+from gateway.closure.effects.base import (
+    CIRCUMFERENTIAL,
+    FIELD_SIZE,
+    LATERAL,
+    RADIAL,
+    Confounder,
+    GroupConditions,
+    ModelledBlock,
+    Parameter,
+    SignalEffect,
+    Stage,
+)
+from gateway.closure.effects.belt_geometry import belt_inertia
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.types import ComplexArray, FloatArray
+
+_ROOT_2: Final = math.sqrt(2.0)
+_ROOT_2PI: Final = math.sqrt(2.0 * math.pi)
+# Least width of a knee over the limit, so that the ends of the clipped part stay differentiable.
+_MIN_KNEE: Final = 1e-4
+# Clipping levels that a fit starts from, over R omega^2 of the fastest group: below the free arc to the tip of the
+# overshoot.
+_CLIPPING_LEVELS: Final = (0.6, 0.9, 1.1, 1.2, 1.3, 1.4)
+_START_KNEE: Final = 0.01
+# Orders of the spectra, 0 to FIELD_SIZE / 2.
+_ORDER: Final[ComplexArray] = np.arange(FIELD_SIZE // 2 + 1).astype(np.complex128)
+
+
+class ClockError(SignalEffect):
+    """Relative amount by which the sampling clock runs fast against true time.
+
+    A fast clock counts more time for a revolution, so omega as measured is too small by (1 + share), and domega/dt by
+    its square. The waveforms do not separate this from a wrong rolling radius; `Campaign.clock_error`, the clock
+    against the host's, does.
+    """
+
+    name = "sample clock error"
+    rank = 240
+    summary = "The clock that timed the samples runs fast, so the wheel turns faster than measured."
+    equation = "adds ((1 + share)^2 - 1) (a - gravity): the true omega is (1 + share) times the measured one"
+    source = "kinematics: inertia grows with omega^2, gravity does not"
+    # Crystals 1e-4, ceramic resonators 5e-3, a sensor's own unmeasured oscillator or a wrongly noted rate 2 %.
+    parameters = (Parameter("share", "", -0.02, 0.02, 0.005, 1e-5, factor=1e6, display_unit="ppm"),)
+    axes = (CIRCUMFERENTIAL, RADIAL)
+    observed_in = (
+        "the hub's clock against the host's; radial axis at any speed, where it is the same as the rolling radius"
+    )
+    confounders = (
+        Confounder(("rolling radius",), "a second clock or the stated speed; every waveform is the same"),
+        Confounder(("gain",), "it scales gravity too: slow recordings"),
+    )
+    # Linear up to a thousand ppm.
+    start_values = ((1e-3,),)
+    stage = Stage.BELT
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return what the true speed adds."""
+        share = float(parameters[0])
+        return (share * (2.0 + share)) * belt_inertia(block)
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the share."""
+        return 2.0 * (1.0 + float(parameters[0])) * belt_inertia(block)[None]
+
+
+class Clipping(SignalEffect):
+    """Limit of the radial axis that is the same at all speeds.
+
+    The mean of many revolutions is not cut off sharply: noise, the range of speeds within a group and jitter of the
+    contact spread the signal about its mean. With a normal spread of standard deviation knee * limit the mean of the
+    clipped signal is a - [w phi(z) + (a - limit) Phi(z)], w = knee * limit, z = (a - limit) / w; the same below
+    -limit.
+    """
+
+    name = "clipping"
+    rank = 340
+    summary = "The radial axis saturates at a level below its declared range."
+    equation = (
+        "the radial axis reads no more than the limit, blurred over knee times the limit by the scatter between "
+        "revolutions"
+    )
+    source = "mean of a clipped normal variable"
+    # Elements and amplifiers saturate at 10 g and more; a tire needs more. Spread: noise, and a speed that varies by
+    # 3 % within a group.
+    parameters = (
+        Parameter(
+            "inverse_limit_s2pm", "s^2/m", 0.0, 0.01, 1e-3, 1e-7, inverse_display=(1.0 / STANDARD_GRAVITY_MPS2, "g")
+        ),
+        Parameter("knee", "", -0.1, 0.1, 0.01, 1e-4, prior_mean=0.01, factor=100.0, display_unit="%", varies=True),
+    )
+    axes = (RADIAL,)
+    observed_in = "radial axis, the fastest recordings: overshoot at the contact edges, then the whole free arc"
+    confounders = (
+        Confounder(("bending stiffness (Bs)", "shear flexibility"), "they round the overshoot at every speed alike"),
+        Confounder(("anti-alias filter",), "it rounds rises and falls alike"),
+    )
+    stage = Stage.ELECTRIC
+
+    def starts(self, conditions: Sequence[GroupConditions]) -> tuple[tuple[float, ...], ...]:
+        """Return limits from below the free arc of the fastest group to the tip of its overshoot."""
+        steady = max((c.radius_m * c.omega_radps**2 for c in conditions), default=0.0)
+        if not steady > 0.0:
+            return ()
+        return tuple((1.0 / (level * steady), _START_KNEE) for level in _CLIPPING_LEVELS)
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the negative of what exceeds the limit."""
+        change = block.zeros()
+        inverse = float(parameters[0])
+        if inverse > 0.0:
+            limit, width = self._limit(parameters)
+            radial = block.signal_mps2[RADIAL]
+            change[RADIAL] = _excess(-radial - limit, width) - _excess(radial - limit, width)
+        return change
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives by the inverse limit and by the knee."""
+        change = np.zeros((2, *block.signal_mps2.shape))
+        inverse, knee = float(parameters[0]), float(parameters[1])
+        if inverse > 0.0:
+            limit, width = self._limit(parameters)
+            radial = block.signal_mps2[RADIAL]
+            above, below = (radial - limit) / width, (-radial - limit) / width
+            by_limit = _normal_cdf(above) - _normal_cdf(below)
+            by_width = _normal_density(below) - _normal_density(above)
+            change[0, RADIAL] = -limit * limit * (by_limit + by_width * width / limit)
+            if abs(knee) > _MIN_KNEE:
+                change[1, RADIAL] = by_width * math.copysign(limit, knee)
+        return change
+
+    @staticmethod
+    def _limit(parameters: FloatArray) -> tuple[float, float]:
+        """Return the limit and the width of its knee, m/s^2."""
+        limit = 1.0 / float(parameters[0])
+        return limit, max(abs(float(parameters[1])), _MIN_KNEE) * limit
+
+
+class AntiAliasFilter(SignalEffect):
+    """Two-pole Butterworth low-pass on all three axes; its parameter is 1 / corner, 0 for no filter.
+
+    The contact centre is found behind the filter and is as late as the low orders are. The contribution is therefore
+    relative to a signal with the same delay, and a corner does not move the centre.
+    """
+
+    name = "anti-alias filter"
+    rank = 350
+    summary = "An undeclared low-pass in front of the converter delays all axes and attenuates their highest orders."
+    equation = (
+        "order n times exp(i sqrt(2) x) / (1 + i sqrt(2) x - x^2), x = n omega / (2 pi corner); the "
+        "centre is as late as the filter's delay"
+    )
+    source = "two-pole Butterworth low-pass"
+    # Bandwidths of inner-liner elements: 400 Hz to 24 kHz; below 150 Hz no contact would be visible.
+    parameters = (
+        Parameter(
+            "inverse_corner_s",
+            "s",
+            -1e-5,
+            1.0 / 150.0,
+            1e-3,
+            1e-6,
+            factor=1e3,
+            display_unit="ms",
+            inverse_display=(1.0, "Hz"),
+        ),
+    )
+    axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
+    observed_in = "contact edges, all axes, best at high speed; two speeds separate Hz from orders"
+    confounders = (
+        Confounder(
+            ("bending stiffness (Bs)", "shear flexibility", "tread damping (shifted pressure)"),
+            "two speeds: they go with the angle, the filter with frequency",
+        ),
+        Confounder(("contact centre",), "the rounding of the edges; the delay alone looks like another centre"),
+    )
+    # Corners of 1400 and 700 Hz. The effect goes with the cube: a linear step from far below would overshoot.
+    start_values = ((7e-4,), (1.5e-3,))
+    stage = Stage.ELECTRIC
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the change by the filter."""
+        return _filtered(block.signal_mps2, _butterworth(self._order_hz(block) * float(parameters[0])) - 1.0)
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the inverse corner."""
+        per = self._order_hz(block)
+        x = per * float(parameters[0])
+        # d/dx of ln: i sqrt(2) - (i sqrt(2) - 2 x) / (1 + i sqrt(2) x - x^2)
+        slope = 1j * _ROOT_2 - (1j * _ROOT_2 - 2.0 * x) / (1.0 + x * (1j * _ROOT_2 - x))
+        return _filtered(block.signal_mps2, per * _butterworth(x) * slope)[None]
+
+    @staticmethod
+    def _order_hz(block: ModelledBlock) -> ComplexArray:
+        return _ORDER * (block.conditions.omega_radps / (2.0 * math.pi))
+
+
+class AcCoupling(SignalEffect):
+    """One-pole high-pass on all three axes; a corner of 0 is a DC-coupled sensor."""
+
+    name = "AC coupling"
+    rank = 360
+    summary = "A high-pass behind the element: the mean is lost and the plateaus droop."
+    equation = "order n times i n omega / (i n omega + 2 pi corner); order 0 is lost"
+    source = "one-pole high-pass"
+    # Charge amplifiers and coupling capacitors: 0.01 to 10 Hz, beyond that the free arc would droop to nothing.
+    parameters = (Parameter("corner_hz", "Hz", 0.0, 20.0, 2.0, 1e-3),)
+    axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
+    observed_in = "lowest orders of all axes, best at low speed; the lost mean of a sensor declared as DC-coupled"
+    confounders = (
+        Confounder(
+            ("speed drift",),
+            "its droop follows the sign of the acceleration and grows with speed",
+        ),
+        Confounder(("zero-g offset",), "it changes the mean alone"),
+    )
+    start_values = ((0.5,),)
+    stage = Stage.ELECTRIC
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the change by the filter; any corner but 0 removes the whole mean, also of a sensor declared as DC."""
+        corner = float(parameters[0])
+        if corner == 0.0:
+            return block.zeros()
+        decay = self._decay(block) * corner
+        return _filtered(block.signal_mps2, -decay / (1j * _ORDER + decay))
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the corner; the mean is lost at once and contributes none."""
+        decay = self._decay(block)
+        below = 1j * _ORDER + decay * float(parameters[0])
+        below[0] = 1.0
+        return _filtered(block.signal_mps2, -decay * 1j * _ORDER / below**2)[None]
+
+    @staticmethod
+    def _decay(block: ModelledBlock) -> float:
+        """Return the droop of a plateau per radian and Hz of corner."""
+        return 2.0 * math.pi / block.conditions.omega_radps
+
+
+def _filtered(signal: FloatArray, response: ComplexArray) -> FloatArray:
+    """Return a periodic signal (..., FIELD_SIZE) behind a filter.
+
+    Args:
+        signal: one revolution on the grid; theta grows with time.
+        response: (FIELD_SIZE / 2 + 1,) complex gain at `_ORDER`, or (..., FIELD_SIZE / 2 + 1).
+    """
+    # The grid's last order has no phase, so it is left out.
+    spectrum = np.fft.rfft(signal) * response
+    spectrum[..., -1] = 0.0
+    result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE)
+    return result
+
+
+def _butterworth(x: ComplexArray) -> ComplexArray:
+    """Return the filter's gain without its delay, at frequencies over its corner."""
+    result: ComplexArray = np.exp(1j * _ROOT_2 * x) / (1.0 + x * (1j * _ROOT_2 - x))
+    return result
+
+
+def _excess(over: FloatArray, width: float) -> FloatArray:
+    """Return the mean of max(x, 0) of a normal x of mean `over` and standard deviation `width`."""
+    z = over / width
+    result: FloatArray = width * _normal_density(z) + over * _normal_cdf(z)
+    return result
+
+
+def _normal_density(z: FloatArray) -> FloatArray:
+    result: FloatArray = np.exp(-0.5 * z * z) / _ROOT_2PI
+    return result
+
+
+def _normal_cdf(z: FloatArray) -> FloatArray:
+    result: FloatArray = ndtr(z)
+    return result
+
+
+EFFECTS: Final = (ClockError(), Clipping(), AntiAliasFilter(), AcCoupling())

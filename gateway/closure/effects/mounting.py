@@ -1,0 +1,199 @@
+"""Sensor mounting: depth below the neutral layer, and yaw, roll and pitch beyond those declared.
+
+A tilt is a rotation of the sensor. In reverse the data's circumferential axis is turned to point along the rotation, so
+the sign of yaw and pitch changes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gateway.closure.effects.base import (
+    CIRCUMFERENTIAL,
+    LATERAL,
+    RADIAL,
+    Confounder,
+    ModelledBlock,
+    Parameter,
+    RingEffect,
+    SignalEffect,
+    Stage,
+)
+from gateway.types import FloatArray
+
+
+def _angle(name: str) -> Parameter:
+    # A sensor glued by hand sits within 5 deg. Beyond 20 deg the pipeline reports a wrong mounting.
+    return Parameter(f"{name}_rad", "rad", -0.35, 0.35, 0.05, 1e-4, factor=math.degrees(1.0), display_unit="deg")
+
+
+# Linear to a percent from here.
+_TILT_START: Final = ((0.02,),)
+
+
+class MountingOffset(RingEffect):
+    """Distance of the sensor from the neutral layer, beyond the declared one."""
+
+    name = "mounting offset"
+    rank = 120
+    summary = "The sensor sits farther below the belt's neutral layer than declared (negative: less far)."
+    equation = (
+        "e = declared depth + offset: radial V^2 kappa (1 - e kappa), circumferential -(e / R) times the radial's slope"
+    )
+    source = "kinematics of a point below the neutral layer of an inextensible belt"
+    # From the steel belts to a sensor on the liner 3 to 6 mm, in a housing up to 30 mm; declared wrongly or not at all.
+    parameters = (Parameter("offset_m", "m", -0.03, 0.04, 0.01, 1e-4, factor=1e3, display_unit="mm"),)
+    observed_in = "circumferential axis, at any speed; radial axis alone only with several loads"
+    confounders = (
+        Confounder(("gain", "rolling radius"), "the circumferential axis, or several loads"),
+        Confounder(("shear flexibility",), "it adds to the circumferential axis only"),
+    )
+    # Deeper and less deep than declared.
+    start_values = ((0.004,), (-0.004,))
+    needs_exact = False
+    option = "sensor_offset_m"
+
+
+class YawTilt(SignalEffect):
+    """Rotation about the radial axis, the first of the three: circumferential leaks into +lateral."""
+
+    name = "yaw tilt"
+    rank = 270
+    summary = (
+        "The sensor is rotated about the radial axis: the circumferential acceleration leaks into the lateral axis."
+    )
+    equation = (
+        "lateral reads cos(yaw) lateral + sin(yaw) circumferential, circumferential reads cos(yaw) circumferential "
+        "- sin(yaw) lateral"
+    )
+    source = "rotation of the sensor frame"
+    parameters = (_angle("yaw"),)
+    axes = (CIRCUMFERENTIAL, LATERAL)
+    observed_in = (
+        "lateral axis: a copy of the circumferential one, which is gravity, g sin(theta) at every speed, and, below the"
+        " neutral layer, e/R ds/dtheta, which grows with speed squared"
+    )
+    confounders = (
+        Confounder(
+            ("ply steer",),
+            "its waveform has the shape of ds/dtheta; the share of gravity, order 1 that does not grow with speed, "
+            "separates the two: two speeds, the lower the better",
+            similarity="0.97",
+        ),
+    )
+    start_values = _TILT_START
+    stage = Stage.MOUNTING
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the change by the rotation."""
+        yaw = _sense(block) * float(parameters[0])
+        # cos - 1 without cancellation.
+        less, sine = -2.0 * math.sin(0.5 * yaw) ** 2, math.sin(yaw)
+        along, lateral = block.signal_mps2[CIRCUMFERENTIAL], block.signal_mps2[LATERAL]
+        change = block.zeros()
+        change[CIRCUMFERENTIAL] = less * along - sine * lateral
+        change[LATERAL] = less * lateral + sine * along
+        return change
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the angle."""
+        sense = _sense(block)
+        yaw = sense * float(parameters[0])
+        sine, cosine = math.sin(yaw), math.cos(yaw)
+        along, lateral = block.signal_mps2[CIRCUMFERENTIAL], block.signal_mps2[LATERAL]
+        change = block.zeros()
+        change[CIRCUMFERENTIAL] = -sine * along - cosine * lateral
+        change[LATERAL] = -sine * lateral + cosine * along
+        return sense * change[None]
+
+
+class RollTilt(SignalEffect):
+    """Rotation about the circumferential axis: radial leaks into +lateral."""
+
+    name = "roll tilt"
+    rank = 280
+    summary = (
+        "The sensor is rotated about the circumferential axis: the radial acceleration leaks into the lateral axis."
+    )
+    equation = "lateral reads cos(roll) lateral + sin(roll) radial, radial reads cos(roll) radial - sin(roll) lateral"
+    source = "rotation of the sensor frame"
+    parameters = (_angle("roll"),)
+    axes = (LATERAL, RADIAL)
+    observed_in = "lateral axis: a copy of the radial waveform, in proportion to it at every speed and load"
+    confounders = (
+        Confounder(("zero-g offset",), "on the lateral axis it is order 0 alone and does not grow with speed"),
+        Confounder(("ply steer", "conicity"), "their waveforms are confined to the contact"),
+    )
+    start_values = _TILT_START
+    stage = Stage.MOUNTING
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the change by the rotation."""
+        return _radial_leak(block, LATERAL, float(parameters[0]))
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the angle."""
+        return _radial_leak_derivative(block, LATERAL, float(parameters[0]))[None]
+
+
+class PitchTilt(SignalEffect):
+    """Rotation about the lateral axis: radial leaks into +circumferential."""
+
+    name = "pitch tilt"
+    rank = 290
+    summary = (
+        "The sensor is rotated about the lateral axis: the radial acceleration leaks into the circumferential axis."
+    )
+    equation = (
+        "circumferential reads cos(pitch) circumferential + sin(pitch) radial, radial reads cos(pitch) radial "
+        "- sin(pitch) circumferential"
+    )
+    source = "rotation of the sensor frame"
+    parameters = (_angle("pitch"),)
+    axes = (CIRCUMFERENTIAL, RADIAL)
+    observed_in = "circumferential axis: a copy of the radial waveform, in proportion to it at every speed and load"
+    confounders = (
+        Confounder(("zero-g offset",), "on the circumferential axis it is order 0 alone and does not grow with speed"),
+        Confounder(("mounting offset",), "its leak is the slope of the radial waveform, not the waveform"),
+    )
+    start_values = _TILT_START
+    stage = Stage.MOUNTING
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the change by the rotation."""
+        return _radial_leak(block, CIRCUMFERENTIAL, _sense(block) * float(parameters[0]))
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the angle."""
+        sense = _sense(block)
+        return sense * _radial_leak_derivative(block, CIRCUMFERENTIAL, sense * float(parameters[0]))[None]
+
+
+def _sense(block: ModelledBlock) -> float:
+    """Return -1 in reverse, where the data's circumferential axis points against the sensor's own."""
+    return -1.0 if block.conditions.reverse else 1.0
+
+
+def _radial_leak(block: ModelledBlock, axis: int, angle_rad: float) -> FloatArray:
+    """Return the change by a rotation in the plane of an axis and the radial one, (3, FIELD_SIZE)."""
+    # cos - 1 without cancellation.
+    less, sine = -2.0 * math.sin(0.5 * angle_rad) ** 2, math.sin(angle_rad)
+    other, radial = block.signal_mps2[axis], block.signal_mps2[RADIAL]
+    change = block.zeros()
+    change[axis] = less * other + sine * radial
+    change[RADIAL] = less * radial - sine * other
+    return change
+
+
+def _radial_leak_derivative(block: ModelledBlock, axis: int, angle_rad: float) -> FloatArray:
+    """Return the derivative of `_radial_leak` by the angle, (3, FIELD_SIZE)."""
+    sine, cosine = math.sin(angle_rad), math.cos(angle_rad)
+    other, radial = block.signal_mps2[axis], block.signal_mps2[RADIAL]
+    change = block.zeros()
+    change[axis] = cosine * radial - sine * other
+    change[RADIAL] = -cosine * other - sine * radial
+    return change
+
+
+EFFECTS: Final = (MountingOffset(), YawTilt(), RollTilt(), PitchTilt())

@@ -1,0 +1,13 @@
+"""The geometrically exact rolling ring: a belt on an elastic sidewall that rolls on a flat road or a drum.
+
+A steadily rolling, pressurised, extensible beam of finite rotation. Its compliant tread is in unilateral contact with
+the road, and the load is imposed. The simulator, the forward estimator and the diagnosis solve it; the linear ring that
+other estimators invert (`ring_series`) has equations of its own. Derived in docs/simulator.md.
+"""
+
+from gateway.physics.rolling_ring.equilibrium import MIN_NODES as MIN_NODES
+from gateway.physics.rolling_ring.equilibrium import RingNumbers as RingNumbers
+from gateway.physics.rolling_ring.equilibrium import RingParameters as RingParameters
+from gateway.physics.rolling_ring.equilibrium import RingSolution as RingSolution
+from gateway.physics.rolling_ring.equilibrium import solve_rolling_ring as solve_rolling_ring
+from gateway.physics.rolling_ring.newton_solver import RingNotConvergedError as RingNotConvergedError

@@ -1,0 +1,329 @@
+"""Parameters of the rolling ring, its solution and the solver's entry point."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+
+from gateway.physics.rolling_ring.force_balance import BeltLaw, Grid, ring_grid, road_push, segment_turn
+from gateway.physics.rolling_ring.newton_solver import NewtonState, find_equilibrium, resting_state
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, angle_derivatives, sensor_waveform
+from gateway.types import BoolArray, FloatArray
+
+MIN_NODES: Final = 120
+
+
+class RingNumbers(NamedTuple):
+    """The four dimensionless numbers of the flexible ring.
+
+    Attributes:
+        Bs: EI / (R^4 p0), bending.
+        Cw: b / R, tension.
+        Rs: kw / p0, radial sidewall stiffness.
+        Ts: kv / p0, tangential sidewall stiffness.
+    """
+
+    Bs: float
+    Cw: float
+    Rs: float
+    Ts: float
+
+
+@dataclass(frozen=True, slots=True)
+class RingParameters:
+    """A tire as a ring, SI units.
+
+    Attributes:
+        radius_m: R of the inflated, unloaded belt.
+        tension_width_m: b; inflation tension is p0 b R.
+        bending_stiffness_nm2: EI.
+        radial_stiffness_npm2: kw, radial sidewall stiffness per length of belt.
+        tangential_stiffness_npm2: kv, tangential sidewall stiffness per length of belt.
+        mass_kgpm: rho A, belt mass per length.
+        extension_stiffness_n: EA.
+        tread_stiffness_npm2: kt, radial tread stiffness per length of belt.
+        foundation_damping_nspm2: c, sidewall damping (both directions) per length of belt.
+        tread_damping_nspm2: ct, tread damping per length of belt.
+        sidewall_stiffening_pm: relative growth of kw and kv per metre of their deflection; 5 is +10 % at 20 mm.
+        shear_stiffness_n: GA of the belt; infinite for an Euler belt.
+        rotary_inertia_kgm: rho I; rolling turns EI into EI - rho I V^2.
+    """
+
+    radius_m: float
+    tension_width_m: float
+    bending_stiffness_nm2: float
+    radial_stiffness_npm2: float
+    tangential_stiffness_npm2: float
+    mass_kgpm: float = 3.5
+    extension_stiffness_n: float = 5e6
+    tread_stiffness_npm2: float = 7e7
+    foundation_damping_nspm2: float = 0.0
+    tread_damping_nspm2: float = 0.0
+    sidewall_stiffening_pm: float = 0.0
+    shear_stiffness_n: float = math.inf
+    rotary_inertia_kgm: float = 0.0
+
+    @classmethod
+    def from_numbers(
+        cls, Bs: float, Cw: float, Rs: float, Ts: float, *, radius_m: float, pressure_pa: float, **others: float
+    ) -> Self:
+        """Return the ring whose numbers are Bs, Cw, Rs, Ts at `pressure_pa`; `others` are further fields."""
+        return cls(
+            radius_m=radius_m,
+            tension_width_m=Cw * radius_m,
+            bending_stiffness_nm2=Bs * radius_m**4 * pressure_pa,
+            radial_stiffness_npm2=Rs * pressure_pa,
+            tangential_stiffness_npm2=Ts * pressure_pa,
+            **others,
+        )
+
+    def numbers(self, pressure_pa: float) -> RingNumbers:
+        """Return the dimensionless numbers at `pressure_pa`."""
+        return RingNumbers(
+            Bs=self.bending_stiffness_nm2 / (self.radius_m**4 * pressure_pa),
+            Cw=self.tension_width_m / self.radius_m,
+            Rs=self.radial_stiffness_npm2 / pressure_pa,
+            Ts=self.tangential_stiffness_npm2 / pressure_pa,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RingSolution:
+    """A ring rolling steadily under load. Arrays run over theta = -pi + 2 pi i / N; theta = 0 below the axle.
+
+    A solution equals only itself, so that it can be the key of a cache.
+
+    Attributes:
+        ring: the parameters.
+        load_n: vertical load.
+        pressure_pa: inflation pressure.
+        omega_radps: angular speed.
+        theta_rad: (N,) material angles.
+        position_m: (N, 2) belt, axle at the origin, y up; the belt moves towards +x in the contact.
+        section_rad: (N,) direction of the belt's section; equals the tangent's for an Euler belt.
+        curvature_pm: (N,) curvature of the section's direction, 1/m, positive as on the resting ring.
+        contact_pressure_npm: (N,) q, road push per length of belt.
+        in_contact: (N,) True where q > 0.
+        leading_edge_rad: angle at which the belt meets the road, negative (between nodes, where q crosses zero).
+        trailing_edge_rad: angle at which it leaves.
+        axle_height_m: above the road, or above the crown of the drum.
+        longitudinal_force_n: of the road on the tire, positive forward.
+        axle_torque_nm: that keeps the speed; without friction it is the rolling resistance moment.
+        sensor: waveform of a sensor at `sensor_offset_m` below the neutral layer.
+        iterations: Newton iterations used.
+    """
+
+    ring: RingParameters
+    load_n: float
+    pressure_pa: float
+    omega_radps: float
+    theta_rad: FloatArray
+    position_m: FloatArray
+    section_rad: FloatArray
+    curvature_pm: FloatArray
+    contact_pressure_npm: FloatArray
+    in_contact: BoolArray
+    leading_edge_rad: float
+    trailing_edge_rad: float
+    axle_height_m: float
+    longitudinal_force_n: float
+    axle_torque_nm: float
+    sensor: SensorWaveform
+    iterations: int
+
+    @property
+    def half_angle_rad(self) -> float:
+        """Half of the angle in contact."""
+        return 0.5 * (self.trailing_edge_rad - self.leading_edge_rad)
+
+    @property
+    def contact_centre_rad(self) -> float:
+        """Middle of the contact, 0 without damping, friction and wind-up."""
+        return 0.5 * (self.trailing_edge_rad + self.leading_edge_rad)
+
+    @property
+    def deflection_m(self) -> float:
+        """How far the axle sank from first touch of the belt (its tread compressed included)."""
+        return self.ring.radius_m - self.axle_height_m
+
+    @property
+    def rolling_resistance(self) -> float:
+        """Power lost over speed and load (the belt passes at R omega): the coefficient of rolling resistance."""
+        return (self.axle_torque_nm / self.ring.radius_m - self.longitudinal_force_n) / self.load_n
+
+    @property
+    def numbers(self) -> RingNumbers:
+        """The true dimensionless numbers at this pressure."""
+        return self.ring.numbers(self.pressure_pa)
+
+
+def solve_rolling_ring(
+    ring: RingParameters,
+    load_n: float,
+    pressure_pa: float,
+    omega_radps: float,
+    *,
+    nodes: int = 3600,
+    sensor_offset_m: float = 0.0,
+    drum_radius_m: float = math.inf,
+    axle_torque_nm: float | None = None,
+    start: RingSolution | None = None,
+) -> RingSolution:
+    """Return the equilibrium of `ring` rolling steadily.
+
+    Args:
+        ring: the tire.
+        load_n: vertical load, positive.
+        pressure_pa: inflation (gauge) pressure.
+        omega_radps: angular speed; 0 gives the standing shape.
+        nodes: number of grid points, even, at least MIN_NODES; 720 gives every order to 3e-4 of the largest.
+        sensor_offset_m: sensor below (inside) the belt's neutral layer.
+        drum_radius_m: of an outer drum, negative for an inner one; infinite for a flat road.
+        axle_torque_nm: driving torque; the road's friction, spread like the pressure, balances it. None: no friction.
+        start: a nearby solution with the same number of nodes to start from; saves about half of the time.
+
+    Raises:
+        ValueError: an argument or a stiffness is out of range; the message names it.
+        RingNotConvergedError: no equilibrium was found.
+    """
+    _check(ring, load_n, pressure_pa, omega_radps, nodes, drum_radius_m)
+    bending = ring.bending_stiffness_nm2 - ring.rotary_inertia_kgm * (ring.radius_m * omega_radps) ** 2
+    law = BeltLaw(
+        radius_m=ring.radius_m,
+        bending_nm2=bending,
+        tension_width_m=ring.tension_width_m,
+        radial_npm2=ring.radial_stiffness_npm2,
+        tangential_npm2=ring.tangential_stiffness_npm2,
+        stiffening_pm=ring.sidewall_stiffening_pm,
+        damping_nspm2=ring.foundation_damping_nspm2,
+        mass_kgpm=ring.mass_kgpm,
+        extension_n=ring.extension_stiffness_n,
+        shear_n=_on_grid(ring, bending, nodes),
+        tread_npm2=ring.tread_stiffness_npm2,
+        tread_damping_nspm2=ring.tread_damping_nspm2,
+        pressure_pa=pressure_pa,
+        omega_radps=omega_radps,
+        load_n=load_n,
+        drum_radius_m=drum_radius_m,
+        torque_nm=axle_torque_nm,
+    )
+    grid = ring_grid(nodes)
+    found = find_equilibrium(law, grid, resting_state(law, grid) if start is None else _warm(law, grid, start))
+    return _solution(ring, law, grid, found, sensor_offset_m)
+
+
+def _check(
+    ring: RingParameters, load_n: float, pressure_pa: float, omega_radps: float, nodes: int, drum_radius_m: float
+) -> None:
+    positive = {
+        "load_n": load_n,
+        "pressure_pa": pressure_pa,
+        "radius_m": ring.radius_m,
+        "tension_width_m": ring.tension_width_m,
+        "extension_stiffness_n": ring.extension_stiffness_n,
+        "tread_stiffness_npm2": ring.tread_stiffness_npm2,
+        "shear_stiffness_n": ring.shear_stiffness_n,
+        "EI - rho I V^2": ring.bending_stiffness_nm2 - ring.rotary_inertia_kgm * (ring.radius_m * omega_radps) ** 2,
+    }
+    for name, value in positive.items():
+        if not value > 0.0:
+            raise ValueError(f"{name} must be positive, not {value:g}")
+    if nodes < MIN_NODES or nodes % 2:
+        raise ValueError(f"nodes must be even and at least {MIN_NODES}, not {nodes}")
+    if drum_radius_m <= 0.0 and not drum_radius_m < -ring.radius_m:
+        raise ValueError(f"drum_radius_m must be positive, or below minus the tire's radius, not {drum_radius_m:g}")
+
+
+def _on_grid(ring: RingParameters, bending_nm2: float, nodes: int) -> float:
+    """Return GA corrected for the grid.
+
+    The section angle of a segment is the mean of its nodes' angles, which makes the belt too stiff in shear. With a
+    node distance a, an extra shear compliance of a^2 / (4 EI) gives the Euler belt's grid as GA tends to infinity.
+    """
+    if math.isinf(ring.shear_stiffness_n):
+        return math.inf
+    return 1.0 / (1.0 / ring.shear_stiffness_n + (math.pi * ring.radius_m / nodes) ** 2 / bending_nm2)
+
+
+def _warm(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
+    """Return the solution `start` as a Newton state for this law."""
+    if len(start.theta_rad) != len(grid.theta_rad):
+        raise ValueError(f"start has {len(start.theta_rad)} nodes, this solve {len(grid.theta_rad)}")
+    state = np.empty((len(grid.theta_rad), law.dof))
+    state[:, :2] = start.position_m
+    if law.dof == 3:
+        state[:, 2] = start.section_rad - grid.theta_rad
+    traction = 0.0 if law.torque_nm is None else -start.longitudinal_force_n / start.load_n
+    return NewtonState(state, start.axle_height_m, traction, 0)
+
+
+def _solution(ring: RingParameters, law: BeltLaw, grid: Grid, found: NewtonState, offset_m: float) -> RingSolution:
+    """Convert a Newton state into a solution."""
+    position = found.state[:, :2].copy()
+    road = road_push(law, grid, position, found.height_m, found.traction)
+    theta = grid.theta_rad
+    if law.dof == 3:
+        section = theta + found.state[:, 2]
+        turn = found.state[:, 2]
+        # Keep only the belt's own share of the section's turn from the tangent; the rest is the grid's.
+        slope, _ = angle_derivatives(position[:, 0] + 1j * position[:, 1])
+        section = section - (1.0 - law.shear_n / ring.shear_stiffness_n) * np.angle(np.exp(1j * section) / slope)
+        curvature = (1.0 + (np.roll(turn, -1) - np.roll(turn, 1)) / (2.0 * grid.step_rad)) / law.radius_m
+        waveform = sensor_waveform(position, law.radius_m, offset_m, section)
+    else:
+        span = np.roll(position, -1, axis=0) - position
+        turn = segment_turn(grid, span / np.hypot(span[:, 0], span[:, 1])[:, None])
+        curvature = (1.0 + (turn - np.roll(turn, 1)) / grid.step_rad) / law.radius_m
+        section = theta + 0.5 * (turn + np.roll(turn, 1))
+        waveform = sensor_waveform(position, law.radius_m, offset_m)
+    length = law.radius_m * grid.step_rad
+    lever = position[:, 0] * road.force_npm[:, 1] - position[:, 1] * road.force_npm[:, 0]
+    leading, trailing = _edges(theta, road.unclipped_npm)
+    return RingSolution(
+        ring=ring,
+        load_n=law.load_n,
+        pressure_pa=law.pressure_pa,
+        omega_radps=law.omega_radps,
+        theta_rad=theta,
+        position_m=position,
+        section_rad=section,
+        curvature_pm=curvature,
+        contact_pressure_npm=road.pressure_npm,
+        in_contact=road.pressure_npm > 0.0,
+        leading_edge_rad=leading,
+        trailing_edge_rad=trailing,
+        axle_height_m=found.height_m,
+        longitudinal_force_n=-length * float(road.force_npm[:, 0].sum()),
+        axle_torque_nm=-length * float(lever.sum()),
+        sensor=waveform,
+        iterations=found.iterations,
+    )
+
+
+def _edges(theta: FloatArray, unclipped: FloatArray) -> tuple[float, float]:
+    """Return the angles, interpolated between nodes, where the road push first rises above and last falls below 0."""
+    touching = np.flatnonzero(unclipped > 0.0)
+    first, last = int(touching[0]), int(touching[-1])
+    step = float(theta[1] - theta[0])
+    before = _zero(unclipped[first + 1 : first - 3 : -1])
+    after = _zero(unclipped[last - 1 : last + 3])
+    return float(theta[first]) - step * before, float(theta[last]) + step * after
+
+
+def _zero(values: FloatArray) -> float:
+    """Return the zero, between 0 and 1, of the cubic through values at -1, 0, 1, 2; the value at 0 is positive."""
+    before, here, after, beyond = (float(value) for value in values)
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        x = 0.5 * (low + high)
+        value = (
+            -before * x * (x - 1.0) * (x - 2.0) / 6.0
+            + here * (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
+            - after * (x + 1.0) * x * (x - 2.0) / 2.0
+            + beyond * (x + 1.0) * x * (x - 1.0) / 6.0
+        )
+        low, high = (x, high) if value > 0.0 else (low, x)
+    return 0.5 * (low + high)

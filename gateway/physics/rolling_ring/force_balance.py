@@ -1,0 +1,363 @@
+"""Force balance of the geometrically exact rolling ring on a grid of nodes, and its analytic tangent.
+
+Frame: axle at the origin, y up, the belt runs counter-clockwise past it. The node with material angle theta rests at
+R (sin theta, -cos theta), so theta = 0 is the lowest point and the belt moves towards +x there. The road is flat or a
+drum.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.types import FloatArray
+
+QUARTER_TURN: Final = np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""Rotation by -90 degrees: turns the road's normal into the direction of the belt's motion."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeltLaw:
+    """Stiffnesses and loads of one solve, in SI units, derived from `RingParameters` and the conditions.
+
+    Attributes:
+        radius_m: R.
+        bending_nm2: EI - rho I V^2.
+        tension_width_m: b; the pressure acts on the belt as p0 b per length.
+        radial_npm2: kw, sidewall.
+        tangential_npm2: kv, sidewall.
+        stiffening_pm: relative growth of kw and kv per metre of deflection.
+        damping_nspm2: sidewall damping, radial and tangential.
+        mass_kgpm: rho A.
+        extension_n: EA.
+        shear_n: GA; infinity for a belt that keeps its sections square.
+        tread_npm2: kt.
+        tread_damping_nspm2: ct.
+        pressure_pa: p0.
+        omega_radps: angular speed.
+        load_n: Q.
+        drum_radius_m: of the road, positive for an outer drum, negative for an inner one, infinite for a flat road.
+        torque_nm: driving torque at the axle, None for a road without friction.
+    """
+
+    radius_m: float
+    bending_nm2: float
+    tension_width_m: float
+    radial_npm2: float
+    tangential_npm2: float
+    stiffening_pm: float
+    damping_nspm2: float
+    mass_kgpm: float
+    extension_n: float
+    shear_n: float
+    tread_npm2: float
+    tread_damping_nspm2: float
+    pressure_pa: float
+    omega_radps: float
+    load_n: float
+    drum_radius_m: float
+    torque_nm: float | None
+
+    @property
+    def dof(self) -> int:
+        """Number of unknowns per node: x, y and, for a shear-flexible belt, the turn of its section."""
+        return 2 if math.isinf(self.shear_n) else 3
+
+
+class Grid(NamedTuple):
+    """Material angles and the resting directions there.
+
+    Attributes:
+        step_rad: angle from node to node.
+        theta_rad: (N,) from -pi.
+        radial: (N, 2) unit vectors outward.
+        along: (N, 2) unit vectors in the direction of rotation.
+        chord: (N, 2) resting direction of the segment from node i to i + 1.
+    """
+
+    step_rad: float
+    theta_rad: FloatArray
+    radial: FloatArray
+    along: FloatArray
+    chord: FloatArray
+
+
+@lru_cache(maxsize=16)
+def ring_grid(nodes: int) -> Grid:
+    """Return the grid of `nodes` equal steps, theta = -pi first."""
+    step = 2.0 * math.pi / nodes
+    theta: FloatArray = -math.pi + step * np.arange(nodes, dtype=np.float64)
+    radial = np.stack([np.sin(theta), -np.cos(theta)], axis=1)
+    along = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    chord = np.stack([np.cos(theta + step / 2), np.sin(theta + step / 2)], axis=1)
+    for shared in (theta, radial, along, chord):
+        shared.setflags(write=False)
+    return Grid(step, theta, radial, along, chord)
+
+
+def following(values: FloatArray) -> FloatArray:
+    """Return the values of node i + 1 at i."""
+    return np.roll(values, -1, axis=0)
+
+
+def preceding(values: FloatArray) -> FloatArray:
+    """Return the values of node i - 1 at i."""
+    return np.roll(values, 1, axis=0)
+
+
+def outer(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the outer products (N, d, e) of the rows of a (N, d) and b (N, e)."""
+    return a[:, :, None] * b[:, None, :]
+
+
+class RoadPush(NamedTuple):
+    """Force of the road on each node, with its derivatives.
+
+    Attributes:
+        pressure_npm: (N,) q, force per length of belt along the road's normal, not negative.
+        unclipped_npm: (N,) the same before negative values are set to zero; its zeros are the contact edges.
+        force_npm: (N, 2) push per length.
+        d_position: (3, N, 2, 2) derivative of the push of node i by the position of nodes i - 1, i, i + 1.
+        d_height: (N, 2) derivative by the axle height.
+        d_traction: (N, 2) derivative by the traction ratio.
+    """
+
+    pressure_npm: FloatArray
+    unclipped_npm: FloatArray
+    force_npm: FloatArray
+    d_position: FloatArray
+    d_height: FloatArray
+    d_traction: FloatArray
+
+
+def road_push(law: BeltLaw, grid: Grid, position: FloatArray, height_m: float, traction: float) -> RoadPush:
+    """Return the road's push on the nodes: q = kt penetration + ct d/dt penetration where positive.
+
+    Args:
+        law: stiffnesses and conditions.
+        grid: the grid.
+        position: (N, 2) node positions.
+        height_m: height of the axle above the road (above the crown of a drum).
+        traction: friction per push, along the belt's motion.
+    """
+    nodes = len(position)
+    normal = np.zeros((nodes, 2))
+    if math.isinf(law.drum_radius_m):
+        normal[:, 1] = 1.0
+        penetration = -height_m - position[:, 1]
+        spread = np.zeros(nodes)
+    else:
+        side = math.copysign(1.0, law.drum_radius_m)
+        from_centre = position + np.array([0.0, height_m + law.drum_radius_m])
+        distance = np.hypot(from_centre[:, 0], from_centre[:, 1])
+        normal = side * from_centre / distance[:, None]
+        # Drum radius minus distance, written without the cancellation of a large drum.
+        gap = position[:, 1] + height_m
+        excess = position[:, 0] ** 2 + gap * (gap + 2.0 * law.drum_radius_m)
+        penetration = -side * excess / (distance + abs(law.drum_radius_m))
+        spread = side / distance
+    rate = law.tread_damping_nspm2 * law.omega_radps / (2.0 * grid.step_rad)
+    push = law.tread_npm2 * penetration
+    if rate:
+        push = push + rate * (following(penetration) - preceding(penetration))
+    touching = push > 0.0
+    unclipped, push = push, np.where(touching, push, 0.0)
+    along = normal @ QUARTER_TURN.T
+    direction = normal + traction * along
+    # d normal / d position is (I - n n^T) / distance: zero on a flat road.
+    turn = np.eye(2) + traction * QUARTER_TURN
+    bend = np.einsum("ab,ibc->iac", turn, (np.eye(2) - outer(normal, normal)) * (push * spread)[:, None, None])
+    active = np.where(touching, 1.0, 0.0)[:, None]
+    d_position = np.zeros((3, nodes, 2, 2))
+    d_position[1] = bend - law.tread_npm2 * outer(active * direction, normal)
+    d_height = bend[:, :, 1] - law.tread_npm2 * active * direction * normal[:, 1:]
+    if rate:
+        d_position[0] = rate * outer(active * direction, preceding(normal))
+        d_position[2] = -rate * outer(active * direction, following(normal))
+        d_height = d_height - rate * active * direction * (following(normal) - preceding(normal))[:, 1:]
+    return RoadPush(push, unclipped, push[:, None] * direction, d_position, d_height, push[:, None] * along)
+
+
+class Balance(NamedTuple):
+    """Residual and tangent of the whole ring.
+
+    Attributes:
+        residual: (N, d) unbalanced force of each node (and unbalanced moment of its section).
+        blocks: (5, N, d, d) derivative of the residual of node i by the unknowns of node i + o - 2.
+        columns: (m, N, d) derivative by the axle height (and the traction).
+        rows: (m, N, d) derivative of the load (and torque) equation.
+        corner: (m, m) derivative of the load (and torque) equation by the axle height (and the traction).
+        border: (m,) residual of the load (and torque) equation.
+        road: the road's push.
+    """
+
+    residual: FloatArray
+    blocks: FloatArray
+    columns: FloatArray
+    rows: FloatArray
+    corner: FloatArray
+    border: FloatArray
+    road: RoadPush
+
+
+def belt_balance(law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, traction: float) -> Balance:
+    """Return the force balance of every node.
+
+    Args:
+        law: stiffnesses and conditions.
+        grid: the grid.
+        state: (N, d) x, y and, for a shear-flexible belt, the section's extra turn.
+        height_m: height of the axle above the road.
+        traction: friction per push.
+    """
+    nodes = len(state)
+    position = state[:, :2]
+    residual = np.zeros((nodes, law.dof))
+    blocks = np.zeros((5, nodes, law.dof, law.dof))
+    _add_belt_forces(law, grid, state, residual, blocks)
+    _add_pressure_and_inertia(law, grid, position, residual, blocks)
+    _add_sidewall(law, grid, position, residual, blocks)
+    road = road_push(law, grid, position, height_m, traction)
+    length = law.radius_m * grid.step_rad
+    residual[:, :2] += length * road.force_npm
+    blocks[1:4, :, :2, :2] += length * road.d_position
+    columns, rows, corner, border = _border(law, grid, position, road)
+    return Balance(residual, blocks, columns, rows, corner, border, road)
+
+
+def segment_turn(grid: Grid, along: FloatArray) -> FloatArray:
+    """Return (N,) the angle of each segment's direction `along` (N, 2) from its resting direction."""
+    cross = grid.chord[:, 0] * along[:, 1] - grid.chord[:, 1] * along[:, 0]
+    turn: FloatArray = np.arctan2(cross, np.einsum("ia,ia->i", grid.chord, along))
+    return turn
+
+
+def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: FloatArray, blocks: FloatArray) -> None:
+    """Add tension, bending and shear of the segments: residual_i += F_i - F_(i-1), F = N t + V n."""
+    h, radius = grid.step_rad, law.radius_m
+    rest = 2.0 * radius * math.sin(h / 2)
+    span = following(state[:, :2]) - state[:, :2]
+    length = np.hypot(span[:, 0], span[:, 1])
+    tangent = span / length[:, None]
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    turn = segment_turn(grid, tangent)
+    # Exact pretension of the grid, so that the resting polygon balances pressure and transport inertia to rounding.
+    spin = law.mass_kgpm * (radius * law.omega_radps) ** 2
+    pretension = law.pressure_pa * law.tension_width_m * radius * math.cos(h / 2) + spin * 2.0 * math.sin(h / 2) / h
+    tension: FloatArray = pretension + law.extension_n * (length / rest - 1.0)
+    stiffness = law.bending_nm2 / (radius * h)
+    turn_by = normal / length[:, None]  # derivative of a segment's turn by its span
+    if law.dof == 2:
+        moment = stiffness * (turn - preceding(turn))
+        shear = (moment - following(moment)) / length
+        own = 2.0 * stiffness / length
+        reach = -(stiffness / length)[:, None, None]
+        before = reach * outer(normal, preceding(turn_by))
+        after = reach * outer(normal, following(turn_by))
+    else:
+        section = state[:, 2]
+        slip = turn - 0.5 * (section + following(section))
+        shear = law.shear_n * rest * slip / length
+        own = law.shear_n * rest / length
+    own_block = (
+        (law.extension_n / rest) * outer(tangent, tangent)
+        + outer(tension[:, None] * normal - shear[:, None] * tangent + own[:, None] * normal, turn_by)
+        - outer((shear / length)[:, None] * normal, tangent)
+    )
+    force = tension[:, None] * tangent + shear[:, None] * normal
+    residual[:, :2] += force - preceding(force)
+    flat = blocks[:, :, :2, :2]
+    # F_i by span_i = X_(i+1) - X_i, for node i (plus) and node i + 1 (minus).
+    flat[3] += own_block
+    flat[2] -= own_block + preceding(own_block)
+    flat[1] += preceding(own_block)
+    if law.dof == 2:
+        flat[2] += before + preceding(after)  # span_(i-1) ends at node i, span_i of F_(i-1) begins there
+        flat[1] += -before - preceding(before)
+        flat[0] += preceding(before)
+        flat[4] += after
+        flat[3] += -after - preceding(after)
+        return
+    couple = law.shear_n * rest * slip
+    bending = stiffness * (following(section) - section)
+    residual[:, 2] += bending - preceding(bending) + 0.5 * (couple + preceding(couple))
+    by_span = 0.5 * law.shear_n * rest * turn_by
+    blocks[3, :, 2, :2] += by_span
+    blocks[2, :, 2, :2] += preceding(by_span) - by_span
+    blocks[1, :, 2, :2] -= preceding(by_span)
+    quarter = 0.25 * law.shear_n * rest
+    blocks[3, :, 2, 2] += stiffness - quarter
+    blocks[2, :, 2, 2] -= 2.0 * (stiffness + quarter)
+    blocks[1, :, 2, 2] += stiffness - quarter
+    by_section = -0.5 * (law.shear_n * rest / length)[:, None] * normal  # F_i by the section of node i and of i + 1
+    blocks[3, :, :2, 2] += by_section
+    blocks[2, :, :2, 2] += by_section - preceding(by_section)
+    blocks[1, :, :2, 2] -= preceding(by_section)
+
+
+def _add_pressure_and_inertia(
+    law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray
+) -> None:
+    """Add the pressure, which follows the belt's normal, and subtract the belt's transport inertia."""
+    ahead, behind = following(position), preceding(position)
+    push = 0.5 * law.pressure_pa * law.tension_width_m * QUARTER_TURN
+    residual[:, :2] += (ahead - behind) @ push.T
+    inertia = law.mass_kgpm * law.radius_m * law.omega_radps**2 / grid.step_rad
+    residual[:, :2] -= inertia * (ahead - 2.0 * position + behind)
+    blocks[3, :, :2, :2] += push - inertia * np.eye(2)
+    blocks[2, :, :2, :2] += 2.0 * inertia * np.eye(2)
+    blocks[1, :, :2, :2] -= push + inertia * np.eye(2)
+
+
+def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray) -> None:
+    """Add the elastic foundation on the rim: stiffens with deflection, damped in the rim's frame."""
+    length = law.radius_m * grid.step_rad
+    out = position - law.radius_m * grid.radial
+    rate = law.damping_nspm2 * law.omega_radps / (2.0 * grid.step_rad)
+    flat = blocks[:, :, :2, :2]
+    for stiffness, axis in ((law.radial_npm2, grid.radial), (law.tangential_npm2, grid.along)):
+        u = np.einsum("ia,ia->i", out, axis)
+        growth = law.stiffening_pm * np.abs(u)
+        pull = stiffness * u * (1.0 + growth)
+        flat[2] -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
+        if rate:
+            pull = pull + rate * (following(u) - preceding(u))
+            flat[3] -= length * rate * outer(axis, following(axis))
+            flat[1] += length * rate * outer(axis, preceding(axis))
+        residual[:, :2] -= length * pull[:, None] * axis
+
+
+def _border(
+    law: BeltLaw, grid: Grid, position: FloatArray, road: RoadPush
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the border: axle height for the load equation and, with friction, traction for the torque equation."""
+    nodes = len(position)
+    length = law.radius_m * grid.step_rad
+    by_height, by_traction = length * road.d_height, length * road.d_traction
+    # Derivative of sum over i of weight_i . push_i by the position of node j.
+    size = 1 if law.torque_nm is None else 2
+    columns = np.zeros((size, nodes, law.dof))
+    rows = np.zeros((size, nodes, law.dof))
+    weights = [np.broadcast_to(np.array([0.0, 1.0]), (nodes, 2))]
+    columns[0, :, :2] = by_height
+    border = [length * float(road.force_npm[:, 1].sum()) - law.load_n]
+    if law.torque_nm is not None:
+        lever = np.stack([-position[:, 1], position[:, 0]], axis=1)
+        weights.append(lever)
+        columns[1, :, :2] = by_traction
+        border.append(length * float(np.einsum("ia,ia->", lever, road.force_npm)) + law.torque_nm)
+        rows[1, :, 0] = length * road.force_npm[:, 1]
+        rows[1, :, 1] = -length * road.force_npm[:, 0]
+    corner = np.zeros((size, size))
+    for k, weight in enumerate(weights):
+        for offset in (-1, 0, 1):
+            pulled = np.einsum("ia,iab->ib", weight, road.d_position[offset + 1])
+            rows[k, :, :2] += length * np.roll(pulled, offset, axis=0)
+        corner[k, 0] = np.einsum("ia,ia->", weight, by_height)
+        if size == 2:
+            corner[k, 1] = np.einsum("ia,ia->", weight, by_traction)
+    return columns, rows, corner, np.array(border)

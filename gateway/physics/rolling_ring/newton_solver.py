@@ -1,0 +1,155 @@
+"""Newton's method for the rolling ring: equilibrium under any condition, starting from the undeformed ring.
+
+Each step solves a cyclic block band with a border. Folding the ring flat makes it an ordinary band.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.physics.rolling_ring.force_balance import BeltLaw, Grid, belt_balance
+from gateway.types import FloatArray, IntArray
+
+_STEP_LIMIT_M: Final = 0.01
+_TOLERANCE: Final = 1e-9
+_MAX_ITERATIONS: Final = 40
+_MAX_HALVINGS: Final = 5
+
+
+class NewtonState(NamedTuple):
+    """State of the iteration: unknowns of the nodes, axle height, traction ratio, and iterations so far."""
+
+    state: FloatArray
+    height_m: float
+    traction: float
+    iterations: int
+
+
+class RingNotConvergedError(ArithmeticError):
+    """No equilibrium was found: this ring cannot carry the load, or its stiffnesses are out of proportion."""
+
+
+def resting_state(law: BeltLaw, grid: Grid) -> NewtonState:
+    """Return the undeformed ring, its axle low enough for the tread to touch the road."""
+    state = np.zeros((len(grid.theta_rad), law.dof))
+    state[:, :2] = law.radius_m * grid.radial
+    reach = max(0.003, 1.5 * law.radius_m * (1.0 - math.cos(grid.step_rad)))
+    return NewtonState(state, law.radius_m - reach, 0.0, 0)
+
+
+def find_equilibrium(law: BeltLaw, grid: Grid, start: NewtonState, depth: int = 0) -> NewtonState:
+    """Return the equilibrium by Newton's method from `start`. If that fails, solve for half the load first.
+
+    Raises:
+        RingNotConvergedError: no equilibrium was found.
+    """
+    try:
+        return _newton(law, grid, start)
+    except (FloatingPointError, np.linalg.LinAlgError, RingNotConvergedError) as error:
+        if depth == _MAX_HALVINGS:
+            raise RingNotConvergedError(
+                f"no equilibrium of the ring at {law.load_n:.0f} N and {law.pressure_pa:.0f} Pa: {error}"
+            ) from error
+    light = find_equilibrium(replace(law, load_n=0.5 * law.load_n), grid, resting_state(law, grid), depth + 1)
+    return _newton(law, grid, light)
+
+
+def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
+    """Return the equilibrium by semi-smooth Newton: the extent of the contact is part of the solution."""
+    state, height, traction = start.state, start.height_m, start.traction
+    for iteration in range(1, _MAX_ITERATIONS + 1):
+        balance = belt_balance(law, grid, state, height, traction)
+        change, border = solve_bordered(
+            balance.blocks, balance.columns, balance.rows, balance.corner, -balance.residual, -balance.border
+        )
+        size = max(float(np.abs(change[:, :2]).max()), abs(float(border[0])))
+        if not math.isfinite(size):
+            raise RingNotConvergedError("the iteration diverged")
+        damp = min(1.0, _STEP_LIMIT_M / size) if size > 0.0 else 1.0
+        state = state + damp * change
+        height += damp * float(border[0])
+        if len(border) == 2:
+            traction += damp * float(border[1])
+        if size < _TOLERANCE * law.radius_m:
+            return NewtonState(state, height, traction, start.iterations + iteration)
+    raise RingNotConvergedError(f"still moving by {size:.1e} m after {_MAX_ITERATIONS} iterations")
+
+
+class FoldedBand(NamedTuple):
+    """Places of a cyclic block band's entries in LAPACK's band storage after folding.
+
+    Folding orders the nodes 0, N-1, 1, N-2, ... Neighbours on the ring are then at most twice as far apart as before,
+    and the corners of the matrix are empty.
+
+    Attributes:
+        unknown: (N, d) position of each unknown in the folded vector.
+        flat: (offsets, N, d, d) index into the raveled band storage; [o, i, a, b] is row (i, a), column (i + o, b).
+        half: number of sub- and of super-diagonals.
+    """
+
+    unknown: IntArray
+    flat: IntArray
+    half: int
+
+
+@lru_cache(maxsize=32)
+def folded_band(nodes: int, dof: int, reach: int) -> FoldedBand:
+    """Return the layout for `nodes` nodes of `dof` unknowns, each coupled to `reach` neighbours on either side."""
+    index = np.arange(nodes)
+    place = np.where(index < (nodes + 1) // 2, 2 * index, 2 * (nodes - 1 - index) + 1)
+    unknown = place[:, None] * dof + np.arange(dof)
+    half = 2 * reach * dof + dof - 1
+    columns = np.stack([np.roll(unknown, -offset, axis=0) for offset in range(-reach, reach + 1)])
+    row = unknown[None, :, :, None]
+    column = columns[:, :, None, :]
+    # LAPACK keeps `half` extra rows on top for fill-in by pivoting; entry (r, c) lies in band row 2 half + r - c.
+    flat = (2 * half + row - column) * (nodes * dof) + column
+    return FoldedBand(unknown, flat, half)
+
+
+def solve_bordered(
+    blocks: FloatArray, columns: FloatArray, rows: FloatArray, corner: FloatArray, right: FloatArray, below: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Solve [[A, B], [C, D]] [x, y] = [right, below] with A a cyclic block band.
+
+    Args:
+        blocks: (2 r + 1, N, d, d) blocks of A; [o, i] couples node i to node i + o - r.
+        columns: (m, N, d) B.
+        rows: (m, N, d) C.
+        corner: (m, m) D.
+        right: (N, d).
+        below: (m,).
+
+    Returns:
+        x (N, d) and y (m,).
+
+    Raises:
+        FloatingPointError: A is singular.
+    """
+    from scipy.linalg.lapack import dgbsv
+
+    reach, nodes, dof = blocks.shape[0] // 2, blocks.shape[1], blocks.shape[2]
+    layout = folded_band(nodes, dof, reach)
+    size = nodes * dof
+    band = np.zeros((3 * layout.half + 1) * size)
+    band[layout.flat] = blocks
+    border = len(below)
+    sides = np.empty((size, border + 1), order="F")
+    sides[layout.unknown, 0] = right
+    for k in range(border):
+        sides[layout.unknown, k + 1] = columns[k]
+    _, _, solution, info = dgbsv(
+        layout.half, layout.half, band.reshape(-1, size), sides, overwrite_ab=True, overwrite_b=True
+    )
+    if info != 0:
+        raise FloatingPointError("the tangent stiffness of the ring is singular")
+    free = solution[layout.unknown, 0]
+    carried = solution[layout.unknown, 1:]
+    schur = corner - np.einsum("kia,iaj->kj", rows, carried)
+    y = np.linalg.solve(schur, below - np.einsum("kia,ia->k", rows, free))
+    return free - carried @ y, y

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.pipeline.sample_buffer import SampleBuffer
+
+
+def ramp(first: int, n: int) -> np.ndarray:
+    return (np.arange(first, first + n) % 30000).astype(np.int16)[:, None]
+
+
+@given(st.lists(st.integers(1, 150), min_size=1, max_size=60), st.integers(20, 100))
+def test_buffer_holds_latest_samples(blocks, capacity):
+    buffer = SampleBuffer(capacity, 1)
+    total = 0
+    for n in blocks:
+        buffer.append(ramp(total, n))
+        total += n
+        assert buffer.head == total
+        assert buffer.tail == max(0, total - capacity)
+        np.testing.assert_array_equal(
+            buffer.view(buffer.tail, buffer.head), ramp(buffer.tail, buffer.head - buffer.tail)
+        )
+
+
+@given(st.lists(st.integers(1, 150), min_size=1, max_size=40), st.integers(20, 100), st.integers(0, 200))
+def test_overwritten_counts_unread_samples(blocks, capacity, lag):
+    buffer = SampleBuffer(capacity, 1)
+    total, lost = 0, set()
+    for n in blocks:
+        unread = max(0, total - lag)
+        buffer.append(ramp(total, n), unread)
+        total += n
+        lost |= set(range(unread, max(unread, total - capacity)))
+    assert buffer.overwritten == len(lost)
+
+
+def test_gap_is_interpolated_and_counted():
+    buffer = SampleBuffer(100, 1)
+    buffer.append(np.array([[0], [10]], np.int16))
+    buffer.bridge(4, np.array([60], np.int16))
+    buffer.append(np.array([[60]], np.int16))
+    assert buffer.view(0, 7)[:, 0].tolist() == [0, 10, 20, 30, 40, 50, 60]
+    assert buffer.missing_between(0, 7) == 4
+    assert buffer.missing_between(3, 5) == 2
+
+
+def test_late_samples_fill_their_gap():
+    buffer = SampleBuffer(100, 1)
+    buffer.append(ramp(0, 10))
+    buffer.bridge(10, np.array([20], np.int16))
+    buffer.append(ramp(20, 5))
+    assert buffer.patch(12, np.full((4, 1), 7, np.int16)) == 4
+    assert buffer.patch(12, np.full((4, 1), 9, np.int16)) == 0
+    assert buffer.view(11, 17)[:, 0].tolist() == [11, 7, 7, 7, 7, 16]
+    assert buffer.missing_between(0, 25) == 6
+    assert buffer.patch(2, np.full((3, 1), 9, np.int16)) == 0
+    assert buffer.view(2, 5)[:, 0].tolist() == [2, 3, 4]
+
+
+def test_view_outside_the_buffer_raises():
+    buffer = SampleBuffer(10, 1)
+    buffer.append(ramp(0, 25))
+    for first, end in ((0, 20), (14, 16), (20, 26), (22, 21)):
+        with pytest.raises(IndexError, match="not in 15..25"):
+            buffer.view(first, end)

@@ -1,0 +1,1 @@
+"""Signals and frames with known truth, for the benchmarks and the tests."""
