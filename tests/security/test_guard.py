@@ -179,20 +179,20 @@ def test_swapped_sensors_are_reported_and_ignored() -> None:
 
 
 def test_unknown_sensor_is_ignored_until_admitted() -> None:
-    stranger = Sender(sensors={0: 0xBEEF}, keys={**KEYS, "0000beef": KEYS["0000a001"]})
+    unknown = Sender(sensors={0: 0xBEEF}, keys={**KEYS, "0000beef": KEYS["0000a001"]})
     watching = guard()
     gate = watching.gate("link")
-    assert not any(map(gate, [stranger.hello(), stranger.samples()]))
+    assert not any(map(gate, [unknown.hello(), unknown.samples()]))
     assert gate.counts == {Verdict.NO_KEY: 2}
     (notice,) = watching.take_notices()
     assert notice.reason["signer"] == Reason(Code.SIGNER_SENSOR, identity="0000beef")
     with_key = Guard(PLACES, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
-    assert not any(map(with_key.gate("link"), [stranger.hello(), stranger.samples()]))
+    assert not any(map(with_key.gate("link"), [unknown.hello(), unknown.samples()]))
     (notice,) = with_key.take_notices()
     assert notice.reason.code is Code.SENSOR_NOT_ADMITTED
     assert (notice.reason["sensor"], notice.reason["expected"]) == ("0000beef", "0000a001")
     admitted = Guard({(0, 0): Place("FL", "0000beef")}, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
-    assert all(map(admitted.gate("link"), [stranger.hello(), stranger.samples()]))
+    assert all(map(admitted.gate("link"), [unknown.hello(), unknown.samples()]))
 
 
 def test_unconfigured_wheel_is_ignored() -> None:

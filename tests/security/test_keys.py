@@ -67,8 +67,8 @@ def test_import(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("line", [f"a001 {SECRET}0", f"a001{SECRET}", f"xyz {SECRET}", SECRET, f"123456789 {SECRET}"])
 def test_wrong_lines_are_refused_without_showing_them(tmp_path: Path, line: str) -> None:
-    told = run("import", "-", "--file", tmp_path / "keys", text=f"\n{line}\n", fails=True)
-    assert SECRET not in told
+    printed = run("import", "-", "--file", tmp_path / "keys", text=f"\n{line}\n", fails=True)
+    assert SECRET not in printed
     assert not (tmp_path / "keys").exists()
 
 
@@ -78,9 +78,9 @@ def test_readable_key_file_is_refused(tmp_path: Path, mode: int) -> None:
     run("new", "1", "--file", path)
     path.chmod(mode)
     for command in (["list"], ["new", "2"], ["remove", "1"]):
-        told = run(*command, "--file", path, fails=True)
-        assert f"mode {mode:04o}" in told
-        assert "chmod 600" in told
+        printed = run(*command, "--file", path, fails=True)
+        assert f"mode {mode:04o}" in printed
+        assert "chmod 600" in printed
     path.chmod(0o600)
     counters = counters_file(path)
     write_private(counters, "{}")

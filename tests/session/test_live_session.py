@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 
 import pytest
@@ -145,3 +146,14 @@ def test_device_faster_than_the_core_loses_counted_items(demo):
     dropped = link.queue_dropped[Stage.DECODING]
     assert dropped >= 9000 - 8192 - 1
     assert link.bytes_received + dropped == 9000
+
+
+def test_session_logs_start_and_end(demo, caplog):
+    items, vehicle = demo
+    with caplog.at_level(logging.INFO, "gateway.session"):
+        live = session([ListSource(items[:5])], vehicle)
+        assert live.wait(TIMEOUT_S)
+        live.close()
+    messages = [record.getMessage() for record in caplog.records]
+    assert "session starts with sim:demo" in messages
+    assert "session closed" in messages
