@@ -1,10 +1,12 @@
-# Everything from a fresh clone: `make demo` shows it, `make test` checks it.
+# From a fresh clone: `make demo` shows treadlink, `make test` checks it, `make docs` builds its documentation.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DOCS_VENV := .venv-docs
+DOCS_STAMP := $(DOCS_VENV)/.installed
 
-.PHONY: demo test lint types bench clean
+.PHONY: demo test lint types bench docs docs-pages docs-serve clean
 
 $(STAMP): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -31,5 +33,23 @@ types: $(STAMP)
 bench: $(STAMP)
 	for bench in tools/bench_*.py; do echo "== $$bench"; $(BIN)/python $$bench || exit 1; done
 
+$(DOCS_STAMP): requirements-docs.lock
+	$(PYTHON) -m venv $(DOCS_VENV)
+	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
+	@touch $@
+
+# The pages that the site generator reads: those of docs/ and those generated from the code.
+docs-pages: $(STAMP)
+	$(BIN)/python -m tools.docs_site build/docs
+
+# The site, in build/site. A broken link is an error.
+docs: docs-pages $(DOCS_STAMP)
+	rm -rf build/site
+	$(DOCS_VENV)/bin/zensical build --clean --strict
+
+# The site on http://localhost:8000. After a change run `make docs-pages` in another terminal: the site follows.
+docs-serve: docs-pages $(DOCS_STAMP)
+	$(DOCS_VENV)/bin/zensical serve
+
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(DOCS_VENV) build .cache .mypy_cache .ruff_cache .pytest_cache

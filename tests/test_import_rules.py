@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 FOUNDATION = {
     "gateway", "gateway.types", "gateway.constants", "gateway.errors", "gateway.clock", "gateway.reasons"
 }  # fmt: skip
-# What each layer may import besides itself and the foundation; docs/architecture.md draws it.
+# What each layer may import besides itself and the foundation; docs/contributing/architecture.md draws it.
 ALLOWED: dict[str, set[str]] = {
     "firmware_protocol": set(),
     "gateway.physics": set(),
@@ -72,7 +72,7 @@ def imports(path: Path) -> Iterator[str]:
 def forbidden_imports(name: str, path: Path) -> Iterator[str]:
     own = layer_of(dotted(name))
     if own is None:
-        yield f"{name} belongs to no layer: add its folder to ALLOWED and to docs/architecture.md"
+        yield f"{name} belongs to no layer: add its folder to ALLOWED and to docs/contributing/architecture.md"
         return
     allowed = ALLOWED.get(own, set())
     for imported in imports(path):

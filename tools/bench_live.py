@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.clock import ManualClock, SystemClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, open_source
 from gateway.recording.writer import RecordingWriter
 from gateway.session.core import SessionCore

@@ -2,7 +2,7 @@
 
 Run `python tools/bench_segmentation.py`; `--count 100` takes some minutes and gives the figures of
 docs/segmentation.md. Every row is a family of wheels drawn at random: radius 0.25 to 0.55 m, contact half angle 0.08 to
-0.5 rad, 2 to 25.6 kHz, either sign, AC- or DC-coupled, gain, offset, bandwidth, noise to 15 mg/sqrt(Hz) unless told.
+0.5 rad, 2 to 25.6 kHz, either sign, AC- or DC-coupled, gain, offset, bandwidth, noise to 15 mg/sqrt(Hz) by default.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`python -m gateway.cli` is `treadlink`."""
+"""Entry point of `python -m gateway.cli`."""
 
 from gateway.cli import main
 

@@ -1,4 +1,4 @@
-"""`treadlink calibrate`: recordings of known load in, what the vehicle file should say of the tire out."""
+"""`treadlink calibrate`: tire calibration from recordings with known loads."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Final
 import click
 import numpy as np
 
+from gateway.cli.options import force_option
 from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig
-from gateway.config.vehicle_file import load_vehicle, parse_vehicle
+from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, load_vehicle, parse_vehicle
 from gateway.errors import TreadlinkError
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration, reference_numbers
@@ -22,9 +22,9 @@ from gateway.session.batch import estimate_items
 from gateway.views.output_file import check_outputs, write_whole
 
 ESTIMATOR: Final = "weak-form"
-# The first revolutions of a wheel are found before there is an average to time them against.
-_SKIP: Final = 5
-_LEAST_REVOLUTIONS: Final = 20
+# The first revolutions of a wheel are timed without a running average to compare them with.
+_SKIPPED_REVOLUTIONS: Final = 5
+_MIN_REVOLUTIONS: Final = 20
 
 
 @click.command()
@@ -33,11 +33,16 @@ _LEAST_REVOLUTIONS: Final = 20
     "--config",
     "config_path",
     type=click.Path(path_type=Path),
-    help="Vehicle configuration (TOML) for recordings that bring none; the others state their own loads.",
+    metavar="FILE",
+    help="Vehicle configuration (TOML) for recordings without one.",
 )
-@click.option("--wheel", "positions", multiple=True, metavar="POSITION", help="Only this wheel; several may be given.")
-@click.option("--out", "out_path", type=click.Path(path_type=Path), metavar="FILE", help="Write the TOML to this file.")
-@click.option("--force", is_flag=True, help="Overwrite an existing output file.")
+@click.option(
+    "--wheel", "positions", multiple=True, metavar="POSITION", help="Use only this wheel; repeat for several."
+)
+@click.option(
+    "--out", "out_path", type=click.Path(path_type=Path), metavar="FILE", help="Write the tables to this file."
+)
+@force_option
 def calibrate(
     recordings: tuple[Path, ...],
     config_path: Path | None,
@@ -45,12 +50,13 @@ def calibrate(
     out_path: Path | None,
     force: bool,
 ) -> None:
-    """Calibrate a tire on RECORDING... of known load: load from contact angle and pressure, and reference numbers.
+    """Calibrate load and reference numbers of a tire from RECORDING... with known loads.
 
-    All wheels are taken as tires of one kind unless --wheel chooses among them. The result is TOML for the vehicle
-    file: [tire.load_calibration], by which the estimator `load` gives a load where none is stated, and
-    [tire.reference], which the wear counts from: make it with new tires. The fit's errors are told, also those of
-    leaving out one recording at a time.
+    The result is two tables for the vehicle configuration. [tire.load_calibration] lets the estimator `load` give the
+    load of wheels whose load is not stated. [tire.reference] is the reference for wear; record it with new tires.
+
+    All wheels are treated as tires of one kind unless --wheel selects some of them. The errors of the fit are printed,
+    also with each recording left out in turn.
     """
     check_outputs((out_path,), (*recordings, config_path), force=force)
     fallback = load_vehicle(config_path) if config_path is not None else None
@@ -59,9 +65,9 @@ def calibrate(
         points += _points(path, fallback, positions)
     if not points:
         raise TreadlinkError(
-            "no wheel in these recordings can be used",
-            f"Each needs a stated load, a pressure and {_LEAST_REVOLUTIONS} good revolutions"
-            + (f", and to be one of {', '.join(positions)}." if positions else "."),
+            "no wheel of these recordings can be used",
+            f"A wheel needs a stated load, a pressure and {_MIN_REVOLUTIONS} valid revolutions"
+            + (f", and must be one of {', '.join(positions)}." if positions else "."),
         )
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
@@ -72,15 +78,17 @@ def calibrate(
         click.echo("\n" + text, nl=False)
         return
     write_whole(out_path, text, force=force)
-    click.echo(f"written: {out_path}  (put its tables in place of [tire.reference] and [tire.load_calibration])")
+    click.echo(f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)")
 
 
 def _points(path: Path, fallback: VehicleConfig | None, positions: Sequence[str]) -> list[TirePoint]:
-    """Estimate one recording and return its wheels, telling of those that cannot be used."""
+    """Estimate one recording and return its usable wheels; the others are reported."""
     reader = RecordingReader(path)
     vehicle = parse_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
     if vehicle is None:
-        raise TreadlinkError(f"{path} brings no configuration", "Give --config VEHICLE.toml with its loads.")
+        raise TreadlinkError(
+            f"'{path}' contains no vehicle configuration", "Give one that states the loads: --config VEHICLE.toml."
+        )
     wheels: dict[str, list[RevolutionResult]] = defaultdict(list)
 
     def take(result: RevolutionResult) -> None:
@@ -99,16 +107,16 @@ def _points(path: Path, fallback: VehicleConfig | None, positions: Sequence[str]
 
 
 def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
-    """Return one wheel of a recording, or why it cannot be used."""
-    good = [result for result in results[_SKIP:] if not result.revolution.faults]
-    if len(good) < _LEAST_REVOLUTIONS:
-        return f"only {len(good)} good revolutions, {_LEAST_REVOLUTIONS} are needed"
+    """Return one wheel of a recording, or the reason for leaving it out."""
+    good = [result for result in results[_SKIPPED_REVOLUTIONS:] if not result.revolution.faults]
+    if len(good) < _MIN_REVOLUTIONS:
+        return f"it has {len(good)} valid revolutions, {_MIN_REVOLUTIONS} are required"
     conditions = good[-1].conditions
     if conditions.load_n is None:
-        return "no load is stated"
+        return "its load is not stated"
     pressures = [result.conditions.pressure_pa for result in good if result.conditions.pressure_pa is not None]
     if not pressures:
-        return "its pressure is not known"
+        return "its pressure is unknown"
     return TirePoint(
         name=name,
         load_n=conditions.load_n,
@@ -122,7 +130,7 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
 
 
 def _report(points: Sequence[TirePoint], fit: LoadFit) -> list[str]:
-    """Return the fit as a table, and what it is good for."""
+    """Return the fit as a table with its validity."""
     width = max(len("recording and wheel"), *(len(point.name) for point in points))
     lines = [f"{'recording and wheel':<{width}}   load N  p kPa  half rad  fit err  left out"]
     for point, residual, left_out in zip(points, fit.residuals, fit.left_out, strict=True):
@@ -138,16 +146,16 @@ def _report(points: Sequence[TirePoint], fit: LoadFit) -> list[str]:
         f"ln(load / {found.load_n:.0f} N) = {found.angle_exponent:.3f} x {found.angle_curvature:+.3f} x^2 "
         f"{found.pressure_exponent:+.3f} ln(pressure / {1e-3 * found.pressure_pa:.1f} kPa), "
         f"x = ln(half angle / {found.half_angle_rad:.4f} rad)",
-        f"one standard error {found.relative_std:.1%}"
-        + ("" if len(points) >= 3 else ", assumed: three recordings of different load tell it"),
+        f"standard error {found.relative_std:.1%}"
+        + ("" if len(points) >= 3 else " (assumed; three recordings with different loads are needed to estimate it)"),
         f"valid for {low:.0f} to {high:.0f} N at {1e-3 * found.pressure_pa:.0f} kPa, "
-        f"{1e-3 * found.pressure_range_pa[0]:.0f} to {1e-3 * found.pressure_range_pa[1]:.0f} kPa, and this wear",
+        f"{1e-3 * found.pressure_range_pa[0]:.0f} to {1e-3 * found.pressure_range_pa[1]:.0f} kPa, at the present wear",
     ]
     return lines
 
 
 def _toml(calibration: LoadCalibration, reference: ReferenceNumbers) -> str:
-    """Return the tables for the vehicle file, checked against its own rules."""
+    """Return the tables for the vehicle configuration, checked against its schema."""
     half, pressure = calibration.half_angle_range_rad, calibration.pressure_range_pa
     table = LoadCalibrationTable(
         load_n=_rounded(calibration.load_n),

@@ -1,4 +1,4 @@
-"""`treadlink command`: one command to a hub, and its answer."""
+"""`treadlink command`: send a command to a hub and print its reply."""
 
 from __future__ import annotations
 
@@ -16,47 +16,53 @@ _clock = SystemClock()
 
 @click.group()
 def command() -> None:
-    """Tell a hub what to do, and say what became of it.
+    """Send a command to a hub and print its reply.
 
-    SOURCE is a hub that can be written to: ble://NAME-or-ADDRESS. A session (live, record) starts its hubs and tells
-    them the time by itself.
+    SOURCE is a hub that accepts commands: ble://NAME-or-ADDRESS. The commands `live` and `record` start their hubs and
+    set their clocks automatically.
     """
 
 
 @command.command()
 @click.argument("source")
 def start(source: str) -> None:
-    """Let SOURCE send samples."""
-    _tell(source, SetStream(True))
+    """Start sending samples."""
+    _send(source, SetStream(True))
 
 
 @command.command()
 @click.argument("source")
 def stop(source: str) -> None:
-    """Let SOURCE send no samples until it is told to or starts anew; its status goes on."""
-    _tell(source, SetStream(False))
+    """Stop sending samples until started again or restarted.
+
+    The hub continues to send its status.
+    """
+    _send(source, SetStream(False))
 
 
 @command.command()
 @click.argument("source")
 @click.argument("rate_hz", type=click.FloatRange(MIN_RATE_HZ, MAX_RATE_HZ), metavar="HZ")
 def rate(source: str, rate_hz: float) -> None:
-    """Let SOURCE sample at HZ, or at the nearest that it can, until it starts anew."""
-    _tell(source, SetRate(rate_hz))
+    """Set the sampling rate to HZ until the hub restarts.
+
+    The hub uses the nearest rate that it supports.
+    """
+    _send(source, SetRate(rate_hz))
 
 
 @command.command()
 @click.argument("source")
 def time(source: str) -> None:
-    """Tell SOURCE this computer's time."""
-    _tell(source, SetTime(_clock.now_ns()))
+    """Set the hub's clock to the time of this computer."""
+    _send(source, SetTime(_clock.now_ns()))
 
 
-def _tell(uri: str, what: Command) -> None:
+def _send(uri: str, what: Command) -> None:
     opened = open_source(uri, _clock)
     try:
         if not isinstance(opened, TwoWaySource):
-            raise SourceError(f"'{uri}' cannot be written to", "Give a hub on Bluetooth: ble://NAME.")
+            raise SourceError(f"'{uri}' does not accept commands", "Give a hub on Bluetooth: ble://NAME.")
         click.echo(f"hub {execute(opened, what)} executed the command")
     finally:
         opened.close()

@@ -1,4 +1,4 @@
-"""`treadlink diagnose`: what the model lacks, found in recordings."""
+"""`treadlink diagnose`: identify the physical effects that the model lacks."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from gateway.cli.session_setup import config_option, keys_option
+from gateway.cli.options import config_option, force_option, keys_option
 from gateway.config.effects_file import effects_text
-from gateway.config.vehicle_file import load_vehicle
+from gateway.config.vehicle import load_vehicle
 from gateway.errors import TreadlinkError
 from gateway.security.key_file import default_key_file
 from gateway.views.output_file import check_outputs, write_whole
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 MODELS: Final = ("exact", "series", "paper")
 
-_STEPS: Final = 1000
-_LABEL: Final = 36
+_PROGRESS_STEPS: Final = 1000
+_LABEL_CELLS: Final = 36
 _ALL_EFFECTS: Final = "all"
 
 
@@ -56,46 +56,50 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
 @config_option
-@click.option("--wheel", metavar="POSITION", help="Which wheel, where the recordings hold several.")
+@click.option("--wheel", metavar="POSITION", help="Wheel to diagnose, if the recordings contain several.")
 @click.option(
     "--model",
     type=click.Choice(MODELS),
     default="exact",
     show_default=True,
-    help="Where to start: the geometrically exact ring, the corrected series, or the ring paper's as printed.",
+    help="Baseline model: geometrically exact ring, corrected series solution, or the ring paper's as printed.",
 )
 @click.option(
     "--reverse",
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="RECORDING",
-    help="This one of them was made rolling backwards, or with the tire turned on its rim; may be given several times.",
+    help="A recording made rolling backwards, or with the tire reversed on its rim; repeat for several.",
 )
-@click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="OUT", help="Write every figure as JSON.")
+@click.option(
+    "--json", "json_path", type=click.Path(path_type=Path), metavar="FILE", help="Write all results to this JSON file."
+)
 @click.option(
     "--html",
     "html_path",
     type=click.Path(path_type=Path),
-    metavar="OUT",
-    help="Write a report with figures, one HTML file (needs treadlink[plot]).",
+    metavar="FILE",
+    help="Write a report with figures to this HTML file; needs treadlink[plot].",
 )
-@click.option("--empirical", is_flag=True, help="Also fit what no effect explains, and tell what that would gain.")
+@click.option("--empirical", is_flag=True, help="Also fit the unexplained residual empirically and report the gain.")
 @click.option(
     "--save-effects",
     "effects_path",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Write the named effects for live, estimate and replay --effects.",
+    help="Write the identified effects to this file, for --effects of live, replay and estimate.",
 )
 @click.option(
     "--folds",
     type=click.IntRange(2, 20),
     default=5,
     show_default=True,
-    help="Blocks of revolutions, each in turn held out.",
+    help="Number of cross-validation folds.",
 )
-@click.option("--jobs", type=click.IntRange(1, 64), help="Processes at most.  [default: 2, or 1 on one processor]")
-@click.option("--force", is_flag=True, help="Overwrite existing output files.")
+@click.option(
+    "--jobs", type=click.IntRange(1, 64), help="Maximum number of processes.  [default: 2, or 1 on a single processor]"
+)
+@force_option
 @click.option(
     "--list-effects",
     is_flag=False,
@@ -122,17 +126,17 @@ def diagnose(
     force: bool,
     key_file: Path | None,
 ) -> None:
-    """Find what the model lacks in RECORDING... of one wheel, name it, and tell the error before and after.
+    """Identify the physical effects that the model of one wheel lacks, from RECORDING...
 
-    The starting model is fitted first. What it leaves, beyond the scatter from revolution to revolution, is traced to
-    effects of a catalogue: how the sensor sits, what it does to the signal, what tire, wheel and road add. An effect is
-    named only when it lessens the error on revolutions that no fit has seen, with plausible parameters, at every speed
-    and load alike, and when no other effect explains the same. What stays is told as unexplained: where it sits, how
-    large it is, how it grows with speed.
+    First, the baseline model is fitted. Its residual beyond the scatter between revolutions is then compared with a
+    catalogue of effects: mounting and errors of the sensor, and influences of tire, wheel and road. An effect is
+    identified only if it reduces the error on held-out revolutions at all speeds and loads, with plausible parameters,
+    and if no other effect explains the same residual. The rest is reported as unexplained, with its location, its size
+    and its dependence on speed.
 
-    One recording of half a minute at a steady speed is enough; several speeds, loads and pressures tell more, for
-    effects that look alike at one speed differ at another. Each recording's load, pressure and mounting are those of
-    the configuration recorded with it, unless --config gives one for all.
+    A recording of 30 s at constant speed is sufficient. Several speeds, loads and pressures separate effects that look
+    alike under one condition. Load, pressure and mounting come from the configuration in each recording, unless
+    --config gives one for all.
 
     --list-effects prints the catalogue: physics, equation, parameters and confounders of each effect.
 
@@ -144,8 +148,8 @@ def diagnose(
     """
     if effects_path is not None and model != "exact":
         raise TreadlinkError(
-            "--save-effects goes with --model exact",
-            f"Leave out --model {model}: what it lacks beside the exact ring, live and estimate take into account.",
+            "--save-effects requires --model exact",
+            f"Leave out --model {model}: live and estimate already use the exact ring model.",
         )
     check_outputs(
         (json_path, html_path, effects_path),
@@ -153,7 +157,7 @@ def diagnose(
         force=force,
     )
     if html_path is not None:
-        from gateway.views.report.svg import require_report_packages
+        from gateway.views.report.figures import require_report_packages
 
         require_report_packages()
     vehicle = load_vehicle(config_path) if config_path is not None else None
@@ -161,7 +165,7 @@ def diagnose(
     from gateway.session.campaign_diagnosis import diagnose_recordings
     from gateway.views.report.terminal import closure_summary_lines
 
-    with _told_when_cut_off(), _progress() as on_progress:
+    with _lost_process_reported(), _progress() as on_progress:
         diagnosis = diagnose_recordings(
             _distinct(recordings),
             vehicle=vehicle,
@@ -183,14 +187,14 @@ def diagnose(
 def _write(
     diagnosis: Diagnosis, json_path: Path | None, html_path: Path | None, effects_path: Path | None, *, force: bool
 ) -> None:
-    """Write every file that can be written: minutes of work are not lost because another one cannot.
+    """Write all files, even if one of them fails, so that minutes of work are not lost.
 
     Raises:
-        TreadlinkError: the first that could not; others are told before.
+        TreadlinkError: of the first file that could not be written; further ones are printed before.
     """
     from gateway.views.report.diagnosis_json import write_json
     from gateway.views.report.html import write_html
-    from gateway.views.report.unsaved import saved_text
+    from gateway.views.report.phrases import saved_text
 
     failed: list[TreadlinkError] = []
     for path, write in ((json_path, write_json), (html_path, write_html), (effects_path, _save_effects)):
@@ -211,7 +215,7 @@ def _write(
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
     if diagnosis.correction is None:
-        from gateway.views.report.unsaved import why_unsaved
+        from gateway.views.report.phrases import why_unsaved
 
         reason, remedy = why_unsaved(diagnosis)
         raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
@@ -219,38 +223,38 @@ def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
 
 
 def _distinct(recordings: tuple[Path, ...]) -> list[Path]:
-    """Return the recordings as given; the same one twice would count its revolutions twice."""
+    """Return the recordings in the order given; a repeated one would count its revolutions twice."""
     found: dict[Path, Path] = {}
     for path in recordings:
         if path.is_dir():
-            raise TreadlinkError(f"'{path}' is a folder", f"Name the recordings in it: {path}/*.mcap")
+            raise TreadlinkError(f"'{path}' is a folder", f"Give the recordings in it: {path}/*.mcap")
         before = found.setdefault(path.resolve(), path)
         if before is not path:
-            raise TreadlinkError(f"'{path}' is given twice", "Name each recording once.")
+            raise TreadlinkError(f"'{path}' is given twice", "Give each recording once.")
     return list(found.values())
 
 
 @contextmanager
-def _told_when_cut_off() -> Iterator[None]:
-    """Raise TreadlinkError when one of the processes that share the work is ended from outside."""
+def _lost_process_reported() -> Iterator[None]:
+    """Raise TreadlinkError when a worker process was terminated from outside."""
     try:
         yield
     except BrokenProcessPool as error:
         raise TreadlinkError(
-            "the diagnosis was cut off: one of its processes was ended from outside, perhaps for lack of memory",
-            "Close other programs, or give it one process: --jobs 1.",
+            "a process of the diagnosis was terminated from outside, possibly for lack of memory",
+            "Close other programs, or use one process: --jobs 1.",
         ) from error
 
 
 @contextmanager
 def _progress() -> Iterator[Callable[[float, str], None]]:
-    """Yield a function that draws a bar and what is being done on a terminal, and does nothing otherwise."""
+    """Yield a function that draws a progress bar on a terminal, and does nothing otherwise."""
     shown = sys.stderr.isatty()
-    with click.progressbar(length=_STEPS, label=" " * _LABEL, file=sys.stderr, hidden=not shown) as bar:
+    with click.progressbar(length=_PROGRESS_STEPS, label=" " * _LABEL_CELLS, file=sys.stderr, hidden=not shown) as bar:
 
         def on_progress(share: float, text: str) -> None:
-            bar.label = f"{clean(text)[:_LABEL]:<{_LABEL}}"
-            bar.update(max(0, min(_STEPS, round(share * _STEPS)) - bar.pos))
+            bar.label = f"{clean(text)[:_LABEL_CELLS]:<{_LABEL_CELLS}}"
+            bar.update(max(0, min(_PROGRESS_STEPS, round(share * _PROGRESS_STEPS)) - bar.pos))
             bar.render_progress()
 
         yield on_progress

@@ -1,4 +1,4 @@
-"""`treadlink doctor`: is everything there that a session needs, and if not, what to do."""
+"""`treadlink doctor`: check the prerequisites of a session."""
 
 from __future__ import annotations
 
@@ -23,7 +23,11 @@ _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red
 @click.command()
 @click.argument("sources", nargs=-1, metavar="[SOURCE]...")
 @click.option(
-    "--config", "config_path", type=click.Path(path_type=Path), metavar="FILE", help="Check this vehicle configuration."
+    "--config",
+    "config_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Vehicle configuration (TOML) to check.",
 )
 @click.option(
     "--recordings",
@@ -31,13 +35,13 @@ _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red
     default=Path("recordings"),
     show_default=True,
     metavar="DIR",
-    help="Where recordings shall go.",
+    help="Folder for recordings.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the checks as JSON.")
 def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path, as_json: bool) -> None:
-    """Check Python, packages, ports, Bluetooth, permissions, disk, terminal, the configuration and each SOURCE.
+    """Check packages, ports, Bluetooth, permissions, disk space, terminal, configuration and each SOURCE.
 
-    Exit code 1 when there is a fault; warnings alone leave it at 0.
+    The exit status is 1 if there is a fault, and 0 if there are only warnings.
     """
     done = list(_run(sources, config_path, recordings))
     if as_json:
@@ -67,7 +71,7 @@ def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> 
 def _print(done: Sequence[Check]) -> None:
     for index, check in enumerate(done):
         click.echo(f"{click.style(f'{check.level:<8}', fg=_COLOURS[check.level])} {check.name}: {check.text}")
-        # The faults of one file share a remedy: told once, after the last of them.
+        # The faults of one file share a remedy, which is printed once, after the last of them.
         shared = index + 1 < len(done) and done[index + 1].remedy == check.remedy
         if check.remedy and not shared:
             click.echo(f"{'':8} -> {check.remedy}")

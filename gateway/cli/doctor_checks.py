@@ -1,4 +1,4 @@
-"""The checks that `treadlink doctor` runs; each says what it found and, where that is not good, what to do."""
+"""Checks of `treadlink doctor`; each yields its findings and remedies."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ PYTHON_MIN: Final = (3, 11)
 TERMINAL_MIN_COLUMNS: Final = 80
 TERMINAL_MIN_LINES: Final = 24
 DISK_FAULT_BYTES: Final = 100_000_000
-# Four wheels, three axes at 9600 Hz in frames of 36 samples and 242 bytes.
+# Four wheels with three axes at 9600 Hz, in frames of 36 samples and 242 bytes.
 BYTES_PER_HOUR: Final = 4 * 9600 / 36 * 242 * 3600
 DISK_WARNING_HOURS: Final = 1.0
 _LISTEN_S: Final = 0.1
+_DEVELOPMENT_EXTRAS: Final = ("dev", "docs")
 
 _REQUIREMENT: Final = re.compile(
     r"^([A-Za-z0-9._-]+)[^;]*?(?:>=([0-9.]+))?[^;]*(?:;\s*extra\s*==\s*['\"]([^'\"]+)['\"])?\s*$"
@@ -32,7 +33,7 @@ _REQUIREMENT: Final = re.compile(
 
 
 class Level(StrEnum):
-    """How a check ended."""
+    """Result of a check."""
 
     OK = "ok"
     WARNING = "warning"
@@ -41,13 +42,13 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One line of the doctor.
+    """One finding.
 
     Attributes:
-        name: what was looked at.
-        level: how it ended.
-        text: what was found.
-        remedy: what to do, empty when nothing.
+        name: subject of the check.
+        level: result.
+        text: finding.
+        remedy: advice to the user, empty if none is needed.
     """
 
     name: str
@@ -67,17 +68,17 @@ def check_python(version: tuple[int, int, int] = sys.version_info[:3]) -> Iterat
 
 
 def check_packages() -> Iterator[Check]:
-    """Check every required package and every optional one, but those for development."""
+    """Check all required and optional packages except those for development."""
     try:
         requirements = importlib.metadata.requires("treadlink") or []
     except importlib.metadata.PackageNotFoundError:
-        yield Check("packages", Level.FAULT, "treadlink itself is not installed", "Run: pip install -e .")
+        yield Check("packages", Level.FAULT, "treadlink is not installed", "Run: pip install -e .")
         return
     missing = {"": False}
     versions: list[str] = []
     for requirement in requirements:
         match = _REQUIREMENT.match(requirement)
-        if match is None or match[3] == "dev":
+        if match is None or match[3] in _DEVELOPMENT_EXTRAS:
             continue
         name, minimum, extra = match[1], match[2], match[3] or ""
         version = _version_of(name)
@@ -95,55 +96,55 @@ def check_packages() -> Iterator[Check]:
 
 
 def check_ports() -> Iterator[Check]:
-    """Check which serial ports are there, and whether they may be used."""
+    """Check the permissions of all serial ports."""
     from serial.tools import list_ports
 
     found = False
     for port in sorted(list_ports.comports()):
         found = True
         check = check_device(Path(port.device), port.description or "")
-        # Many machines have ports that nobody wants; one that is wanted is named as a SOURCE.
+        # Many computers have unused ports. A port that the user needs is given as a SOURCE.
         yield check if check.level is Level.OK else replace(check, level=Level.WARNING)
     if not found:
         yield Check(
-            "serial port", Level.WARNING, "none present", "Plug in the hub; without one, try: treadlink live sim:demo"
+            "serial port", Level.WARNING, "none found", "Plug in the hub. Without a hub, try: treadlink live sim:demo"
         )
 
 
 def check_bluetooth() -> Iterator[Check]:
-    """Check whether Bluetooth LE can be used: adapter, service and permission."""
+    """Check adapter, service and permissions of Bluetooth LE."""
     from gateway.io.ble_source import scan_devices
 
     fault = scan_devices(_LISTEN_S).fault
     if fault is None:
-        yield Check("bluetooth", Level.OK, "can scan; `treadlink scan` lists the hubs in range")
+        yield Check("bluetooth", Level.OK, "available; `treadlink scan` lists the hubs in range")
     else:
-        # Many machines have none, and need none with a hub on a cable.
-        yield Check("bluetooth", Level.WARNING, str(fault), f"Only for hubs on Bluetooth. {fault.remedy}")
+        # A hub on a cable needs no Bluetooth.
+        yield Check("bluetooth", Level.WARNING, str(fault), f"Needed only for hubs on Bluetooth. {fault.remedy}")
 
 
 def check_device(device: Path, description: str = "") -> Check:
-    """Check whether a serial device may be read and written; on Linux, tell which group may."""
+    """Check that a serial device can be read and written; the remedy names the group that may."""
     known = f"{device} ({description})" if description and description != "n/a" else str(device)
     name = "serial port"
     if os.name != "posix":
         return Check(name, Level.OK, known)
     if not device.exists():
-        return Check(name, Level.FAULT, f"there is no {device}", "Plug in the hub; `treadlink doctor` lists the ports.")
+        return Check(name, Level.FAULT, f"there is no {device}", "Plug in the hub. `treadlink doctor` lists the ports.")
     if not device.is_char_device():
         return Check(name, Level.FAULT, f"{device} is not a serial port", "Check the name.")
     if os.access(device, os.R_OK | os.W_OK):
         return Check(name, Level.OK, f"{known} can be read and written")
     group = device.group() if _has_group_name(device) else str(device.stat().st_gid)
     if group == "root" or not device.stat().st_mode & 0o060:
-        remedy = f"Its group may not use it either; allow it: sudo chmod a+rw {device}, or add a udev rule."
+        remedy = f"Allow access with: sudo chmod a+rw {device}, or add a udev rule."
     else:
-        remedy = f"Join its group, then log out and in: sudo usermod -aG {group} $USER"
-    return Check(name, Level.FAULT, f"{known} may not be used by you", remedy)
+        remedy = f"Run: sudo usermod -aG {group} $USER, then log out and in again."
+    return Check(name, Level.FAULT, f"{known}: permission denied", remedy)
 
 
 def check_disk(folder: Path) -> Iterator[Check]:
-    """Check that recordings can be written to a folder, and for how long."""
+    """Check that a folder is writable, and its free space."""
     name = "recordings"
     there = folder.absolute()
     while not there.exists() and there != there.parent:
@@ -152,15 +153,15 @@ def check_disk(folder: Path) -> Iterator[Check]:
         yield Check(name, Level.FAULT, f"{folder} is a file", "Choose a folder with --recordings.")
         return
     if not os.access(there, os.W_OK | os.X_OK):
-        yield Check(name, Level.FAULT, f"{there} may not be written", "Choose another folder with --recordings.")
+        yield Check(name, Level.FAULT, f"{there} is not writable", "Choose another folder with --recordings.")
         return
     free_bytes = shutil.disk_usage(there).free
     hours = free_bytes / BYTES_PER_HOUR
-    text = f"{folder}: {free_bytes / 1e9:.1f} GB free, about {hours:.3g} h of four wheels at 9600 Hz"
+    text = f"{folder}: {free_bytes / 1e9:.1f} GB free, enough for about {hours:.3g} h of four wheels at 9600 Hz"
     if free_bytes < DISK_FAULT_BYTES:
         yield Check(name, Level.FAULT, text, "Free some space, or choose another disk with --recordings.")
     elif hours < DISK_WARNING_HOURS:
-        yield Check(name, Level.WARNING, text, "Enough for a short session only: free some space.")
+        yield Check(name, Level.WARNING, text, "Free some space for longer sessions.")
     else:
         yield Check(name, Level.OK, text)
 
@@ -168,10 +169,10 @@ def check_disk(folder: Path) -> Iterator[Check]:
 def check_terminal(
     is_terminal: bool, size: os.terminal_size, encoding: str, environment: Mapping[str, str]
 ) -> Iterator[Check]:
-    """Check what the console needs of the terminal."""
+    """Check the terminal's type, size and encoding."""
     name = "terminal"
     if not is_terminal:
-        yield Check(name, Level.WARNING, "the output is no terminal", "`treadlink live` prints plain lines here.")
+        yield Check(name, Level.WARNING, "the output is not a terminal", "`treadlink live` prints plain lines here.")
         return
     term = environment.get("TERM", "")
     text = f"{term or 'TERM not set'}, {size.columns} x {size.lines}, {encoding}"
@@ -179,9 +180,9 @@ def check_terminal(
     if os.name == "posix" and term in ("", "dumb"):
         problems.append("set TERM, for example to xterm-256color, or use --plain")
     if size.columns < TERMINAL_MIN_COLUMNS or size.lines < TERMINAL_MIN_LINES:
-        problems.append(f"enlarge it to {TERMINAL_MIN_COLUMNS} x {TERMINAL_MIN_LINES} at least")
+        problems.append(f"enlarge it to at least {TERMINAL_MIN_COLUMNS} x {TERMINAL_MIN_LINES}")
     if "utf" not in encoding.lower():
-        problems.append("use a UTF-8 locale (LANG=C.UTF-8): curves and units are drawn with it")
+        problems.append("use a UTF-8 locale such as LANG=C.UTF-8 for curves and units")
     if problems:
         remedy = "; ".join(problems)
         yield Check(name, Level.WARNING, text, f"{remedy[0].upper()}{remedy[1:]}.")
@@ -190,8 +191,8 @@ def check_terminal(
 
 
 def check_config(path: Path) -> Iterator[Check]:
-    """Check a vehicle configuration; one line for each fault."""
-    from gateway.config.vehicle_file import load_vehicle
+    """Check a vehicle configuration, with one finding for each fault."""
+    from gateway.config.vehicle import load_vehicle
 
     name = "configuration"
     try:
@@ -207,14 +208,17 @@ def check_config(path: Path) -> Iterator[Check]:
         ("pressure", "pressure_kpa", [setup.position for setup in setups if setup.pressure_pa is None]),
     ):
         if unknown:
-            rest = "; a sensor that reports it will do" if what == "pressure" else ""
+            rest = ", unless the sensor reports it" if what == "pressure" else ""
             text = f"{what} of {', '.join(unknown)} is unknown: only ratios of the numbers can be estimated"
-            yield Check(name, Level.WARNING, text, f"State {key} if it is known{rest}.")
-    yield from (Check(name, Level.WARNING, notice_text(notice), "Measure and state it.") for notice in config.notices())
+            yield Check(name, Level.WARNING, text, f"State {key} if possible{rest}.")
+    yield from (
+        Check(name, Level.WARNING, notice_text(notice), "Measure it and state it in the configuration.")
+        for notice in config.notices()
+    )
 
 
 def check_source(uri: str, clock: Any) -> Iterator[Check]:
-    """Check that a source can be opened, as far as that goes without reading from it."""
+    """Check that a source can be opened, without reading from it."""
     name = f"source {uri}"
     try:
         address = parse_source_uri(uri)
@@ -229,7 +233,7 @@ def check_source(uri: str, clock: Any) -> Iterator[Check]:
         yield Check(name, Level.FAULT, str(error), error.remedy)
         return
     except ImportError as error:
-        yield Check(name, Level.FAULT, f"a package is missing: {error.name}", "See the packages above.")
+        yield Check(name, Level.FAULT, f"package {error.name} is missing", "See the packages above.")
         return
     if address.scheme == "serial" and "://" not in address.target:
         device = check_device(Path(address.target))
@@ -247,7 +251,7 @@ def _try_to_connect(target: str) -> None:
     except OSError as error:
         reason = error.strerror or str(error)
         raise TreadlinkError(
-            f"{target} does not answer: {reason}", "Is the hub on, and are address and port right?"
+            f"{target} does not answer: {reason}", "Check that the hub is on, and check address and port."
         ) from error
 
 
@@ -267,6 +271,6 @@ def _version_of(name: str) -> str | None:
 
 
 def _release(version: str) -> tuple[int, ...]:
-    """Return the leading numbers of a version, enough to compare releases."""
+    """Return the leading numbers of a version, for comparing releases."""
     match = re.match(r"\d+(?:\.\d+)*", version)
     return tuple(map(int, match[0].split("."))) if match else ()

@@ -1,4 +1,4 @@
-"""`treadlink estimate`: recordings in, one row a revolution and wheel out."""
+"""`treadlink estimate`: estimate recordings in one pass and write tables."""
 
 from __future__ import annotations
 
@@ -9,15 +9,9 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.session_setup import (
-    choose_vehicle,
-    config_option,
-    effects_option,
-    estimator_option,
-    keys_option,
-    open_effects,
-)
-from gateway.config.vehicle import VehicleConfig
+from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
+from gateway.cli.session_setup import choose_vehicle, open_effects
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import RevolutionResult
@@ -31,21 +25,20 @@ from gateway.views.output_file import check_outputs
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables.result_table import TableFormat, open_table
 from gateway.views.text import clean
-from gateway.views.wording import notice_text
+from gateway.views.wording import notice_text, text
 
 
-def _output_option(name: TableFormat, what: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    help_text = f"Write {what} to this file."
-    return click.option(f"--{name}", f"{name}_path", type=click.Path(path_type=Path), metavar="OUT", help=help_text)
+def _output_option(name: TableFormat, help_text: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    return click.option(f"--{name}", f"{name}_path", type=click.Path(path_type=Path), metavar="FILE", help=help_text)
 
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
 @config_option
-@_output_option(TableFormat.CSV, "a table with one row a revolution and wheel")
-@_output_option(TableFormat.JSON, "one JSON object a line, a revolution and wheel each,")
-@_output_option(TableFormat.PARQUET, "a Parquet table (needs treadlink[parquet])")
-@click.option("--force", is_flag=True, help="Overwrite existing output files.")
+@_output_option(TableFormat.CSV, "Write a CSV table to this file, one row per revolution.")
+@_output_option(TableFormat.JSON, "Write JSON lines to this file, one object per revolution.")
+@_output_option(TableFormat.PARQUET, "Write a Parquet table to this file; needs treadlink[parquet].")
+@force_option
 @keys_option
 @estimator_option
 @effects_option
@@ -60,10 +53,11 @@ def estimate(
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
 ) -> None:
-    """Estimate RECORDING... in one pass, with the same results as live.
+    """Estimate RECORDING... in one pass, with the same results as `treadlink live`.
 
-    Each recording starts afresh. The configuration is the one recorded with it, unless --config gives another. A
-    summary follows on the terminal. Times, speed, contact edges, numbers, standard errors and status go to the files.
+    A summary of each recording is printed. Output files get one row per revolution and wheel: times, speed, contact
+    edges and estimates with their standard errors and status. The recordings are estimated independently of each
+    other, each with the vehicle configuration it contains, unless --config gives another.
     """
     outputs = {TableFormat.CSV: csv_path, TableFormat.JSON: json_path, TableFormat.PARQUET: parquet_path}
     check_outputs(
@@ -90,11 +84,11 @@ def estimate(
             effects = open_effects(effects_paths, vehicle)
             _estimate_one(reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary, guard, effects)
             if reader.damage is not None:
-                damaged.append(reader.damage)
+                damaged.append(text(reader.damage))
         for path in filter(None, outputs.values()):
             click.echo(f"written: {path}")
     if damaged:
-        raise TreadlinkError("; ".join(damaged), "What could be read was estimated.")
+        raise TreadlinkError("; ".join(damaged), "The readable part was estimated.")
 
 
 def _estimate_one(
@@ -127,7 +121,10 @@ def _estimate_one(
             on_batch=lambda _link, batch, _arrivals: sensors.take(batch),
             effects=effects,
         )
-    click.echo(f"{path}" + ("" if vehicle is not None else "  (no configuration: belt radius 320 mm assumed)"))
+    click.echo(
+        f"{path}"
+        + ("" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)")
+    )
     wheels = summary.wheels()
     notices = guard.take_notices() if guard is not None else []
     # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
@@ -143,5 +140,5 @@ def _estimate_one(
         click.echo(
             f"  {clean(link)}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
             f"{counted.duplicates} duplicate, {counted.reordered} late"
-            + (f", {counted.refused} refused as not verified" if counted.refused else "")
+            + (f", {counted.refused} rejected because not verified" if counted.refused else "")
         )

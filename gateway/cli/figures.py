@@ -1,10 +1,12 @@
-"""`treadlink figures`: the papers' figures, redrawn."""
+"""`treadlink figures`: draw the figures of the papers from simulated tires."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import click
+
+from gateway.cli.options import force_option
 
 
 def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -19,22 +21,32 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 @click.command()
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("figures"), show_default=True, help="Folder.")
-@click.option("--format", "suffix", type=click.Choice(["svg", "png"]), default="svg", show_default=True)
-@click.option("--force", is_flag=True, help="Replace figures that are there.")
-@click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_list, help="What there is.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("figures"),
+    show_default=True,
+    metavar="DIR",
+    help="Output folder.",
+)
+@click.option(
+    "--format", "suffix", type=click.Choice(["svg", "png"]), default="svg", show_default=True, help="File format."
+)
+@force_option
+@click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_list, help="List the figures.")
 def figures(names: tuple[str, ...], out: Path, suffix: str, force: bool) -> None:
-    """Redraw the papers' figures from simulated tires through the estimators: all, or those named.
+    """Draw the figures of the papers from simulated tires and the estimators, all of them or those named.
 
-    Each comes with a caption that says what came out and what did not; index.html in the folder shows all.
+    The caption of each figure compares the result with the paper. The page index.html in the output folder shows all
+    figures.
     """
     from gateway.papers.figure_registry import chosen
     from gateway.papers.figure_sheet import draw_figures
 
     wanted = chosen(names)
 
-    def told(name: str, caption: str) -> None:
+    def on_figure(name: str, caption: str) -> None:
         click.echo(f"{name}: {caption}")
 
-    written = draw_figures(wanted, out, suffix=suffix, force=force, on_figure=told)
-    click.echo(f"wrote {len(written) - 1} figures and {written[-1]}")
+    written = draw_figures(wanted, out, suffix=suffix, force=force, on_figure=on_figure)
+    click.echo(f"written: {len(written) - 1} figures and {written[-1]}")

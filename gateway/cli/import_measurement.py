@@ -1,4 +1,4 @@
-"""`treadlink import`: a foreign measurement becomes a recording."""
+"""`treadlink import`: convert a measurement file to a recording."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ _PROGRESS_FROM_BYTES: Final = 4_000_000
     required=True,
     type=click.Path(path_type=Path),
     metavar="MAP.toml",
-    help="What the columns mean; docs/importing.md shows how to write one.",
+    help="Import map: the meaning of the columns; see docs/importing.md.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    metavar="REC.mcap",
-    help="The recording, or a folder for it.  [default: name of FILE with .mcap, in the current folder]",
+    metavar="PATH",
+    help="New .mcap file, or a folder for it.  [default: the name of FILE with .mcap, in the current folder]",
 )
 def import_(file: Path, map_path: Path, out: Path | None) -> None:
-    """Turn a CSV, MAT or Parquet measurement into a recording that replays like any other."""
+    """Convert the CSV, MAT or Parquet measurement FILE to a recording."""
     from gateway.importing.import_map import load_map
     from gateway.importing.importer import import_file
 
@@ -45,9 +45,9 @@ def import_(file: Path, map_path: Path, out: Path | None) -> None:
 
 
 def report_lines(report: ImportReport) -> list[str]:
-    """Return what an import did, for a terminal."""
-    skipped = f", {report.skipped} before the start left out" if report.skipped else ""
-    jitter = "" if report.jitter_s is None else f", by the time column (steps within {report.jitter_s * 1e6:.2g} us)"
+    """Return the report of an import for a terminal."""
+    skipped = f", {report.skipped} earlier rows left out" if report.skipped else ""
+    jitter = "" if report.jitter_s is None else f" by the time column (steps within {report.jitter_s * 1e6:.2g} us)"
     lines = [
         f"{report.samples} samples{skipped}, {report.duration_s:.6g} s at {report.rate_hz:.8g} Hz{jitter}",
         f"wheel {report.position}; range and quantisation in m/s^2:",
@@ -58,8 +58,10 @@ def report_lines(report: ImportReport) -> list[str]:
         for axis in report.axes
     ]
     if report.environment_frames:
-        lines.append(f"{report.environment_frames} messages of pressure or temperature")
+        lines.append(f"{report.environment_frames} messages with pressure or temperature")
     lines += [f"assumed: {text}" for text in report.assumed]
+    if report.start_is_file_date:
+        lines.append("assumed: start time is the modification time of the file (start_utc is not stated in the map)")
     lines += [
         f"recording: {report.recording} ({report.size_bytes / 1e6:.3g} MB)",
         f"next: treadlink estimate {report.recording}, or treadlink replay {report.recording}",
@@ -69,7 +71,7 @@ def report_lines(report: ImportReport) -> list[str]:
 
 @contextlib.contextmanager
 def _progress(file: Path) -> Iterator[Callable[[float], None]]:
-    """Yield a function that draws a bar for big files on a terminal, and does nothing otherwise."""
+    """Yield a function that draws a progress bar for large files on a terminal, and does nothing otherwise."""
     big = file.is_file() and file.stat().st_size >= _PROGRESS_FROM_BYTES
     if not big or not sys.stderr.isatty():
         yield lambda _: None

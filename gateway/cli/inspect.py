@@ -1,4 +1,4 @@
-"""`treadlink inspect`: what is in a recording."""
+"""`treadlink inspect`: show the content of recordings."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _EVENTS_SHOWN: Final = 30
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object a recording, for scripts.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per recording.")
 def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
-    """Show what is in RECORDING...: links, sensors, rates, losses, marks and a time line.
+    """Show the links, sensors, rates, losses, events and time line of RECORDING...
 
-    The time line has one row a wheel: the height is the share of the nominal data rate that arrived, `x` below it where
-    samples were lost.
+    The time line has one row per wheel. The height of a bar is the received share of the nominal data rate; an `x`
+    below it marks lost samples.
     """
     for path in recordings:
         bar = click.progressbar(length=path.stat().st_size if path.exists() else 0, label=path.name, file=sys.stderr)
@@ -49,12 +49,12 @@ def _lines(found: Inspection) -> Iterator[str]:
     info = found.info
     begin, end = found.span_ns
     yield f"{info.path}"
-    state = "finished" if info.finished else "NOT FINISHED (its writer was stopped): `treadlink repair` completes it"
+    state = "finished" if info.finished else "NOT FINISHED (recording was interrupted); `treadlink repair` completes it"
     yield f"  {file_size(info.size_bytes)}, {duration((end - begin) * 1e-9)} of data, {state}"
     if info.start_ns is not None:
         version = f" by treadlink {info.treadlink}" if info.treadlink else ""
         yield f"  started {utc_text(info.start_ns)}{version} from {', '.join(info.sources) or 'an unknown source'}"
-    yield "  vehicle configuration: " + ("recorded with it" if info.vehicle_toml else "none")
+    yield "  vehicle configuration: " + ("included" if info.vehicle_toml else "none")
     for name, link in found.links.items():
         yield ""
         yield from _link_lines(name, link, begin, end)
@@ -67,13 +67,13 @@ def _lines(found: Inspection) -> Iterator[str]:
             what = words if event.kind is LinkEventKind.MARK else f"{event.link}: {words}"
             yield f"    {at:9.2f} s  {what}"
         if len(found.events) > _EVENTS_SHOWN:
-            yield f"    ... and {len(found.events) - _EVENTS_SHOWN} more (all with --json)"
+            yield f"    ... and {len(found.events) - _EVENTS_SHOWN} more (--json prints all)"
     if found.topics:
         yield ""
         yield "  decoded topics: " + ", ".join(f"{topic} ({count})" for topic, count in sorted(found.topics.items()))
     if found.damage:
         yield ""
-        yield f"  DAMAGED: {found.damage}"
+        yield f"  DAMAGED: {text(found.damage)}"
 
 
 def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterator[str]:
@@ -82,7 +82,7 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
     yield f"  {name}"
     yield (
         f"    {file_size(link.bytes_received)} in {link.chunks} chunks, "
-        f"{link.bytes_received / seconds / 1e3:.1f} kB/s, longest silence {link.longest_silence_s:.2f} s"
+        f"{link.bytes_received / seconds / 1e3:.1f} kB/s, longest gap {link.longest_silence_s:.2f} s"
     )
     total = counted.frames + counted.lost
     yield (
@@ -118,7 +118,7 @@ def _hello_text(hello: Hello) -> str:
 
 
 def _time_line(source: WheelInspection, begin: int, end: int) -> Iterator[str]:
-    """Two rows: share of the nominal rate that arrived, and where samples were lost."""
+    """Yield two rows: the received share of the nominal rate, and the places of lost samples."""
     first_s, last_s = begin // 1_000_000_000, end // 1_000_000_000
     cells = min(_LINE_CELLS, last_s - first_s + 1)
     got, lost = [0] * cells, [0] * cells
@@ -140,7 +140,8 @@ def _as_json(found: Inspection) -> dict[str, Any]:
         "recording": str(info.path),
         "size_bytes": info.size_bytes,
         "finished": info.finished,
-        "damage": found.damage,
+        "damage": None if found.damage is None else text(found.damage),
+        "damage_reason": None if found.damage is None else as_json(found.damage),
         "treadlink": info.treadlink,
         "start_ns": info.start_ns,
         "sources": list(info.sources),

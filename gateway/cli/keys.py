@@ -1,4 +1,4 @@
-"""`treadlink keys`: the keys with which sensors and hubs sign."""
+"""`treadlink keys`: manage the signing keys of sensors and hubs."""
 
 from __future__ import annotations
 
@@ -13,19 +13,23 @@ from gateway.security.freshness import Ledger
 from gateway.security.key_file import KeyFile, counters_file, default_key_file, parse_identity, parse_keys
 from gateway.security.private_file import read_private
 
-_MOST_BYTES: Final = 16 << 20
+_MAX_INPUT_BYTES: Final = 16 << 20
 _FILE = click.option(
-    "--file", "path", type=click.Path(path_type=Path), help="Key file; default: the one of this user, for all vehicles."
+    "--file",
+    "path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Key file.  [default: the user's key file, for all vehicles]",
 )
-_REPLACE = click.option("--replace", is_flag=True, help="Also where there is another key; that one is lost.")
+_REPLACE = click.option("--replace", is_flag=True, help="Replace existing keys, which are lost.")
 
 
 @click.group()
 def keys() -> None:
-    """Keep the keys with which sensors sign what they send.
+    """Manage sensor signing keys.
 
-    They lie in a file that only you can read, never in a configuration or a recording. Whether signatures matter is
-    up to the vehicle: [security] policy = "warn" or "require" in its TOML.
+    The keys are kept in a file that only you can read, never in a configuration or recording. The vehicle
+    configuration decides whether signatures are checked: [security] policy = "warn" or "require".
     """
 
 
@@ -34,14 +38,17 @@ def keys() -> None:
 @_FILE
 @_REPLACE
 @click.option(
-    "--show", is_flag=True, help="Print the keys, to be put into the sensors; anybody who sees them can sign."
+    "--show", is_flag=True, help="Print the keys for programming the sensors. Anyone who sees a key can sign with it."
 )
 def new(identities: tuple[str, ...], path: Path | None, replace: bool, show: bool) -> None:
-    """Make keys for sensors (serial numbers of up to 8 hexadecimal digits) and hubs (16 digits)."""
+    """Create keys for sensors and hubs.
+
+    A SERIAL of up to 8 hexadecimal digits is a sensor, one of 16 digits a hub.
+    """
     file = _open(path)
     names = list(dict.fromkeys(map(parse_identity, identities)))
     made = {name: file.make(name, replace=replace) for name in names}
-    _keep(file, names)
+    _save(file, names)
     for name, key in made.items():
         click.echo(f"{name} {key.secret.hex()}" if show else f"{name}  check value {key.check_value()}")
 
@@ -51,31 +58,34 @@ def new(identities: tuple[str, ...], path: Path | None, replace: bool, show: boo
 @_FILE
 @_REPLACE
 def import_(origin: str, path: Path | None, replace: bool) -> None:
-    """Take over the keys in FILE, or in standard input with -.
+    """Import the keys in FILE, or from standard input if FILE is -.
 
-    A line holds a serial number and a key of 32 hexadecimal digits.
+    Each line contains a serial number and a key of 32 hexadecimal digits.
     """
     file = _open(path)
     if origin == "-":
-        text: str | None = sys.stdin.read(_MOST_BYTES)
+        text: str | None = sys.stdin.read(_MAX_INPUT_BYTES)
     else:
-        text = read_private(Path(origin), _MOST_BYTES)
+        text = read_private(Path(origin), _MAX_INPUT_BYTES)
     if text is None:
-        raise SecurityError(f"there is no file '{origin}'", "Check the path.")
+        raise SecurityError(f"file '{origin}' does not exist", "Check the path.")
     taken = dict(parse_keys(text, "standard input" if origin == "-" else f"'{origin}'"))
     changed = [name for name, key in taken.items() if name in file.keys and file.keys[name] != key]
     file.add(taken, replace=replace)
-    _keep(file, changed)
+    _save(file, changed)
     click.echo(f"{len(taken)} key{'' if len(taken) == 1 else 's'} in {file.path}")
 
 
 @keys.command("list")
 @_FILE
 def list_(path: Path | None) -> None:
-    """List whose keys there are; the check value tells equal keys without showing them."""
+    """List the sensors and hubs with keys.
+
+    Equal keys have equal check values; the keys themselves are not printed.
+    """
     file = _open(path)
     if not file.keys:
-        click.echo(f"no key in {file.path}")
+        click.echo(f"no keys in {file.path}")
     for name, key in sorted(file.keys.items()):
         click.echo(f"{'hub   ' if len(name) > 8 else 'sensor'} {name:16s}  check value {key.check_value()}")
 
@@ -84,12 +94,12 @@ def list_(path: Path | None) -> None:
 @click.argument("identities", nargs=-1, required=True, metavar="SERIAL...")
 @_FILE
 def remove(identities: tuple[str, ...], path: Path | None) -> None:
-    """Forget the keys of sensors or hubs."""
+    """Remove the keys of sensors or hubs."""
     file = _open(path)
     names = list(dict.fromkeys(map(parse_identity, identities)))
     for name in names:
         file.remove(name)
-    _keep(file, names)
+    _save(file, names)
     click.echo(f"removed {', '.join(names)}")
 
 
@@ -97,9 +107,9 @@ def _open(path: Path | None) -> KeyFile:
     return KeyFile(default_key_file() if path is None else path)
 
 
-def _keep(file: KeyFile, anew: list[str]) -> None:
-    """Save; with a new key a sensor's counters begin anew, and the old frames do not fit the new key."""
+def _save(file: KeyFile, renewed: list[str]) -> None:
+    """Save the keys and reset the counters of renewed ones; frames signed with their old keys no longer verify."""
     ledger = Ledger(counters_file(file.path))
     file.save()
-    for name in anew:
+    for name in renewed:
         ledger.forget(name)

@@ -1,4 +1,4 @@
-"""`treadlink live`: wheels being estimated, on a screen or line by line."""
+"""`treadlink live`: live estimates, on a screen or as lines."""
 
 from __future__ import annotations
 
@@ -6,18 +6,16 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.session_setup import (
-    RunningSession,
+from gateway.cli.logs import held_back
+from gateway.cli.options import (
     config_option,
     duration_option,
     effects_option,
-    end_session,
     estimator_option,
-    is_terminal,
     keys_option,
-    run_plain,
-    start_session,
+    plain_option,
 )
+from gateway.cli.session_setup import RunningSession, end_session, is_terminal, run_plain, start_session
 
 
 @click.command()
@@ -26,9 +24,10 @@ from gateway.cli.session_setup import (
 @click.option(
     "--record",
     type=click.Path(path_type=Path),
-    help="Record to this new .mcap file, or to a file named by the time in this folder.",
+    metavar="PATH",
+    help="Also record to this new .mcap file, or to a new file in this folder.",
 )
-@click.option("--plain", is_flag=True, help="One line a revolution; the default where the output is no terminal.")
+@plain_option
 @duration_option
 @keys_option
 @estimator_option
@@ -43,7 +42,7 @@ def live(
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
 ) -> None:
-    """Watch wheels being estimated.
+    """Show live estimates of the wheels at SOURCE...
 
     \b
     SOURCE is one of
@@ -53,8 +52,8 @@ def live(
       sim:demo                                a simulated vehicle (treadlink simulate --list)
       replay:FILE?speed=1                     a recording; speed=10, speed=max
 
-    Keys in the console: space pauses, m marks an event in the recording, tab or 1 to 8 choose the wheel, z zooms the
-    waveform, ? helps, q quits. A summary follows the end.
+    Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, ? shows
+    help, q quits. A summary is printed at the end.
     """
     session = start_session(
         sources,
@@ -68,11 +67,12 @@ def live(
 
 
 def show_session(session: RunningSession, *, plain: bool, duration_s: float | None) -> None:
-    """Run the console, or plain lines where there is no terminal, then the summary."""
+    """Run the screen, or print lines if there is no terminal, then print the summary."""
     if plain or not is_terminal():
         run_plain(session, duration_s, click.echo)
     else:
         from gateway.views.console.screen import run_console
 
-        run_console(session.live, duration_s)
+        with held_back():
+            run_console(session.live, duration_s)
     end_session(session, click.echo)

@@ -1,4 +1,4 @@
-"""`treadlink protocol`: what the hub's firmware team needs, generated from the declaration."""
+"""`treadlink protocol`: C code, test vectors and tables generated from the declaration of the protocol."""
 
 from __future__ import annotations
 
@@ -7,60 +7,72 @@ from pathlib import Path
 
 import click
 
+from gateway.cli.options import force_option
 from gateway.errors import TreadlinkError
 
 _OUT = click.option(
-    "--out", type=click.Path(file_okay=False, path_type=Path), help="Directory to write to; standard output without it."
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Output folder.  [default: standard output]",
 )
-_FORCE = click.option("--force", is_flag=True, help="Overwrite files that are there.")
 
 
 @click.group()
 def protocol() -> None:
-    """Generate the firmware's C header, encoder and test vectors."""
+    """Generate C code and test vectors for the firmware."""
 
 
 @protocol.command()
 @_OUT
-@_FORCE
+@force_option
 def header(out: Path | None, force: bool) -> None:
-    """Write the C header with the constants, the message structs and the encoder's functions."""
+    """Write the C header.
+
+    It contains the constants, message structs and encoder functions.
+    """
     from firmware_protocol.cgen import HEADER_NAME, c_header
 
-    _deliver({HEADER_NAME: c_header()}, out, force=force)
+    _write({HEADER_NAME: c_header()}, out, force=force)
 
 
 @protocol.command()
 @_OUT
-@_FORCE
+@force_option
 def encoder(out: Path | None, force: bool) -> None:
-    """Write the C11 reference encoder that belongs to the header."""
+    """Write the C11 reference encoder for the header."""
     from firmware_protocol.cgen import ENCODER_NAME, c_encoder
 
-    _deliver({ENCODER_NAME: c_encoder()}, out, force=force)
+    _write({ENCODER_NAME: c_encoder()}, out, force=force)
 
 
 @protocol.command()
 @_OUT
-@_FORCE
+@force_option
 def vectors(out: Path | None, force: bool) -> None:
-    """Write the JSON test vectors: frames with their fields, streams with what is in them."""
+    """Write the test vectors as JSON.
+
+    They are frames with their fields, and streams with their content.
+    """
     from firmware_protocol.conformance import make_vectors
 
-    _deliver(make_vectors(), out, force=force)
+    _write(make_vectors(), out, force=force)
 
 
 @protocol.command()
 @click.argument("specification", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 def tables(specification: Path) -> None:
-    """Bring the generated parts of the SPECIFICATION (docs/protocol.md) up to date."""
+    """Update the generated tables of the specification.
+
+    SPECIFICATION is the file docs/protocol.md.
+    """
     from firmware_protocol.spec import updated
 
     specification.write_text(updated(specification.read_text("utf-8")), "utf-8")
 
 
-def _deliver(files: Mapping[str, str], out: Path | None, *, force: bool) -> None:
-    """Write the files, all or none of them, or print them."""
+def _write(files: Mapping[str, str], out: Path | None, *, force: bool) -> None:
+    """Write the files, or none if one of them exists; without a folder print them."""
     if out is None:
         for text in files.values():
             click.echo(text, nl=False)
@@ -68,7 +80,9 @@ def _deliver(files: Mapping[str, str], out: Path | None, *, force: bool) -> None
     targets = {out / name: text for name, text in files.items()}
     there = [str(path) for path in targets if path.exists()]
     if there and not force:
-        raise TreadlinkError(f"already there: {', '.join(there)}", "Choose another --out, or overwrite with --force.")
+        raise TreadlinkError(
+            f"already exists: {', '.join(there)}", "Choose another folder with --out, or overwrite with --force."
+        )
     try:
         out.mkdir(parents=True, exist_ok=True)
         for path, text in targets.items():
@@ -76,5 +90,5 @@ def _deliver(files: Mapping[str, str], out: Path | None, *, force: bool) -> None
             click.echo(path)
     except OSError as error:
         raise TreadlinkError(
-            f"cannot write to {out}: {error.strerror}", "Choose a directory you may write to."
+            f"cannot write to '{out}': {error.strerror}", "Choose another folder with --out."
         ) from error

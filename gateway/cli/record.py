@@ -1,4 +1,4 @@
-"""`treadlink record`: a source to a file, without a console."""
+"""`treadlink record`: record sources to a file, without a screen."""
 
 from __future__ import annotations
 
@@ -8,16 +8,8 @@ from typing import Final
 
 import click
 
-from gateway.cli.session_setup import (
-    RunningSession,
-    config_option,
-    duration_option,
-    effects_option,
-    end_session,
-    estimator_option,
-    keys_option,
-    start_session,
-)
+from gateway.cli.options import config_option, duration_option, effects_option, estimator_option, keys_option
+from gateway.cli.session_setup import RunningSession, end_session, start_session
 from gateway.errors import RecordingError
 from gateway.views.text import clean
 from gateway.views.wording import notice_text
@@ -32,7 +24,8 @@ _REPORT_S: Final = 1.0
     type=click.Path(path_type=Path),
     default=Path("recordings"),
     show_default=True,
-    help="A new .mcap file, or a folder in which the time makes the name.",
+    metavar="PATH",
+    help="New .mcap file, or a folder for a file named after the start time.",
 )
 @config_option
 @duration_option
@@ -50,8 +43,8 @@ def record(
 ) -> None:
     """Record SOURCE... until Ctrl-C, the end of the source, or --duration.
 
-    Link bytes go to disk before they are decoded; results go beside them as topics that plotting programs open.
-    Sources are those of `treadlink live`. An existing file is never overwritten.
+    The bytes of the links are written to disk before they are decoded. Estimates are recorded as additional topics,
+    which plotting programs can show. Sources are those of `treadlink live`. Existing files are never overwritten.
     """
     session = start_session(
         sources,
@@ -64,7 +57,7 @@ def record(
     _watch(session, duration_s)
     end_session(session, click.echo)
     if session.live.core.recording_fault is not None:
-        raise RecordingError(session.live.core.recording_fault, "What was written before is readable.")
+        raise RecordingError(session.live.core.recording_fault, "The part written before is readable.")
 
 
 def _watch(session: RunningSession, duration_s: float | None) -> None:

@@ -1,4 +1,4 @@
-"""`treadlink repair` and `treadlink compact`: recordings made whole, and made small."""
+"""`treadlink repair` and `treadlink compact`: repaired and compressed copies of recordings."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from gateway.views.text import clean
 
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Where to write; NAME.repaired.mcap when not given.")
-@click.option("--force", is_flag=True, help="Write a copy even when nothing is wrong.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="New file.  [default: NAME.repaired.mcap]")
+@click.option("--force", is_flag=True, help="Write a copy even if the recording is undamaged.")
 def repair(recording: Path, out: Path | None, force: bool) -> None:
-    """Rescue RECORDING into a new file: one whose writer was killed, that was cut off, or that lost bytes.
+    """Repair a RECORDING that was interrupted, cut off or damaged, and write the result to a new file.
 
-    Only the frames that lost bytes are lost. Of a compacted recording whole chunks, about a second each, survive or
-    not. RECORDING itself is only read.
+    Only damaged frames are lost. In a compressed recording, whole chunks of about a second are lost. RECORDING itself
+    is not changed.
     """
-    with _progress(recording, "looking") as progress:
+    with _progress(recording, "checking") as progress:
         whole = not needs_repair(recording, progress)
     if whole and not force:
-        click.echo(f"{clean(str(recording))} is finished and undamaged; there is nothing to repair.")
+        click.echo(f"{clean(str(recording))} is finished and undamaged. There is nothing to repair.")
         return
     with _progress(recording, "repairing") as progress:
         report = repair_recording(recording, out or _beside(recording, "repaired"), progress)
@@ -40,15 +40,15 @@ def repair(recording: Path, out: Path | None, force: bool) -> None:
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
-@click.option("--out", type=click.Path(path_type=Path), help="Where to write; NAME.compact.mcap when not given.")
-@click.option("--in-place", is_flag=True, help="Replace each recording, once its copy has proved the same.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="New file.  [default: NAME.compact.mcap]")
+@click.option("--in-place", is_flag=True, help="Replace each recording once its copy is verified.")
 def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> None:
-    """Compress finished RECORDING...; each copy is read back and compared before it counts.
+    """Compress finished RECORDING... to new files, each read back and compared with the original.
 
-    A compacted recording replays the same, but damage to it costs a whole chunk instead of single frames.
+    A compressed recording replays identically, but damage to it costs a whole chunk instead of single frames.
     """
     if out is not None and (in_place or len(recordings) > 1):
-        raise click.UsageError("--out goes with one recording and without --in-place.")
+        raise click.UsageError("--out requires a single recording and cannot be combined with --in-place.")
     for recording in recordings:
         target = _hidden_beside(recording) if in_place else out or _beside(recording, "compact")
         with _progress(recording, "compacting") as progress:
@@ -57,7 +57,7 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
         click.echo(
             clean(
                 f"{report.target}: {file_size(report.bytes_after)} instead of {file_size(report.bytes_before)} "
-                f"({share:.0f} %), {report.messages} messages the same"
+                f"({share:.0f} %), {report.messages} messages verified"
             )
         )
 
@@ -65,40 +65,41 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
 def _report_lines(report: RepairReport) -> Iterator[str]:
     losses = report.losses
     yield f"{report.target}"
-    yield f"  rescued: {report.frames} frames in {file_size(report.link_bytes)} of links, {report.messages} messages"
+    size = file_size(report.link_bytes)
+    yield f"  recovered: {report.frames} frames in {size} of link data, {report.messages} messages"
     yield (
-        f"  missing: {report.frames_lost} frames by their counters, what the link had lost among them; "
-        f"{report.frames_broken} begin but are not whole"
+        f"  missing: {report.frames_lost} frames by their counters, including losses on the link; "
+        f"{report.frames_broken} frames are incomplete"
     )
     if losses.torn_places:
         yield (
-            f"  {losses.torn_places} torn places: {losses.bytes_kept} bytes kept, {losses.bytes_dropped} belong to no "
-            "frame"
+            f"  {losses.torn_places} damaged places: {losses.bytes_kept} bytes kept, {losses.bytes_dropped} bytes "
+            "belong to no frame"
         )
     if losses.compressed_chunks:
-        yield f"  {losses.compressed_chunks} compressed chunks were damaged and are lost whole"
+        yield f"  {losses.compressed_chunks} compressed chunks were damaged and are lost"
     if losses.topics_lost:
-        yield f"  {losses.topics_lost} messages of decoded topics were damaged; `treadlink estimate` makes them anew"
+        yield f"  {losses.topics_lost} messages of decoded topics are damaged; `treadlink estimate` computes them again"
     if not report.session_kept:
-        yield "  the vehicle configuration recorded with it is lost; give --config when you replay it"
+        yield "  the vehicle configuration in the recording is lost; give --config when replaying it"
 
 
 def _beside(recording: Path, word: str) -> Path:
     target = recording.with_name(f"{recording.stem}.{word}{recording.suffix or '.mcap'}")
     if target.exists():
-        raise RecordingError(f"'{target}' exists already", "Nothing is overwritten; remove it or give --out.")
+        raise RecordingError(f"'{target}' already exists", "Recordings are never overwritten. Remove it or give --out.")
     return target
 
 
 def _hidden_beside(recording: Path) -> Path:
-    """Return a free name in the same folder, for a copy that will take the recording's place."""
+    """Return a free name in the same folder, for the copy that will replace the recording."""
     names = (recording.with_name(f".{recording.name}.compacting-{number}") for number in itertools.count(1))
     return next(name for name in names if not name.exists())
 
 
 @contextlib.contextmanager
 def _progress(recording: Path, word: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar on a terminal; it is fed with (done, in all)."""
+    """Yield a function of (done, total) that draws a progress bar on a terminal."""
     length = recording.stat().st_size if recording.is_file() else 0
     bar = click.progressbar(length=length, label=f"{word} {clean(recording.name)}", file=sys.stderr)
     bar.hidden = not sys.stderr.isatty()

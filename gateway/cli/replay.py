@@ -1,4 +1,4 @@
-"""`treadlink replay`: a recording through the console again."""
+"""`treadlink replay`: replay a recording with live estimates."""
 
 from __future__ import annotations
 
@@ -8,21 +8,28 @@ from urllib.parse import quote
 import click
 
 from gateway.cli.live import show_session
-from gateway.cli.session_setup import (
+from gateway.cli.options import (
     config_option,
     duration_option,
     effects_option,
     estimator_option,
     keys_option,
-    start_session,
+    plain_option,
 )
+from gateway.cli.session_setup import start_session
 
 
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--speed", default="1", show_default=True, metavar="1|10|max", help="How many times as fast as recorded.")
+@click.option(
+    "--speed",
+    default="1",
+    show_default=True,
+    metavar="FACTOR",
+    help="Replay this many times as fast as recorded, or `max`.",
+)
 @config_option
-@click.option("--plain", is_flag=True, help="One line a revolution; the default where the output is no terminal.")
+@plain_option
 @duration_option
 @keys_option
 @estimator_option
@@ -37,9 +44,9 @@ def replay(
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
 ) -> None:
-    """Play RECORDING again: the same bytes, the same estimates.
+    """Replay RECORDING with live estimates, from the same bytes and with the same results.
 
-    The configuration is the one recorded with it, unless --config gives another.
+    The vehicle configuration is the one in the recording, unless --config gives another.
     """
     uri = f"replay:{quote(str(recording))}?speed={speed}"
     session = start_session(

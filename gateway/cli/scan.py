@@ -1,4 +1,4 @@
-"""`treadlink scan`: the hubs and serial ports that can be given to `treadlink live`."""
+"""`treadlink scan`: list hubs in range and serial ports as sources for `treadlink live`."""
 
 from __future__ import annotations
 
@@ -17,15 +17,23 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.option(
-    "--timeout", "seconds", type=click.FloatRange(0.1, 120.0), default=5.0, show_default=True, help="Listen so many s."
+    "--timeout",
+    "seconds",
+    type=click.FloatRange(0.1, 120.0),
+    default=5.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Scan for this many seconds.",
 )
-@click.option("--adapter", default="", metavar="NAME", help="Bluetooth adapter, as hci1 (Linux); default: the first.")
-@click.option("--all", "everything", is_flag=True, help="Also Bluetooth devices that do not advertise as hubs.")
+@click.option(
+    "--adapter", default="", metavar="NAME", help="Bluetooth adapter on Linux, such as hci1.  [default: the first]"
+)
+@click.option("--all", "everything", is_flag=True, help="Also list Bluetooth devices that are not hubs.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def scan(seconds: float, adapter: str, everything: bool, as_json: bool) -> None:
-    """List hubs on Bluetooth LE and serial ports, with signal strength and battery where they are told.
+    """List hubs on Bluetooth LE, with signal strength and battery, and serial ports.
 
-    Without Bluetooth the serial ports are listed all the same, and what is missing is said.
+    Without Bluetooth only serial ports are listed, with advice on what is missing.
     """
     from gateway.io.ble_source import scan_devices
 
@@ -82,25 +90,25 @@ def _print(around: ScanResult, hubs: list[Sighting], ports: list[dict[str, Any]]
         click.echo(f"  {around.fault.remedy}")
     elif not hubs:
         others = len(around.sightings)
-        click.echo(f"No hub answered within {seconds:g} s" + (f" ({others} other devices; --all)" if others else "."))
+        click.echo(f"No hub found within {seconds:g} s" + (f". --all lists {others} other devices." if others else "."))
     width = max((len(_source(hub, hubs)) for hub in hubs), default=0)
     for hub in hubs:
         signal = f"{hub.rssi_dbm} dBm" if hub.rssi_dbm is not None else "connected"
-        battery = f"battery {hub.battery_percent} %" if hub.battery_percent is not None else "battery not told"
+        battery = f"battery {hub.battery_percent} %" if hub.battery_percent is not None else "battery unknown"
         name = f"{hub.name or 'unnamed'} at {hub.address}"
         click.echo(f"{_source(hub, hubs):<{width}}  {signal:>9}  {battery:<16}  {name}")
     twins = sorted({hub.name for hub in hubs if hub.name and _twins(hub, hubs)})
     for name in twins:
-        click.secho(f"Several are named '{name}': give the address.", fg="yellow")
+        click.secho(f"Several hubs are named '{name}'. Give the address.", fg="yellow")
     if not ports:
-        click.echo("No serial port is present.")
+        click.echo("No serial port found.")
     for port in ports:
         note = "" if port["usable"] else f"  not usable: {port['remedy']}"
         click.echo(f"{port['source']}  {port['description']}{note}".rstrip())
 
 
 def _source(hub: Sighting, hubs: list[Sighting]) -> str:
-    """Return the URI that means this hub and no other in range."""
+    """Return a URI that is unique among the hubs in range."""
     from urllib.parse import quote
 
     return f"ble://{hub.address if _twins(hub, hubs) or not hub.name else quote(hub.name)}"

@@ -1,4 +1,4 @@
-"""What live, record and replay share: opening sources, choosing the vehicle, running and closing the session."""
+"""Sessions of the commands live, record and replay: opening, running and closing."""
 
 from __future__ import annotations
 
@@ -8,14 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import click
-
 from gateway.clock import Clock, SystemClock
 from gateway.config.effects_file import check_effects, load_effects
-from gateway.config.vehicle import VehicleConfig
-from gateway.config.vehicle_file import load_vehicle, parse_vehicle
+from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle
 from gateway.errors import RecordingError
-from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Source, open_source, parse_source_uri
 from gateway.pipeline.results import SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
@@ -27,59 +24,34 @@ from gateway.views.plain import PlainView
 from gateway.views.session_summary import ResultSummary, summary_lines
 from gateway.views.text import clean
 
-# Sources that can wait when the session is behind; a device cannot.
-_PATIENT: Final = {"replay", "sim"}
+# Sources that can wait when the session is behind. A device cannot wait.
+_PATIENT_SCHEMES: Final = {"replay", "sim"}
 _POLL_S: Final = 0.05
-
-config_option = click.option(
-    "--config",
-    "config_path",
-    type=click.Path(path_type=Path),
-    help="Vehicle configuration (TOML); default: the one that the recording or the scenario brings along.",
-)
-estimator_option = click.option(
-    "--estimator",
-    "estimators",
-    multiple=True,
-    type=click.Choice(list(ESTIMATORS)),
-    help=f"Estimator to run, may be given several times [default: {', '.join(DEFAULT_ESTIMATORS)}].",
-)
-keys_option = click.option(
-    "--keys",
-    "key_file",
-    type=click.Path(path_type=Path),
-    help="Keys of signed frames, where the configuration asks for them; default: those of `treadlink keys`.",
-)
-effects_option = click.option(
-    "--effects",
-    "effects_paths",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Take off the effects that `treadlink diagnose --save-effects` found; one file a wheel.",
-)
-duration_option = click.option("--duration", "duration_s", type=click.FloatRange(min=0.1), help="Stop after so many s.")
 
 
 @dataclass(slots=True)
 class RunningSession:
-    """A session with its summary, ready for a view."""
+    """A started session with its summary."""
 
     live: LiveSession
     summary: ResultSummary
     recorder: RecordingWriter | None
 
 
-def choose_vehicle(config_path: Path | None, brought: Sequence[str | None], origin: str) -> VehicleConfig | None:
-    """Return the vehicle of --config, else the one that a source brought along, else None."""
+def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
+    """Return the vehicle of --config, else the first one that a source provides, else None."""
     if config_path is not None:
         return load_vehicle(config_path)
-    texts = [text for text in brought if text]
+    texts = [text for text in provided if text]
     return parse_vehicle(texts[0], origin) if texts else None
 
 
 def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:
-    """Return the tables of effects files, which must belong to the vehicle."""
+    """Return the tables of effects files.
+
+    Raises:
+        ConfigError: a file cannot be read, or does not belong to the vehicle.
+    """
     tables = tuple(map(load_effects, paths))
     check_effects(tables, vehicle)
     return tables
@@ -95,7 +67,7 @@ def start_session(
     effects_paths: Sequence[Path] = (),
     clock: Clock | None = None,
 ) -> RunningSession:
-    """Open everything and start reading.
+    """Open sources, configuration and recording, and start the session.
 
     Raises:
         TreadlinkError: a source, the configuration or the recording cannot be opened.
@@ -106,8 +78,8 @@ def start_session(
         sources += [with_commands(open_source(uri, clock), clock) for uri in uris]
         vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
         effects = open_effects(effects_paths, vehicle)
-        # What is played from a file or simulated anew is old by its nature: it neither asks nor moves the counters.
-        remembers = not any(parse_source_uri(uri).scheme in _PATIENT for uri in uris)
+        # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
+        remembers = not any(parse_source_uri(uri).scheme in _PATIENT_SCHEMES for uri in uris)
         guard = open_guard(vehicle, key_file, remembers=remembers)
         recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
     except BaseException:
@@ -119,7 +91,7 @@ def start_session(
         sources,
         vehicle,
         clock,
-        patient=[parse_source_uri(uri).scheme in _PATIENT for uri in uris],
+        patient=[parse_source_uri(uri).scheme in _PATIENT_SCHEMES for uri in uris],
         summary=summary,
         recorder=recorder,
         estimators=estimators or DEFAULT_ESTIMATORS,
@@ -136,14 +108,14 @@ def _open_recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, uris
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise RecordingError(
-                f"cannot record to '{path}': {error.strerror}", "Give a folder, or a new file ending in .mcap."
+                f"cannot record to '{path}': {error.strerror}", "Give another folder, or a new .mcap file."
             ) from error
     toml = vehicle.to_toml() if vehicle is not None else None
     return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=uris)
 
 
 def run_plain(session: RunningSession, duration_s: float | None, write: Callable[[str], None]) -> None:
-    """Print one line a revolution until the session ends, time is up, or Ctrl-C."""
+    """Print one line per revolution until the session ends, the duration is over, or Ctrl-C."""
     view = PlainView(write)
     live = session.live
 
@@ -181,13 +153,13 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> Sessio
         write("")
         write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB)")
         if session.live.core.recording_fault is None:
-            write(f"  look into it: treadlink inspect {snapshot.recording}")
-            write(f"  play it again: treadlink replay {snapshot.recording}")
+            write(f"  show its content: treadlink inspect {snapshot.recording}")
+            write(f"  replay it: treadlink replay {snapshot.recording}")
         else:
             write(f"  INCOMPLETE: {session.live.core.recording_fault}")
     return snapshot
 
 
 def is_terminal() -> bool:
-    """Whether a console can be drawn."""
+    """Return whether the screen can be shown."""
     return sys.stdin.isatty() and sys.stdout.isatty()

@@ -1,4 +1,4 @@
-"""`treadlink simulate`: a scenario to a file, a pseudo-terminal or Bluetooth."""
+"""`treadlink simulate`: simulate a scenario to a file, a pseudo-terminal or Bluetooth."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.simulator.link_faults import Fault, describe_faults, parse_faults
 from gateway.simulator.pty_link import PtyPort
 from gateway.simulator.scenario import builtin_scenarios, load_scenario, vehicle_toml
+from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import Simulation
 from gateway.simulator.simulation import simulate as make_simulation
 from gateway.simulator.simulator_source import SimulatorSource, link_name, parse_speed
@@ -38,17 +39,47 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.command()
 @click.argument("scenario", metavar="SCENARIO")
 @click.option(
-    "--out", type=click.Path(path_type=Path), help="New file: .mcap is a recording, .bin the link's bytes alone."
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write to this new file: a recording (.mcap) or the bytes of the link (.bin).",
 )
-@click.option("--pty", is_flag=True, help="Feed a pseudo-terminal, as a hub on a serial port would, until Ctrl-C.")
-@click.option("--ble", is_flag=True, help="Appear as Bluetooth LE hubs, on a D-Bus of its own (Linux), until Ctrl-C.")
-@click.option("--fault", "faults", multiple=True, metavar="KIND:OPTION=VALUE", help="Fault on the link; see --list.")
-@click.option("--seed", type=click.IntRange(min=0), help="Instead of the scenario's.")
-@click.option("--duration", "duration_s", type=click.FloatRange(min=0.01), help="Length in s, instead of its own.")
-@click.option("--speed", default="1", show_default=True, help="Times real time, or max; a file is always at max.")
-@click.option("--keys", "key_file", type=click.Path(path_type=Path), help="Sign with the keys in this file.")
-@click.option("--vehicle", type=click.Path(path_type=Path), help="Also write the vehicle's configuration here.")
-@click.option("--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_list, help="What there is.")
+@click.option("--pty", is_flag=True, help="Act as a hub on a serial port (pseudo-terminal) until Ctrl-C.")
+@click.option("--ble", is_flag=True, help="Act as Bluetooth LE hubs on a private D-Bus (Linux) until Ctrl-C.")
+@click.option(
+    "--fault",
+    "faults",
+    multiple=True,
+    metavar="KIND:OPTION=VALUE",
+    help="Add a fault to the link; repeat for several. --list shows all kinds.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the random numbers.  [default: the scenario's]")
+@click.option(
+    "--duration",
+    "duration_s",
+    type=click.FloatRange(min=0.01),
+    metavar="SECONDS",
+    help="Length.  [default: the scenario's]",
+)
+@click.option(
+    "--speed", default="1", show_default=True, metavar="FACTOR", help="Times real time, or `max`; ignored for files."
+)
+@click.option(
+    "--keys",
+    "key_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Sign frames with the keys in this file.",
+)
+@click.option(
+    "--vehicle",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the vehicle configuration to this new file.",
+)
+@click.option(
+    "--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_list, help="List scenarios and faults."
+)
 def simulate(
     scenario: str,
     out: Path | None,
@@ -61,18 +92,17 @@ def simulate(
     key_file: Path | None,
     vehicle: Path | None,
 ) -> None:
-    """Simulate the hubs and tires of SCENARIO (a built-in name or a TOML file).
+    """Simulate the hubs and tires of SCENARIO, a built-in name or a TOML file.
 
-    The bytes are those of the real protocol. To watch them at once, use `treadlink live sim:SCENARIO`.
+    The simulated hubs send the same protocol as real ones. To show live estimates of a simulation, use `treadlink live
+    sim:SCENARIO`.
     """
     if (out is not None) + pty + ble != 1:
         raise click.UsageError("Give one of --out FILE, --pty and --ble.")
     if ble and faults:
-        raise click.UsageError("--fault damages a stream of bytes; Bluetooth carries whole frames or none.")
+        raise click.UsageError("--fault cannot be combined with --ble, which transmits only whole frames.")
     if ble and key_file is not None:
-        raise click.UsageError(
-            "--keys is not for --ble: its hub takes commands, after which it writes its frames anew."
-        )
+        raise click.UsageError("--keys cannot be combined with --ble, whose hub changes frames on command.")
     loaded = load_scenario(scenario)
     used_seed = loaded.scenario.seed if seed is None else seed
     simulation = make_simulation(
@@ -83,22 +113,20 @@ def simulate(
         _write_new(vehicle, toml)
     if out is not None:
         if simulation.duration_s is None:
-            raise SourceError(f"scenario '{scenario}' has no end", "Give its length: --duration 30.")
+            raise SourceError(f"scenario '{scenario}' is endless", "Give a length, for example --duration 30.")
         source = SimulatorSource(simulation, link, toml, parse_speed("max"), clock)
         uri = f"sim:{quote(scenario)}?seed={used_seed}"
         size = _to_file(source, simulation.duration_s, out, uri, clock)
-        click.echo(f"wrote {out}: {simulation.duration_s:g} s, {size / 1e6:.2f} MB")
+        click.echo(f"written: {out} ({simulation.duration_s:g} s, {size / 1e6:.2f} MB)")
     elif ble:
-        from gateway.cli.simulate_ble import to_ble
-
-        to_ble(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), loaded, vehicle)
+        _to_ble(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), loaded, vehicle)
     else:
         _to_pty(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), vehicle)
     _report(simulation)
 
 
 def _to_file(source: SimulatorSource, duration_s: float, out: Path, uri: str, clock: Clock) -> int:
-    """Write all of the source; return the size of the file."""
+    """Write all items of the source; return the size of the file."""
     start_ns = clock.now_ns()
     with (
         _output(out, start_ns, source.vehicle_toml, uri) as write,
@@ -112,7 +140,7 @@ def _to_file(source: SimulatorSource, duration_s: float, out: Path, uri: str, cl
 
 @contextmanager
 def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Callable[[LinkItem], None]]:
-    """Open the file that the suffix asks for; never an existing one."""
+    """Create the file in the format given by its suffix; yield a function that writes an item."""
     if out.suffix == ".mcap":
         writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=toml, sources=[uri])
         try:
@@ -132,7 +160,7 @@ def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Ca
         with file:
             yield write
     else:
-        raise OutputError(f"'{out.name}' is of no known kind", "Let the name end in .mcap or .bin.")
+        raise OutputError(f"'{out.name}' has an unknown suffix", "Give a name that ends in .mcap or .bin.")
 
 
 def _write_new(path: Path, text: str) -> None:
@@ -147,9 +175,9 @@ def _to_pty(source: SimulatorSource, vehicle: Path | None) -> None:
     """Feed a pseudo-terminal until the scenario ends or Ctrl-C."""
     port = PtyPort()
     try:
-        click.echo(f"A hub speaks on {port.path}. In another terminal run\n")
+        click.echo(f"A simulated hub is sending on {port.path}. In another terminal run\n")
         config = f" --config {shlex.quote(str(vehicle))}" if vehicle is not None else ""
-        click.echo(f"  treadlink live serial://{port.path}{config}\n\nCtrl-C ends it.")
+        click.echo(f"  treadlink live serial://{port.path}{config}\n\nCtrl-C stops the hub.")
         was_connected = False
         for item in source.items(threading.Event()):
             if not isinstance(item, Chunk):
@@ -157,17 +185,54 @@ def _to_pty(source: SimulatorSource, vehicle: Path | None) -> None:
             port.write(item.data)
             if port.connected != was_connected:
                 was_connected = not was_connected
-                click.echo("a reader came" if was_connected else "the reader left")
+                click.echo("reader connected" if was_connected else "reader disconnected")
     except KeyboardInterrupt:
         click.echo("")
     finally:
         port.close()
-    lost = f", {port.dropped} lost to a slow reader" if port.dropped else ""
-    click.echo(f"{port.sent} bytes read, {port.unread} sent while nobody read{lost}")
+    lost = f", {port.dropped} lost because the reader is too slow" if port.dropped else ""
+    click.echo(f"{port.sent} bytes read, {port.unread} sent without a reader{lost}")
+
+
+def _to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) -> None:
+    """Advertise and stream as Bluetooth hubs until the scenario ends or Ctrl-C.
+
+    Raises:
+        SourceError: this system has no D-Bus daemon, through which programs use Bluetooth on Linux.
+    """
+    try:
+        from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
+        from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
+        from gateway.simulator.bluetooth.hubs import ble_hubs, broadcast
+    except ImportError as error:
+        raise SourceError("simulated Bluetooth requires Linux", "Use --pty or --out.") from error
+
+    stop = threading.Event()
+    hubs = ble_hubs(scenario)
+    with PrivateBus() as bus, BluezStandIn(bus.address) as bluez:
+        for hub in hubs.values():
+            hub.on_listening = _listening_printer(hub.peripheral.name)
+            bluez.add(hub.peripheral)
+        uris = " ".join(f"ble://{hub.peripheral.name}" for hub in hubs.values())
+        config = f" --config {shlex.quote(str(vehicle))}" if vehicle is not None else ""
+        click.echo("Simulated hubs advertise on a private Bluetooth. In another terminal run\n")
+        click.echo(f"  export DBUS_SYSTEM_BUS_ADDRESS={shlex.quote(bus.address)}")
+        click.echo(f"  treadlink scan\n  treadlink live {uris}{config}\n\nCtrl-C stops the hubs.")
+        try:
+            sent = broadcast(source, hubs, bluez, stop)
+        except KeyboardInterrupt:
+            stop.set()
+            click.echo("")
+        else:
+            click.echo(f"sent {', '.join(f'{sent[n]} notifications of hub {n}' for n in sent)}")
+
+
+def _listening_printer(name: str) -> Callable[[bool], None]:
+    return lambda listening: click.echo(f"{name}: {'subscribed' if listening else 'no longer subscribed'}")
 
 
 def _report(simulation: Simulation) -> None:
-    """Print the truth of every wheel and what the faults did."""
+    """Print the true values of every wheel and the counts of the faults."""
     for position, truth in simulation.truth.items():
         numbers = truth.numbers(0.0)
         leading, trailing = truth.contact_edges_rad(0.0)
@@ -182,4 +247,4 @@ def _report(simulation: Simulation) -> None:
 
 def _counts(fault: Fault) -> str:
     found = [f"{value} {name.replace('_', ' ')}" for name, value in fault.counts.as_dict().items() if value]
-    return ", ".join(found) or "did nothing"
+    return ", ".join(found) or "no effect"

@@ -1,4 +1,4 @@
-"""Checks of a vehicle configuration across keys, on the raw document so that they run beside the field checks."""
+"""Consistency checks across the keys of a vehicle configuration, on the raw document."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from gateway.config.validation import Fault, key_of, nearest, show
 
 
 def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield what is inconsistent between the keys of a document; any key may be missing or of a wrong type."""
+    """Yield the inconsistencies between the keys of a document; any key may be missing or of a wrong type.
+
+    The raw document is checked so that these faults are reported together with those of single keys.
+    """
     wheels = _tables(data.get("wheel"))
     yield from _duplicates(data, wheels)
     yield from _axles(data, wheels)
@@ -17,13 +20,13 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     for index, wheel in wheels:
         if "load_std_n" in wheel and "load_n" not in wheel:
             key = key_of(data, ("wheel", index, "load_std_n"))
-            yield Fault(key, show(wheel["load_std_n"]), "it needs load_n beside it")
+            yield Fault(key, show(wheel["load_std_n"]), "it needs load_n too")
     yield from _calibrations(data, wheels)
     if _table(data.get("security")).get("policy") == "require":
         for index, wheel in wheels:
             if "sensor_id" not in wheel:
                 key = key_of(data, ("wheel", index, "sensor_id"))
-                yield Fault(key, "nothing", 'security.policy = "require" needs to know which sensor belongs there')
+                yield Fault(key, None, 'required by security.policy = "require"')
     thresholds = _table(data.get("thresholds"))
     low, high = thresholds.get("pressure_min_kpa"), thresholds.get("pressure_max_kpa")
     if _is_number(low) and _is_number(high) and low >= high:
@@ -56,13 +59,17 @@ def _duplicates(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, An
         if isinstance(position, str):
             if position in positions:
                 first = positions[position] + 1
-                yield Fault(f"{number}.position", show(position), f"wheel[#{first}] has it already; each needs its own")
+                yield Fault(
+                    f"{number}.position",
+                    show(position),
+                    f"wheel[#{first}] has the same position; positions must be unique",
+                )
             positions.setdefault(position, index)
         name = key_of(data, ("wheel", index))
         hub, channel = wheel.get("hub"), wheel.get("wheel")
         if _is_int(hub) and _is_int(channel):
             if (hub, channel) in addresses:
-                allowed = f"{addresses[hub, channel]} has the same; each wheel needs its own"
+                allowed = f"{addresses[hub, channel]} has the same; they must be unique"
                 yield Fault(f"{name}.wheel", f"hub = {hub}, wheel = {channel}", allowed)
             addresses.setdefault((hub, channel), name)
         sensor = _hex(wheel.get("sensor_id"))
@@ -90,10 +97,12 @@ def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
                 yield Fault(
                     f"wheel[{name}].load_n",
                     show(by_position[name]["load_n"]),
-                    f"{key[:-7]} states its load too; keep one",
+                    f"{key[:-7]} states its load too; keep only one",
                 )
             if name in taken:
-                yield Fault(key, show(name), f"axle[#{taken[name] + 1}] names it already; a wheel has one axle")
+                yield Fault(
+                    key, show(name), f"axle[#{taken[name] + 1}] lists this wheel too; a wheel belongs to one axle"
+                )
             taken.setdefault(name, index)
 
 
@@ -103,7 +112,7 @@ def _radii(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
     for index, wheel in wheels:
         if "radius_mm" not in _table(wheel.get("tire")):
             key = key_of(data, ("wheel", index, "tire", "radius_mm"))
-            yield Fault(key, "nothing", "the belt radius is required here or as tire.radius_mm")
+            yield Fault(key, None, "the belt radius is required here or as tire.radius_mm")
 
 
 def _tables(value: object) -> list[tuple[int, Mapping[str, Any]]]:

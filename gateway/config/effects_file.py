@@ -1,4 +1,4 @@
-"""Effects files: what a diagnosis found and `live` and `estimate` take off, as JSON."""
+"""Effects files: JSON files with the effects that `diagnose` found, for `live`, `replay` and `estimate` to subtract."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from gateway.reasons import Code, Notice, Reason
 VERSION: Final = 1
 
 _KEY: Final = "treadlink_effects"
-_MOST_FAULTS: Final = 8
-_SAME_OFFSET_M: Final = 5e-5
-_SAME_RADIUS: Final = 5e-3
-_DIGITS: Final = 7
+_LISTED_FAULTS: Final = 8
+_OFFSET_TOLERANCE_M: Final = 5e-5
+# Relative.
+_RADIUS_TOLERANCE: Final = 5e-3
+_SIGNIFICANT_DIGITS: Final = 7
 
 Range = tuple[float, float]
 
@@ -65,14 +66,14 @@ class _EffectsFile(Section):
     table: _Table
 
     def correction(self) -> CorrectionTable:
-        """Return it in SI; raises ValueError where the table cannot be looked up."""
+        """Return the table in SI; raises ValueError when it is inconsistent."""
         pressure, table = self.valid.pressure_kpa, self.table
         cosine, sine = np.array(table.cosine_mps2, dtype=np.float64), np.array(table.sine_mps2, dtype=np.float64)
         if cosine.shape != sine.shape:
-            raise ValueError(f"table: cosine_mps2 is of shape {cosine.shape}, sine_mps2 of {sine.shape}")
+            raise ValueError(f"table: the shapes of cosine_mps2 {cosine.shape} and sine_mps2 {sine.shape} differ")
         for name, found in self.valid:
             if found is not None and not found[0] <= found[1]:
-                raise ValueError(f"valid.{name}: {found[0]:g} to {found[1]:g} is no range")
+                raise ValueError(f"valid.{name}: {found[0]:g} to {found[1]:g} is not a range")
         return CorrectionTable(
             position=self.wheel,
             omega_radps=np.array(table.omega_radps, dtype=np.float64),
@@ -104,7 +105,7 @@ def effects_text(table: CorrectionTable) -> str:
     def rounded(values: Any) -> Any:
         if isinstance(values, list | tuple):
             return [rounded(value) for value in values]
-        return float(f"{values:.{_DIGITS}g}")
+        return float(f"{values:.{_SIGNIFICANT_DIGITS}g}")
 
     document = {
         _KEY: VERSION,
@@ -140,7 +141,7 @@ def effects_text(table: CorrectionTable) -> str:
         },
     }
     head = json.dumps({key: value for key, value in document.items() if key != "table"}, indent=2, ensure_ascii=False)
-    # The numbers of the table would take a line each.
+    # Indented, each number of the table would take a line.
     return head[:-2] + ',\n  "table": ' + json.dumps(document["table"], allow_nan=False) + "\n}\n"
 
 
@@ -148,31 +149,31 @@ def load_effects(path: Path) -> CorrectionTable:
     """Return the table of an effects file.
 
     Raises:
-        ConfigError: the file cannot be read, or is no effects file that this version reads; the message tells why.
+        ConfigError: the file cannot be read, or is not an effects file of a supported version.
     """
     text = read_text(path, "the effects file")
     version = _version(text, path)
     if version != VERSION:
         raise ConfigError(
-            f"{path}: an effects file of version {version}, this treadlink reads version {VERSION}",
-            "Update treadlink, or make it again with `treadlink diagnose --save-effects`.",
+            f"{path}: effects file of version {version}, but this treadlink supports version {VERSION}",
+            "Update treadlink, or create the file again with `treadlink diagnose --save-effects`.",
         )
-    remedy = "Make it again with `treadlink diagnose --save-effects`."
+    remedy = "Create the file again with `treadlink diagnose --save-effects`."
     try:
         return _EffectsFile.model_validate_json(text).correction()
     except ValidationError as error:
         faults = [f"{path}: {_key(fault['loc'])}: {fault['msg'].lower()}" for fault in error.errors()]
-        more = [f"{path}: and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
-        raise ConfigError("\n".join(faults[:_MOST_FAULTS] + more), remedy) from error
+        more = [f"{path}: and {len(faults) - _LISTED_FAULTS} more"] if len(faults) > _LISTED_FAULTS else []
+        raise ConfigError("\n".join(faults[:_LISTED_FAULTS] + more), remedy) from error
     except ValueError as error:
         raise ConfigError(f"{path}: {error}", remedy) from error
 
 
 def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> None:
-    """Refuse tables that do not belong to the vehicle.
+    """Check that tables belong to the vehicle.
 
     Raises:
-        ConfigError: no such wheel, two tables of one, or a wheel with another radius, mounting or sensor.
+        ConfigError: there is no such wheel, two tables are of one wheel, or its radius, mounting or sensor differs.
     """
     wheels = {wheel.position: wheel for wheel in vehicle.wheel} if vehicle is not None else {}
     seen: set[str] = set()
@@ -180,37 +181,38 @@ def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | No
         name = table.position
         wheel = wheels.get(name)
         if vehicle is None or wheel is None:
-            known = f"the configuration's are {', '.join(wheels)}" if wheels else "there is no configuration"
+            known = f"the configuration has {', '.join(wheels)}" if wheels else "there is no configuration"
             raise ConfigError(
-                f"the effects are of wheel {name}; {known}", "Give the configuration they were found with: --config."
+                f"the effects belong to wheel {name}, but {known}",
+                "Give the configuration of the diagnosis with --config.",
             )
         if name in seen:
-            raise ConfigError(f"two effects files are of wheel {name}", "Give one for each wheel.")
+            raise ConfigError(f"two effects files belong to wheel {name}", "Give one file per wheel.")
         seen.add(name)
-        again = "Find them again with this configuration: `treadlink diagnose --save-effects`."
-        if abs(wheel.mounting.offset_m - table.sensor_offset_m) > _SAME_OFFSET_M:
+        again = "Run `treadlink diagnose --save-effects` again with this configuration."
+        if abs(wheel.mounting.offset_m - table.sensor_offset_m) > _OFFSET_TOLERANCE_M:
             raise ConfigError(
-                f"the effects of wheel {name} were found with its sensor said to be {table.sensor_offset_m * 1e3:g} mm "
-                f"below the neutral layer; the configuration states {wheel.mounting.offset_mm:g} mm",
+                f"the effects of wheel {name} were found with the sensor {table.sensor_offset_m * 1e3:g} mm below the "
+                f"neutral layer, but the configuration states {wheel.mounting.offset_mm:g} mm",
                 again,
             )
         radius_m = vehicle.tire_of(wheel).radius_m
-        if radius_m is not None and abs(radius_m / table.radius_m - 1.0) > _SAME_RADIUS:
+        if radius_m is not None and abs(radius_m / table.radius_m - 1.0) > _RADIUS_TOLERANCE:
             raise ConfigError(
-                f"the effects of wheel {name} were found with a belt radius of {table.radius_m * 1e3:g} mm; the "
-                f"configuration states {radius_m * 1e3:g} mm",
+                f"the effects of wheel {name} were found with a belt radius of {table.radius_m * 1e3:g} mm, but "
+                f"the configuration states {radius_m * 1e3:g} mm",
                 again,
             )
         if table.sensor_id is not None and wheel.sensor_number not in (None, table.sensor_id):
             raise ConfigError(
-                f"the effects of wheel {name} are of sensor {table.sensor_id:08x}; the configuration names "
+                f"the effects of wheel {name} belong to sensor {table.sensor_id:08x}, but the configuration names "
                 f"{wheel.sensor_number:08x}",
                 again,
             )
 
 
 def with_effects(setups: Iterable[WheelSetup], tables: Sequence[CorrectionTable]) -> tuple[WheelSetup, ...]:
-    """Return the wheels with the known effects of those that there are tables for."""
+    """Return the wheels, each with the table of its effects where there is one."""
     known = {table.position: table for table in tables}
     return tuple(replace(setup, correction=known.get(setup.position)) for setup in setups)
 
@@ -244,12 +246,12 @@ def _version(text: str, path: Path) -> object:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ConfigError(
-            f"{path}: not valid JSON: {error}", "Give a file made by `treadlink diagnose --save-effects`."
+            f"{path}: not valid JSON: {error}", "Give a file created by `treadlink diagnose --save-effects`."
         ) from error
     if not isinstance(document, dict) or _KEY not in document:
         raise ConfigError(
-            f"{path}: no effects file: it does not say '{_KEY}'",
-            "Give a file made by `treadlink diagnose --save-effects`.",
+            f"{path}: not an effects file: the key '{_KEY}' is missing",
+            "Give a file created by `treadlink diagnose --save-effects`.",
         )
     return document[_KEY]
 

@@ -1,4 +1,4 @@
-"""Write plain values as TOML; tomllib only reads."""
+"""TOML output of plain values; the standard library only reads TOML."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _table(path: tuple[str, ...], table: Mapping[str, object]) -> Iterator[str]:
         if isinstance(value, Mapping):
             lines = list(_table((*path, key), value))
             if lines:
-                # A table that holds tables only needs no header of its own.
+                # A table that contains only tables needs no header of its own.
                 yield from lines if lines[0] == "" else ["", f"[{name}]", *lines]
         elif _is_table_array(value):
             for item in value:  # type: ignore[attr-defined]
@@ -48,9 +48,9 @@ def _value(value: object) -> str:
         return _string(value)
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
-    raise TypeError(f"{type(value).__name__} has no place in a TOML document")
+    raise TypeError(f"TOML cannot express {type(value).__name__}")
 
 
 def _string(text: str) -> str:
-    # JSON's escapes are TOML's; only DEL, which JSON leaves bare, must not stand in TOML.
+    # JSON escapes are valid TOML. Only DEL, which JSON does not escape, is not allowed in TOML.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,14 +1,16 @@
-"""Validate a TOML document whole: every fault is found and told at once, each with what is allowed."""
+"""Validation of TOML documents that reports all faults at once, each with the allowed values."""
 
 from __future__ import annotations
 
 import difflib
 import json
 import tomllib
+import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
-from typing import Any, Final, TypeVar, get_args
+from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin
 
 import annotated_types
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -22,31 +24,31 @@ Location = tuple[int | str, ...]
 
 
 class Section(BaseModel):
-    """Base of every table of a document: frozen, no unknown keys, no silent conversions, no NaN."""
+    """Base of every table of a document: immutable, without unknown keys, silent conversions or NaN."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing wrong in a document.
+    """A fault of a document.
 
     Attributes:
-        key: where, dotted.
-        found: the value found, as TOML shows it, or `nothing`.
-        allowed: what is allowed there.
+        key: dotted key.
+        found: the value as TOML shows it, None when it is missing.
+        problem: what is wrong, or what is allowed.
     """
 
     key: str
-    found: str
-    allowed: str
+    found: str | None
+    problem: str
 
     def __str__(self) -> str:
-        """Return `key: value found, what is allowed`."""
-        return f"{self.key}: {self.found} found, {self.allowed}"
+        """Return `key: value found, problem`, or `key: missing, problem`."""
+        return f"{self.key}: {'missing' if self.found is None else f'{self.found} found'}, {self.problem}"
 
 
-# unit suffix of a key -> (factor, what the user probably wrote, given that value * factor would be allowed)
+# Unit suffix of a key -> (factor, unit): if value * factor is allowed, the user probably wrote it in that unit.
 _UNIT_HINTS: Final[dict[str, tuple[tuple[float, str], ...]]] = {
     "_mm": ((1e3, "m"), (10.0, "cm"), (25.4, "inch")),
     "_kpa": ((1e2, "bar"), (1e-3, "Pa"), (6.894757, "psi")),
@@ -54,7 +56,6 @@ _UNIT_HINTS: Final[dict[str, tuple[tuple[float, str], ...]]] = {
     "_kg": ((1e3, "t"), (1 / STANDARD_GRAVITY_MPS2, "N")),
     "_hz": ((1e3, "kHz"),),
 }
-_UNIT_NAMES: Final = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_kg": "kg", "_hz": "Hz", "_degc": "degC", "_kmh": "km/h"}
 
 
 def read_text(path: Path, what: str) -> str:
@@ -81,10 +82,10 @@ def parse_document(
     """Return the document as `model`.
 
     Args:
-        model: what the document must look like.
+        model: schema of the document.
         text: TOML.
         origin: file name shown with each fault.
-        more: checks across keys; sees the raw document, of which any key may be missing or of a wrong type.
+        more: checks across keys. They get the raw document, of which any key may be missing or of a wrong type.
 
     Raises:
         ConfigError: naming every fault, or the line of a syntax error.
@@ -94,14 +95,14 @@ def parse_document(
     except tomllib.TOMLDecodeError as error:
         end = f"at the end of the document, line {text.rstrip().count(chr(10)) + 1}"
         message = str(error).replace("at end of document", end)
-        raise ConfigError(f"{origin}: not valid TOML: {message}", "Mend the syntax at that place.") from error
+        raise ConfigError(f"{origin}: not valid TOML: {message}", "Correct the syntax there.") from error
     parsed: ModelT | None = None
     faults: list[Fault] = []
     try:
         parsed = model.model_validate(data)
     except ValidationError as error:
-        # A fault without location comes from the model's own call of the checks across keys: `more` lists it better.
-        # "too short" counts the good items of a list only: told when the list is really empty.
+        # A fault without location comes from the model's own call of the checks across keys; `more` reports it better.
+        # "too short" counts only the valid items of a list, so it is reported only if the list is empty.
         faults += [
             _fault(model, data, dict(item))
             for item in error.errors()
@@ -111,7 +112,7 @@ def parse_document(
     if parsed is None or faults:
         lines = list(dict.fromkeys(f"{origin}: {fault}" for fault in faults))
         count = "1 fault" if len(lines) == 1 else f"{len(lines)} faults"
-        raise ConfigError("\n".join(lines), f"Mend {count} in {origin}.")
+        raise ConfigError("\n".join(lines), f"Correct {count} in {origin}.")
     return parsed
 
 
@@ -127,14 +128,14 @@ def show(value: object) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name most like `name`, or None when none is like it."""
+    """Return the known name most similar to `name`, or None when none is similar."""
     by_lower = {item.lower(): item for item in known}
     matches = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
     return by_lower[matches[0]] if matches else None
 
 
 def key_of(data: object, location: Location) -> str:
-    """Return the dotted key of a location; a wheel is named by its position where it has one, else by its number."""
+    """Return the dotted key of a location; a wheel is named by its position if it has one, else by its number."""
     key = ""
     for part in location:
         if isinstance(part, int):
@@ -159,9 +160,9 @@ def _fault(model: type[BaseModel], data: object, item: Mapping[str, Any]) -> Fau
         names = list(owner.model_fields) if owner else []
         guess = nearest(str(location[-1]), names)
         hint = f"did you mean '{guess}'?" if guess else f"known keys: {', '.join(names)}"
-        return Fault(key, show(item["input"]), f"there is no such key; {hint}")
+        return Fault(key, show(item["input"]), f"unknown key; {hint}")
     if kind == "missing":
-        return Fault(key, "nothing", f"{_allowed(field, str(item['msg']))} is required")
+        return Fault(key, None, f"required: {_allowed(field, str(item['msg']))}")
     value = item["input"]
     message = str(item["msg"]).removeprefix("Value error, ")
     allowed = _allowed(field, message) if kind not in ("value_error", "assertion_error") else message
@@ -169,25 +170,26 @@ def _fault(model: type[BaseModel], data: object, item: Mapping[str, Any]) -> Fau
 
 
 def _field_at(model: type[BaseModel], location: Location) -> tuple[type[BaseModel] | None, FieldInfo | None]:
-    """Return the model that holds the last key of a location, and that key's field."""
+    """Return the model that contains the last key of a location, and the field of that key."""
     owner: type[BaseModel] | None = model
     field: FieldInfo | None = None
     names = [part for part in location if isinstance(part, str)]
     for depth, name in enumerate(names):
         field = owner.model_fields.get(name) if owner else None
         if depth < len(names) - 1:
-            owner = _model_in(field.annotation) if field else None
+            owner = model_in(field.annotation) if field else None
     return owner, field
 
 
-def _model_in(annotation: object) -> type[BaseModel] | None:
+def model_in(annotation: object) -> type[BaseModel] | None:
+    """Return the model of a table within an annotation, such as `Tire | None` or `tuple[Wheel, ...]`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next((found for part in get_args(annotation) if (found := _model_in(part))), None)
+    return next((found for part in get_args(annotation) if (found := model_in(part))), None)
 
 
 def _bounds(field: FieldInfo) -> tuple[float | None, float | None, bool]:
-    """Return (lowest, highest, lowest itself excluded) of a numeric field."""
+    """Return (lowest, highest, whether the lowest itself is excluded) of a numeric field."""
     low = high = None
     exclusive = False
     for item in field.metadata:
@@ -201,22 +203,38 @@ def _bounds(field: FieldInfo) -> tuple[float | None, float | None, bool]:
 
 
 def _allowed(field: FieldInfo | None, message: str) -> str:
+    """Return the allowed values of a field with its description, or `message` if the field states neither."""
     if field is None:
         return message
     low, high, exclusive = _bounds(field)
     if low is not None and high is not None:
-        text = f"more than {low:g}, up to {high:g}" if exclusive else f"{low:g} to {high:g}"
+        limits = f" above {low:g}, at most {high:g}" if exclusive else f" from {low:g} to {high:g}"
     elif low is not None:
-        text = f"more than {low:g}" if exclusive else f"{low:g} or more"
+        limits = f" above {low:g}" if exclusive else f" of at least {low:g}"
     else:
-        text = ""
-    if _model_in(field.annotation) and not field.description:
-        return "a list of tables" if get_args(field.annotation) else "a table"
-    kinds = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
-    bare = [part for part in (field.annotation, *get_args(field.annotation)) if part in kinds]
-    kind = kinds[bare[0]] if bare else ""
-    described = ", ".join(part for part in (f"{kind} {text}".strip(), field.description or "") if part)
-    return described or message
+        limits = ""
+    described = f" ({field.description})" if field.description else ""
+    kind = _kind(field.annotation)
+    return f"{kind}{limits}{described}" if kind else field.description or message
+
+
+def _kind(annotation: object) -> str:
+    """Return in words what kind of value an annotation stands for, empty when it is none of TOML's."""
+    kinds: dict[object, str] = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+    if annotation in kinds:
+        return kinds[annotation]
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return "a table"
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        return " or ".join(show(item.value) for item in annotation)
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Literal:
+        return " or ".join(show(part) for part in parts)
+    if origin is tuple:
+        return "a list of tables" if model_in(annotation) else "a list"
+    if origin in (Union, types.UnionType):
+        return next((kind for part in parts if (kind := _kind(part))), "")
+    return ""
 
 
 def _unit_hint(key: str, value: object, field: FieldInfo | None) -> str:
@@ -227,5 +245,5 @@ def _unit_hint(key: str, value: object, field: FieldInfo | None) -> str:
     for factor, unit in _UNIT_HINTS.get(suffix, ()):
         converted = value * factor
         if (low is None or converted >= low) and (high is None or converted <= high):
-            return f" ({_UNIT_NAMES[suffix]}; was it meant in {unit}? then write {converted:.6g})"
-    return f" ({_UNIT_NAMES[suffix]})" if suffix in _UNIT_NAMES else ""
+            return f"; if the value is in {unit}, write {converted:.6g}"
+    return ""

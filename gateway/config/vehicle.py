@@ -1,70 +1,82 @@
-"""The vehicle configuration as values: user's units in the keys, SI through properties."""
+"""Vehicle configuration: schema with the user's units in the keys, SI properties, and reading from TOML."""
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from enum import StrEnum
+from pathlib import Path
 from typing import Final
 
 from pydantic import Field, model_validator
 
 from gateway.config.cross_checks import cross_faults
 from gateway.config.toml_writer import toml_text
-from gateway.config.validation import Section
+from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.pipeline.wheel_setup import LoadCalibration, ReferenceNumbers, TireData, WheelSetup
 from gateway.reasons import Code, Notice, Reason
+
+_logger = logging.getLogger(__name__)
 
 ASSUMED_RADIUS_MM: Final = 320.0
 POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
 
 
 class Vehicle(Section):
-    """`[vehicle]`: what the wheels belong to; `assumed` tells in words what nobody measured or stated."""
+    """`[vehicle]`: the vehicle or test rig."""
 
-    name: str = ""
-    assumed: tuple[str, ...] = Field(default=(), strict=False)
+    name: str = Field(default="", description="name of the vehicle or test rig")
+    assumed: tuple[str, ...] = Field(
+        default=(),
+        strict=False,
+        description="assumptions made instead of measurements, one text each; shown as notices",
+    )
 
 
 class Reference(Section):
-    """`[tire.reference]`: the four dimensionless numbers of the new tire; `treadlink calibrate` writes it."""
+    """`[tire.reference]`: the four dimensionless numbers of the new tire, as written by `treadlink calibrate`."""
 
-    Bs: float | None = Field(default=None, gt=0, le=1000)
-    Cw: float | None = Field(default=None, gt=0, le=1000)
-    Rs: float | None = Field(default=None, gt=0, le=1000)
-    Ts: float | None = Field(default=None, gt=0, le=1000)
-    Bs_std: float | None = Field(default=None, ge=0, le=1000)
-    Cw_std: float | None = Field(default=None, ge=0, le=1000)
-    Rs_std: float | None = Field(default=None, ge=0, le=1000)
-    Ts_std: float | None = Field(default=None, ge=0, le=1000)
-    pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure they were measured at")
-    estimator: str | None = Field(default=None, description="which estimator they are of; weak-form when left out")
+    Bs: float | None = Field(default=None, gt=0, le=1000, description="bending stiffness number, dimensionless")
+    Cw: float | None = Field(default=None, gt=0, le=1000, description="contact width number, dimensionless")
+    Rs: float | None = Field(default=None, gt=0, le=1000, description="radial stiffness number, dimensionless")
+    Ts: float | None = Field(default=None, gt=0, le=1000, description="tangential stiffness number, dimensionless")
+    Bs_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Bs")
+    Cw_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Cw")
+    Rs_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Rs")
+    Ts_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Ts")
+    pressure_kpa: float | None = Field(
+        default=None, ge=10, le=1500, description="gauge pressure of the measurement in kPa; default: the tire's"
+    )
+    estimator: str | None = Field(default=None, description="estimator that measured the numbers; default: weak-form")
 
     def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
-        """Return them in SI; the tire's stated pressure is taken where none is told."""
+        """Return the numbers in SI, at the tire's stated pressure where the table has none."""
         pressure_pa = stated_pressure_pa if self.pressure_kpa is None else self.pressure_kpa * 1e3
         stated = self.model_dump(exclude={"pressure_kpa"}, exclude_none=True)
         return ReferenceNumbers(**stated, pressure_pa=pressure_pa)
 
 
 class LoadCalibrationTable(Section):
-    """`[tire.load_calibration]`: load from contact half angle and pressure; `treadlink calibrate` writes it."""
+    """`[tire.load_calibration]`: load from contact half angle and pressure, as written by `treadlink calibrate`."""
 
-    load_n: float = Field(ge=50, le=100_000, description="load at the reference half angle and pressure")
-    half_angle_rad: float = Field(ge=0.01, le=1.5)
-    pressure_kpa: float = Field(ge=10, le=1500)
-    angle_exponent: float = Field(ge=0.1, le=5)
-    angle_curvature: float = Field(default=0.0, ge=-2, le=2)
-    pressure_exponent: float = Field(ge=-2, le=3)
-    relative_std_percent: float = Field(ge=0, le=100, description="one standard error of a load it gives")
-    half_angle_min_rad: float = Field(ge=0.01, le=1.5)
-    half_angle_max_rad: float = Field(ge=0.01, le=1.5)
-    pressure_min_kpa: float = Field(ge=10, le=1500)
-    pressure_max_kpa: float = Field(ge=10, le=1500)
+    load_n: float = Field(ge=50, le=100_000, description="load at the reference half angle and pressure in N")
+    half_angle_rad: float = Field(ge=0.01, le=1.5, description="reference contact half angle in rad")
+    pressure_kpa: float = Field(ge=10, le=1500, description="reference gauge pressure in kPa")
+    angle_exponent: float = Field(ge=0.1, le=5, description="exponent of the half angle")
+    angle_curvature: float = Field(
+        default=0.0, ge=-2, le=2, description="coefficient of the squared logarithm of the half angle"
+    )
+    pressure_exponent: float = Field(ge=-2, le=3, description="exponent of the pressure")
+    relative_std_percent: float = Field(ge=0, le=100, description="standard error of a calculated load in percent")
+    half_angle_min_rad: float = Field(ge=0.01, le=1.5, description="smallest calibrated half angle in rad")
+    half_angle_max_rad: float = Field(ge=0.01, le=1.5, description="largest calibrated half angle in rad")
+    pressure_min_kpa: float = Field(ge=10, le=1500, description="lowest calibrated gauge pressure in kPa")
+    pressure_max_kpa: float = Field(ge=10, le=1500, description="highest calibrated gauge pressure in kPa")
 
     def calibration(self) -> LoadCalibration:
-        """Return it in SI."""
+        """Return the calibration in SI."""
         return LoadCalibration(
             load_n=self.load_n,
             half_angle_rad=self.half_angle_rad,
@@ -79,22 +91,32 @@ class LoadCalibrationTable(Section):
 
 
 class Tire(Section):
-    """`[tire]`, the default of every wheel, and `[wheel.tire]`, what differs from it."""
+    """`[tire]`: the tire of every wheel; `[wheel.tire]`: the deviations of one wheel from it."""
 
-    size: str | None = None
+    size: str | None = Field(default=None, description="tire size, such as 205/55 R16; for information only")
     radius_mm: float | None = Field(
-        default=None, ge=100, le=1200, description="the belt radius: 2 pi radius = rolling circumference"
+        default=None, ge=100, le=1200, description="belt radius in mm: rolling circumference / (2 pi)"
     )
-    pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure")
-    pressure_std_kpa: float | None = Field(default=None, ge=0, le=500, description="one standard error")
-    temperature_degc: float | None = Field(default=None, ge=-60, le=250, description="at the inner liner")
-    ring_thickness_mm: float | None = Field(default=None, ge=1, le=80, description="belt and tread, new")
-    ring_thickness_std_mm: float | None = Field(default=None, ge=0, le=40, description="one standard error")
-    reference: Reference = Reference()
-    load_calibration: LoadCalibrationTable | None = None
+    pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure in kPa")
+    pressure_std_kpa: float | None = Field(
+        default=None, ge=0, le=500, description="standard error of pressure_kpa in kPa"
+    )
+    temperature_degc: float | None = Field(
+        default=None, ge=-60, le=250, description="temperature of the inner liner in degrees Celsius"
+    )
+    ring_thickness_mm: float | None = Field(
+        default=None, ge=1, le=80, description="thickness of belt and tread of the new tire in mm"
+    )
+    ring_thickness_std_mm: float | None = Field(
+        default=None, ge=0, le=40, description="standard error of ring_thickness_mm in mm"
+    )
+    reference: Reference = Field(default=Reference(), description="dimensionless numbers of the new tire")
+    load_calibration: LoadCalibrationTable | None = Field(
+        default=None, description="load from contact half angle and pressure"
+    )
 
     def overridden_by(self, other: Tire) -> Tire:
-        """Return this tire with what `other` states in place of its own."""
+        """Return this tire with the values that `other` states instead of its own."""
         reference = {**self.reference.model_dump(), **other.reference.model_dump(exclude_none=True)}
         stated = other.model_dump(exclude_none=True, exclude={"reference"})
         return Tire(**{**self.model_dump(exclude={"reference"}), **stated}, reference=Reference(**reference))
@@ -120,7 +142,7 @@ class Tire(Section):
         return None if self.ring_thickness_mm is None else self.ring_thickness_mm * 1e-3
 
     def data(self) -> TireData:
-        """Return what estimators may know of it, in SI."""
+        """Return the data for the estimators, in SI."""
         return TireData(
             ring_thickness_m=self.ring_thickness_m,
             ring_thickness_std_m=(self.ring_thickness_std_mm or 0.0) * 1e-3,
@@ -130,33 +152,37 @@ class Tire(Section):
 
 
 class Axle(Section):
-    """`[[axle]]`: an axle weighed as a whole, where the wheels were not weighed alone."""
+    """`[[axle]]`: an axle weighed as a whole instead of wheel by wheel."""
 
-    wheels: tuple[str, ...] = Field(strict=False, min_length=1, description="positions of its wheels, one at least")
-    weight_kg: float = Field(ge=20, le=40_000)
-    weight_std_kg: float = Field(default=0.0, ge=0, le=5000)
+    wheels: tuple[str, ...] = Field(strict=False, min_length=1, description="positions of its wheels, at least one")
+    weight_kg: float = Field(ge=20, le=40_000, description="weight on the axle in kg")
+    weight_std_kg: float = Field(default=0.0, ge=0, le=5000, description="standard error of the scale in kg")
     split_std_percent: float = Field(
-        default=5.0, ge=0, le=50, description="what an equal split may be wrong by, one standard error"
+        default=5.0, ge=0, le=50, description="standard error of the equal split between the wheels, in percent"
     )
 
     @property
     def wheel_load_n(self) -> float:
-        """Load of each of its wheels: the weight split equally."""
+        """Load of each of its wheels in N: the weight split equally."""
         return self.weight_kg * STANDARD_GRAVITY_MPS2 / len(self.wheels)
 
     @property
     def wheel_load_std_n(self) -> float:
-        """Standard error of that load: the scale's and the equal split's together."""
+        """Standard error of that load in N: scale and equal split combined."""
         scale_n = self.weight_std_kg * STANDARD_GRAVITY_MPS2 / len(self.wheels)
         return math.hypot(scale_n, self.wheel_load_n * self.split_std_percent * 1e-2)
 
 
 class Mounting(Section):
-    """`[wheel.mounting]`: how the sensor sits in the tire."""
+    """`[wheel.mounting]`: position and orientation of the sensor in the tire."""
 
-    offset_mm: float = Field(default=0.0, ge=-20, le=80, description="sensor below the belt's neutral layer")
-    roll_deg: float = Field(default=0.0, ge=-45, le=45)
-    pitch_deg: float = Field(default=0.0, ge=-45, le=45)
+    offset_mm: float = Field(
+        default=0.0, ge=-20, le=80, description="distance of the sensor below the belt's neutral layer in mm"
+    )
+    roll_deg: float = Field(
+        default=0.0, ge=-45, le=45, description="rotation about the circumferential axis in degrees"
+    )
+    pitch_deg: float = Field(default=0.0, ge=-45, le=45, description="rotation about the lateral axis in degrees")
 
     @property
     def offset_m(self) -> float:
@@ -178,17 +204,20 @@ class Wheel(Section):
     """`[[wheel]]`: one instrumented wheel."""
 
     position: str = Field(
-        pattern=POSITION_PATTERN, description="1 to 24 letters, digits, '_', '.' or '-', as FL or rear.left"
+        pattern=POSITION_PATTERN,
+        description="name of the wheel, such as FL or rear.left: 1 to 24 letters, digits, '_', '.' or '-'",
     )
-    hub: int = Field(ge=0, le=255)
-    wheel: int = Field(ge=0, le=254)
+    hub: int = Field(ge=0, le=255, description="number of the hub that the sensor sends to")
+    wheel: int = Field(ge=0, le=254, description="wheel number at this hub")
     sensor_id: str | None = Field(
-        default=None, pattern=r"^[0-9a-fA-F]{1,8}$", description='1 to 8 hexadecimal digits in quotes, as "0000a001"'
+        default=None,
+        pattern=r"^[0-9a-fA-F]{1,8}$",
+        description='serial number of the sensor: 1 to 8 hexadecimal digits in quotes, such as "0000a001"',
     )
-    load_n: float | None = Field(default=None, ge=50, le=100_000)
-    load_std_n: float | None = Field(default=None, ge=0, le=50_000)
-    tire: Tire = Tire()
-    mounting: Mounting = Mounting()
+    load_n: float | None = Field(default=None, ge=50, le=100_000, description="vertical load in N")
+    load_std_n: float | None = Field(default=None, ge=0, le=50_000, description="standard error of load_n in N")
+    tire: Tire = Field(default=Tire(), description="deviations of this wheel's tire from [tire]")
+    mounting: Mounting = Field(default=Mounting(), description="position and orientation of the sensor")
 
     @property
     def sensor_number(self) -> int | None:
@@ -197,16 +226,22 @@ class Wheel(Section):
 
 
 class Thresholds(Section):
-    """`[thresholds]`: limits whose crossing raises an alarm; None never does."""
+    """`[thresholds]`: alarm limits; a limit that is not stated raises no alarm."""
 
-    pressure_min_kpa: float | None = Field(default=None, ge=0, le=1500)
-    pressure_max_kpa: float | None = Field(default=None, ge=10, le=1500)
-    temperature_max_degc: float | None = Field(default=None, ge=-60, le=250)
-    speed_max_kmh: float | None = Field(default=None, gt=0, le=500)
-    load_max_n: float | None = Field(default=None, ge=50, le=100_000)
-    wear_max_mm: float | None = Field(default=None, gt=0, le=50)
-    frame_loss_max_percent: float | None = Field(default=None, ge=0, le=100)
-    battery_min_percent: float | None = Field(default=None, ge=0, le=100)
+    pressure_min_kpa: float | None = Field(default=None, ge=0, le=1500, description="lowest gauge pressure in kPa")
+    pressure_max_kpa: float | None = Field(default=None, ge=10, le=1500, description="highest gauge pressure in kPa")
+    temperature_max_degc: float | None = Field(
+        default=None, ge=-60, le=250, description="highest temperature of the inner liner in degrees Celsius"
+    )
+    speed_max_kmh: float | None = Field(default=None, gt=0, le=500, description="highest speed in km/h")
+    load_max_n: float | None = Field(default=None, ge=50, le=100_000, description="highest vertical load in N")
+    wear_max_mm: float | None = Field(default=None, gt=0, le=50, description="largest tread wear in mm")
+    frame_loss_max_percent: float | None = Field(
+        default=None, ge=0, le=100, description="largest share of frames lost in percent"
+    )
+    battery_min_percent: float | None = Field(
+        default=None, ge=0, le=100, description="lowest state of charge of a hub's battery in percent"
+    )
 
     @property
     def pressure_min_pa(self) -> float | None:
@@ -225,7 +260,7 @@ class Thresholds(Section):
 
     @property
     def wear_max_m(self) -> float | None:
-        """Most wear in m."""
+        """Largest tread wear in m."""
         return None if self.wear_max_mm is None else self.wear_max_mm * 1e-3
 
     @property
@@ -235,7 +270,7 @@ class Thresholds(Section):
 
 
 class Policy(StrEnum):
-    """What becomes of frames that nobody can vouch for."""
+    """Treatment of frames that are not verified."""
 
     OFF = "off"
     WARN = "warn"
@@ -243,24 +278,26 @@ class Policy(StrEnum):
 
 
 class Security(Section):
-    """`[security]`: whether frames must be signed by the sensors that the wheels name."""
+    """`[security]`: whether frames must be signed by the sensors of the wheels."""
 
     policy: Policy = Field(
         default=Policy.OFF,
         strict=False,
-        description="off: signatures are not looked at; warn: what is not verified is told; require: it is ignored",
+        description="off: signatures are not checked; warn: unverified frames are reported; require: they are ignored",
     )
 
 
 class VehicleConfig(Section):
-    """The whole configuration of one vehicle or test rig."""
+    """The configuration of one vehicle or test rig."""
 
-    vehicle: Vehicle = Vehicle()
-    tire: Tire = Tire()
-    axle: tuple[Axle, ...] = Field(default=(), strict=False)
-    wheel: tuple[Wheel, ...] = Field(strict=False, min_length=1, description="one [[wheel]] table at least")
-    thresholds: Thresholds = Thresholds()
-    security: Security = Security()
+    vehicle: Vehicle = Field(default=Vehicle(), description="the vehicle or test rig")
+    tire: Tire = Field(default=Tire(), description="the tire of every wheel")
+    axle: tuple[Axle, ...] = Field(default=(), strict=False, description="axles weighed as a whole")
+    wheel: tuple[Wheel, ...] = Field(
+        strict=False, min_length=1, description="at least one instrumented wheel, a [[wheel]] table each"
+    )
+    thresholds: Thresholds = Field(default=Thresholds(), description="alarm limits")
+    security: Security = Field(default=Security(), description="checks of signatures")
 
     @model_validator(mode="after")
     def _consistent(self) -> VehicleConfig:
@@ -271,20 +308,20 @@ class VehicleConfig(Section):
 
     @property
     def name(self) -> str:
-        """Name of the vehicle, may be empty."""
+        """Name of the vehicle, possibly empty."""
         return self.vehicle.name
 
     def tire_of(self, wheel: Wheel) -> Tire:
-        """Return the tire of a wheel: `[tire]` with what `[wheel.tire]` states in place."""
+        """Return the tire of a wheel: `[tire]` with the deviations of `[wheel.tire]`."""
         return self.tire.overridden_by(wheel.tire)
 
     def wheel_setups(self) -> tuple[WheelSetup, ...]:
-        """Return what the pipeline needs of each wheel, in the order of the file, in SI."""
+        """Return the setups of the wheels for the pipeline, in SI, in the order of the file."""
         return tuple(self._setup(wheel) for wheel in self.wheel)
 
     def _setup(self, wheel: Wheel) -> WheelSetup:
         tire = self.tire_of(wheel)
-        assert tire.radius_m is not None  # cross_faults has seen to it
+        assert tire.radius_m is not None  # ensured by cross_faults
         load_n, load_std_n = wheel.load_n, wheel.load_std_n or 0.0
         for axle in self.axle:
             if wheel.position in axle.wheels:
@@ -313,12 +350,32 @@ class VehicleConfig(Section):
 
 
 def default_vehicle(wheels: Sequence[tuple[int, int]]) -> VehicleConfig:
-    """Return a configuration for wheels (hub, wheel) that nobody configured.
+    """Return a configuration for wheels (hub, wheel) that are not configured.
 
-    The belt radius is assumed to be 0.32 m and told so by `notices()`; load and pressure stay unknown.
+    The belt radius is assumed to be 0.32 m, as `vehicle.assumed` states; load and pressure stay unknown.
     """
     return VehicleConfig(
         vehicle=Vehicle(assumed=(f"tire.radius_mm = {ASSUMED_RADIUS_MM:g} (no configuration states it)",)),
         tire=Tire(radius_mm=ASSUMED_RADIUS_MM),
         wheel=tuple(Wheel(position=f"hub{hub}.wheel{wheel}", hub=hub, wheel=wheel) for hub, wheel in wheels),
     )
+
+
+def load_vehicle(path: Path) -> VehicleConfig:
+    """Return the configuration in a file.
+
+    Raises:
+        ConfigError: the file cannot be read, or the configuration has faults; the message lists all of them.
+    """
+    vehicle = parse_vehicle(read_text(path, "the configuration"), str(path))
+    _logger.info("vehicle configuration %s: %d wheels", path, len(vehicle.wheel))
+    return vehicle
+
+
+def parse_vehicle(text: str, origin: str) -> VehicleConfig:
+    """Return the configuration in a TOML text; `origin` names it in messages.
+
+    Raises:
+        ConfigError: with one line for each fault, `origin: key: value found, problem`.
+    """
+    return parse_document(VehicleConfig, text, origin, cross_faults)

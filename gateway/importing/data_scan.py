@@ -1,4 +1,4 @@
-"""The first pass over a measurement: everything that must be known, and every refusal, before a byte is written."""
+"""First pass over a measurement: every value is checked, and rate and ranges are measured, before writing."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ from gateway.importing.columns import Block, ColumnReader
 from gateway.importing.import_map import TIME_UNITS_S, ImportMap
 from gateway.types import FloatArray
 
-_STEP_TOLERANCE: Final = 0.5  # share of a sample: beyond it a sample may be missing or doubled
-_RATE_TOLERANCE: Final = 1e-3  # the protocol carries one rate for the whole file
+# Share of a sample interval; a step that deviates by more may miss or repeat a sample.
+_STEP_TOLERANCE: Final = 0.5
+# Relative; the protocol has one rate for the whole file.
+_RATE_TOLERANCE: Final = 1e-3
 _MIN_ROWS_FOR_RATE: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """What the first pass found.
+    """Result of the first pass.
 
     Attributes:
-        skipped: rows before the start that the map asks for.
+        skipped: rows before the start stated in the map.
         samples: rows after it.
-        rate_hz: stated, or by the time column.
-        jitter_s: largest deviation of a step of the time column from the sample interval, None without one.
-        low_mps2: smallest value of each axis, protocol direction.
+        rate_hz: sampling rate, stated or measured by the time column.
+        jitter_s: largest deviation of a step of the time column from the sample interval, None without a time column.
+        low_mps2: smallest value of each axis, in the protocol's direction.
         high_mps2: largest value of each axis.
     """
 
@@ -48,8 +50,8 @@ def scan(
     """Read the whole file once.
 
     Raises:
-        ImportDataError: no rows, a value that is not finite, times that are not uniform, or a rate that the protocol
-            does not carry.
+        ImportDataError: there are no rows, a value is not finite, the times are not uniform, or the protocol does not
+            support the rate.
     """
     if import_map.sampling.rate_hz is not None:
         check_rate(path, import_map.sampling.rate_hz)
@@ -74,8 +76,8 @@ def scan(
     bad.refuse()
     samples = start.rows - start.skipped
     if samples < 2:
-        found = "has no rows of data" if start.rows == 0 else f"has {max(samples, 0)} rows from start_s on"
-        raise ImportDataError(f"{path} {found}", "Check the file, and start_s in the map's [sampling].")
+        found = "contains no rows of data" if start.rows == 0 else f"contains {max(samples, 0)} rows after start_s"
+        raise ImportDataError(f"{path} {found}", "Check the file, and start_s in [sampling] of the map.")
     rate_hz = start.rate_hz(path)
     check_rate(path, rate_hz)
     jitter_s = start.clock.jitter_s if start.clock else None
@@ -90,31 +92,33 @@ def scan(
 
 
 def check_rate(path: Path, rate_hz: float) -> None:
-    """Check that the protocol carries a rate.
+    """Check that the protocol supports a rate.
 
     Raises:
         ImportDataError: it does not.
     """
     if rate_hz > MAX_RATE_HZ:
         remedy = (
-            "Resample the file with an anti-aliasing filter (scipy.signal.resample_poly does) and import the result."
+            "Resample the file with an anti-aliasing filter, such as scipy.signal.resample_poly, and import the result."
         )
     elif rate_hz < MIN_RATE_HZ:
-        remedy = "So few samples do not resolve a contact edge; is rate_hz in Hz, and time_unit right?"
+        remedy = "This rate cannot resolve a contact edge. Check that rate_hz is in Hz, and check time_unit."
     else:
         return
     allowed = f"{MIN_RATE_HZ:g} to {MAX_RATE_HZ:g} Hz"
-    raise ImportDataError(f"{path}: a rate of {rate_hz:.6g} Hz is outside what the protocol carries, {allowed}", remedy)
+    raise ImportDataError(
+        f"{path}: the protocol does not support a rate of {rate_hz:.6g} Hz, allowed: {allowed}", remedy
+    )
 
 
 def _sparse_columns(import_map: ImportMap) -> int:
-    """Return how many columns at the end may have gaps: what is measured slowly beside the acceleration."""
+    """Return how many columns at the end may have gaps: those of the slow quantities."""
     dense = {column.column for column in import_map.axis.present().values()} | {import_map.sampling.time_column}
     return sum(name not in dense for name in import_map.columns())
 
 
 class _BadValues:
-    """Remembers the first value that is not finite, and how many there are."""
+    """Counter of values that are not finite, which keeps the place of the first."""
 
     def __init__(self, path: Path, names: Sequence[str], dense: int) -> None:
         self.count = 0
@@ -139,12 +143,12 @@ class _BadValues:
         if self.count:
             more = f" ({self.count} such values in the file)" if self.count > 1 else ""
             raise ImportDataError(
-                f"{self._path}: {self._first}{more}", "Fill or cut out what is missing before importing."
+                f"{self._path}: {self._first}{more}", "Fill the gaps or cut them out before importing."
             )
 
 
 class _Start:
-    """Counts rows, finds the first one to keep, and follows the time column where there is one."""
+    """Counter of rows that finds the first row to keep and checks the time column, if any."""
 
     def __init__(self, import_map: ImportMap, names: Sequence[str]) -> None:
         sampling = import_map.sampling
@@ -156,7 +160,7 @@ class _Start:
         if sampling.time_column is not None:
             self.clock = _TimeColumn(names.index(sampling.time_column), TIME_UNITS_S[sampling.time_unit])
         elif sampling.rate_hz is not None:
-            # A hair less than the product, so that 0.1 s at 10 kHz is 1000 rows and not 1001.
+            # Slightly less than the product, so that 0.1 s at 10 kHz is 1000 rows and not 1001.
             self.skipped = int(np.ceil(sampling.start_s * sampling.rate_hz - 1e-6))
 
     def look(self, path: Path, block: Block) -> None:
@@ -176,7 +180,7 @@ class _Start:
 
 
 class _TimeColumn:
-    """Checks that a time column is uniform and measures its rate."""
+    """Check of a time column for uniform steps, and measurement of its rate."""
 
     def __init__(self, column: int, unit_s: float) -> None:
         self.first_s = 0.0
@@ -201,8 +205,8 @@ class _TimeColumn:
             self._interval_s = float(np.median(steps_s))
             if self._interval_s <= 0.0:
                 raise ImportDataError(
-                    f"{path}: {block.where(0)} and after it: the time does not advance",
-                    "Is it rounded, or another column? State rate_hz in place of time_column.",
+                    f"{path}: the time does not advance from {block.where(0)} on",
+                    "Check the column. If its times are rounded, state rate_hz instead of time_column.",
                 )
         self._check_steps(path, block, steps_s, lead)
         self._last_s = float(times_s[-1])
@@ -234,6 +238,6 @@ class _TimeColumn:
             raise ImportDataError(
                 f"{path}: {block.where(row + lead)}: the time steps by {step:.3g} sample intervals"
                 f" ({len(wrong)} such steps in this part of the file)",
-                "Samples missing: cut the file there. Times only rounded: state rate_hz "
-                f"(about {1 / self._interval_s:.6g}) in place of time_column.",
+                "If samples are missing, cut the file there. If the times are only rounded, state rate_hz "
+                f"(about {1 / self._interval_s:.6g}) instead of time_column.",
             )

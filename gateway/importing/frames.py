@@ -1,4 +1,4 @@
-"""A measurement as the frames that a hub would have sent, in chunks as a link would have delivered them."""
+"""Conversion of a measurement into the frames a hub would have sent, in chunks as a link would deliver them."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ CHUNK_S: Final = 0.01
 NEVER_SATURATED_COUNTS: Final = wire.MAX_SATURATION_COUNTS
 FULL_SCALE_COUNTS: Final = 32766
 """Counts of a stated full scale, at and above which samples are saturated."""
-_ZERO_MPS2: Final = 1e-12  # an axis that never exceeds it is dead; its scale must still be a number
+# An axis that never exceeds this is dead; its scale must still be a number.
+_ZERO_MPS2: Final = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class Quantiser:
-    """Turns columns into counts.
+    """Conversion of columns into counts.
 
     Attributes:
         offsets: (axes,) in the columns' units.
         factors_mps2: (axes,) m/s^2 per unit, sign included.
-        scale_mps2: (axes,) m/s^2 per count, exactly as the hello carries it.
+        scale_mps2: (axes,) m/s^2 per count, exactly as in the hello.
         saturation_counts: as in the hello.
     """
 
@@ -42,7 +43,7 @@ class Quantiser:
 
     @staticmethod
     def of(import_map: ImportMap, found: Scan) -> Quantiser:
-        """Return the quantiser whose range each axis just fills, or that a stated full scale demands."""
+        """Return a quantiser with the range of the stated full scale, or else the range that each axis just fills."""
         axes = import_map.axis.present()
         stated = any(column.full_scale is not None for column in axes.values())
         top_counts = FULL_SCALE_COUNTS - 1 if stated else 32767
@@ -70,10 +71,10 @@ class Quantiser:
 
 
 class FrameStream:
-    """Builds frames from blocks of rows; what does not fill a frame waits for the next block."""
+    """Builder of frames from blocks of rows; rows that do not fill a chunk wait for the next block."""
 
     def __init__(self, import_map: ImportMap, found: Scan, quantiser: Quantiser) -> None:
-        """Take what the hello says, from the map and the first pass."""
+        """Prepare the hello from the map and the first pass."""
         axes = import_map.axis.present()
         self._mask = sum(1 << axis for axis in axes)
         self._rate_hz = found.rate_hz
@@ -91,18 +92,18 @@ class FrameStream:
 
     @property
     def end_s(self) -> float:
-        """Time of the end of the last sample handed out, from the first sample on."""
+        """End of the last sample returned, in s from the first sample."""
         return self._sample / self._rate_hz
 
     def chunks(
         self, counts: NDArray[np.int16], slow: FloatArray, *, last: bool = False
     ) -> Iterator[tuple[float, bytes]]:
-        """Yield (end of its last sample in s, bytes) of each chunk that is complete; all that is left when `last`.
+        """Yield (end of its last sample in s, bytes) of each complete chunk; with `last`, of all that remain.
 
         Args:
             counts: (n, axes) samples.
             slow: (n, 2) pressure in the map's unit and temperature in degC, NaN where not measured.
-            last: no more samples will come.
+            last: whether these are the last samples.
         """
         self._counts = np.concatenate((self._counts, counts))
         self._slow = np.concatenate((self._slow, slow))
@@ -139,11 +140,11 @@ class FrameStream:
             return encode_frame(frame)
         except ValueError as error:
             raise ImportDataError(
-                f"at {self.end_s:.3f} s a value does not fit the protocol: {error}", "Check that column and its unit."
+                f"at {self.end_s:.3f} s a value does not fit the protocol: {error}", "Check the column and its unit."
             ) from error
 
     def _environment(self, slow: FloatArray) -> Environment | None:
-        """Return the mean over a chunk of what was measured, None when nothing was."""
+        """Return the mean of the slow quantities over a chunk, None when none was measured."""
         pressure, temperature = (
             float(known.mean()) if len(known := column[np.isfinite(column)]) else None for column in slow.T
         )

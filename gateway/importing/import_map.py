@@ -1,4 +1,4 @@
-"""The map that says what the columns of a foreign measurement file mean."""
+"""Import map: the meaning of the columns of a measurement file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DELIMITERS: Final[dict[str, str]] = {"comma": ",", "semicolon": ";", "tab": "\t"
 
 
 class FileFormat(StrEnum):
-    """Formats that can be read."""
+    """Supported file formats."""
 
     CSV = "csv"
     MAT = "mat"
@@ -60,43 +60,54 @@ def _file_format(value: object) -> object:
 
 
 class FileLayout(Section):
-    """`[file]`: how the file is laid out; the text keys concern CSV only."""
+    """`[file]`: layout of the file; all keys but `format` concern CSV only."""
 
     format: Annotated[FileFormat | None, BeforeValidator(_file_format)] = Field(
-        default=None, description='"csv", "mat" or "parquet"'
+        default=None, description="file format; default: by the file's suffix"
     )
-    delimiter: Annotated[str, _one_of(DELIMITERS)] = "comma"
-    decimal: Literal[".", ","] = Field(default=".", description='"." or ","')
-    encoding: str = "utf-8"
-    skip_rows: int = Field(default=0, ge=0, le=100_000)
-    header: bool = True
-    skip_rows_after_header: int = Field(default=0, ge=0, le=1000)
+    delimiter: Annotated[str, _one_of(DELIMITERS)] = Field(default="comma", description="separator of the columns")
+    decimal: Literal[".", ","] = Field(default=".", description="decimal separator")
+    encoding: str = Field(default="utf-8", description="character encoding, such as utf-8 or latin-1")
+    skip_rows: int = Field(default=0, ge=0, le=100_000, description="number of lines to skip before the header")
+    header: bool = Field(default=True, description="whether a line names the columns; otherwise they are 1, 2, 3, ...")
+    skip_rows_after_header: int = Field(
+        default=0, ge=0, le=1000, description="number of lines to skip after the header, such as a line of units"
+    )
 
 
 class Sampling(Section):
-    """`[sampling]`: the rate, or the column that tells the time; how much to leave out; when it began."""
+    """`[sampling]`: sampling rate or time column, and start of the measurement."""
 
-    rate_hz: float | None = Field(default=None, gt=0, le=1e7)
-    time_column: str | None = None
-    time_unit: Annotated[str, _one_of(TIME_UNITS_S)] = "s"
-    start_s: float = Field(default=0.0, ge=0, le=1e7)
+    rate_hz: float | None = Field(default=None, gt=0, le=1e7, description="sampling rate in Hz")
+    time_column: str | None = Field(default=None, description="name of the time column, instead of rate_hz")
+    time_unit: Annotated[str, _one_of(TIME_UNITS_S)] = Field(default="s", description="unit of the time column")
+    start_s: float = Field(
+        default=0.0, ge=0, le=1e7, description="time after the first row in s; earlier rows are left out"
+    )
     start_utc: AwareDatetime | None = Field(
-        default=None, description="a date and time with zone, as 2014-05-01T12:00:00Z"
+        default=None,
+        description="start of the measurement: date and time with time zone, such as 2014-05-01T12:00:00Z; default: "
+        "the modification time of the file",
     )
 
 
 class AxisColumn(Section):
-    """`[axis.radial]` and its like: the column of one axis and how to read it."""
+    """`[axis.radial]`, `[axis.lateral]`, `[axis.circumferential]`: column and scale of one axis."""
 
-    column: str
-    unit: Annotated[str, _one_of(ACCELERATION_UNITS_MPS2)]
-    sign: int = Field(default=1, description="1, or -1 where the column points against the protocol's direction")
-    offset: float = 0.0
-    full_scale: float | None = Field(default=None, gt=0, le=1e9)
+    column: str = Field(description="name of the column")
+    unit: Annotated[str, _one_of(ACCELERATION_UNITS_MPS2)] = Field(description="unit of the column")
+    sign: int = Field(default=1, description="1, or -1 if the column points against the protocol's direction")
+    offset: float = Field(default=0.0, description="value of the column at zero acceleration, in its unit")
+    full_scale: float | None = Field(
+        default=None,
+        gt=0,
+        le=1e9,
+        description="end of the sensor's range in the column's unit; values at or above it are saturated",
+    )
 
     @property
     def factor_mps2(self) -> float:
-        """What (value - offset) is multiplied by to give m/s^2 in the protocol's direction."""
+        """Factor from (value - offset) to m/s^2 in the protocol's direction."""
         return self.sign * ACCELERATION_UNITS_MPS2[self.unit]
 
     @property
@@ -106,11 +117,11 @@ class AxisColumn(Section):
 
 
 class Axes(Section):
-    """`[axis]`: the axes that the file has; radial is positive toward the wheel centre."""
+    """`[axis]`: the axes in the file; radial is positive toward the wheel centre."""
 
-    circumferential: AxisColumn | None = None
-    lateral: AxisColumn | None = None
-    radial: AxisColumn | None = None
+    circumferential: AxisColumn | None = Field(default=None, description="column of the circumferential axis")
+    lateral: AxisColumn | None = Field(default=None, description="column of the lateral axis")
+    radial: AxisColumn | None = Field(default=None, description="column of the radial axis, required")
 
     def present(self) -> dict[Axis, AxisColumn]:
         """Return the axes in the order of the protocol's channels."""
@@ -119,68 +130,93 @@ class Axes(Section):
 
 
 class Sensor(Section):
-    """`[sensor]`: what made the measurement."""
+    """`[sensor]`: the sensor of the measurement."""
 
-    coupling: Literal["AC", "DC"] = Field(description='"AC" or "DC": whether the steady value is kept out or passed')
-    highpass_hz: float = Field(default=0.0, ge=0, le=1000)
-    sensor_id: str | None = Field(default=None, pattern=r"^[0-9a-fA-F]{1,8}$", description="1 to 8 hexadecimal digits")
+    coupling: Literal["AC", "DC"] = Field(description="DC if the sensor passes the steady value, AC if not")
+    highpass_hz: float = Field(
+        default=0.0, ge=0, le=1000, description="corner frequency of the high-pass of an AC-coupled sensor in Hz"
+    )
+    sensor_id: str | None = Field(
+        default=None, pattern=r"^[0-9a-fA-F]{1,8}$", description="serial number: 1 to 8 hexadecimal digits"
+    )
 
     @property
     def protocol_coupling(self) -> Coupling:
-        """Coupling as the protocol names it."""
+        """Coupling in the protocol's terms."""
         return Coupling.AC if self.coupling == "AC" else Coupling.DC
 
 
-class Measured(Section):
-    """`[environment]`: columns that were measured beside the acceleration."""
+class EnvironmentColumns(Section):
+    """`[environment]`: columns of pressure and temperature."""
 
-    pressure_column: str | None = None
-    pressure_unit: Annotated[str, _one_of(PRESSURE_UNITS_PA)] = "kPa"
-    temperature_column: str | None = None
-
-
-class Conditions(Section):
-    """`[conditions]`: what was stated about the test; what is left out stays unknown."""
-
-    name: str = ""
-    position: str = Field(
-        default="W1", pattern=POSITION_PATTERN, description="1 to 24 letters, digits, '_', '.' or '-'"
+    pressure_column: str | None = Field(default=None, description="name of the column of the gauge pressure")
+    pressure_unit: Annotated[str, _one_of(PRESSURE_UNITS_PA)] = Field(
+        default="kPa", description="unit of the pressure column"
     )
-    tire: str | None = None
-    radius_mm: float | None = Field(default=None, ge=100, le=1200)
-    load_n: float | None = Field(default=None, ge=50, le=100_000)
-    load_std_n: float | None = Field(default=None, ge=0, le=50_000)
-    pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure")
-    pressure_std_kpa: float | None = Field(default=None, ge=0, le=500)
-    temperature_degc: float | None = Field(default=None, ge=-60, le=250)
-    ring_thickness_mm: float | None = Field(default=None, ge=1, le=80)
+    temperature_column: str | None = Field(
+        default=None, description="name of the column of the inner liner's temperature in degrees Celsius"
+    )
+
+
+class StatedConditions(Section):
+    """`[conditions]`: stated conditions of the test; a condition that is not stated stays unknown."""
+
+    name: str = Field(default="", description="name of the vehicle or test rig")
+    position: str = Field(
+        default="W1",
+        pattern=POSITION_PATTERN,
+        description="name of the wheel: 1 to 24 letters, digits, '_', '.' or '-'",
+    )
+    tire: str | None = Field(default=None, description="tire size; for information only")
+    radius_mm: float | None = Field(
+        default=None,
+        ge=100,
+        le=1200,
+        description=f"belt radius in mm: rolling circumference / (2 pi); {ASSUMED_RADIUS_MM:g} is assumed by default",
+    )
+    load_n: float | None = Field(default=None, ge=50, le=100_000, description="vertical load in N")
+    load_std_n: float | None = Field(default=None, ge=0, le=50_000, description="standard error of load_n in N")
+    pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure in kPa")
+    pressure_std_kpa: float | None = Field(
+        default=None, ge=0, le=500, description="standard error of pressure_kpa in kPa"
+    )
+    temperature_degc: float | None = Field(
+        default=None, ge=-60, le=250, description="temperature of the inner liner in degrees Celsius"
+    )
+    ring_thickness_mm: float | None = Field(
+        default=None, ge=1, le=80, description="thickness of belt and tread of the new tire in mm"
+    )
 
 
 class ImportMap(Section):
-    """The whole map; `assumed` lists in plain words what nobody stated."""
+    """The import map of one measurement file, or of several with the same layout."""
 
-    assumed: tuple[str, ...] = Field(default=(), strict=False)
-    file: FileLayout = FileLayout()
-    sampling: Sampling
-    axis: Axes
-    sensor: Sensor
-    environment: Measured = Measured()
-    conditions: Conditions = Conditions()
+    assumed: tuple[str, ...] = Field(
+        default=(), strict=False, description="assumptions of this map, one text each; shown as notices"
+    )
+    file: FileLayout = Field(default=FileLayout(), description="layout of the file")
+    sampling: Sampling = Field(description="sampling rate or time column, and start of the measurement")
+    axis: Axes = Field(description="columns of the acceleration")
+    sensor: Sensor = Field(description="the sensor of the measurement")
+    environment: EnvironmentColumns = Field(
+        default=EnvironmentColumns(), description="columns of pressure and temperature"
+    )
+    conditions: StatedConditions = Field(default=StatedConditions(), description="stated conditions of the test")
 
     def columns(self) -> tuple[str, ...]:
-        """Return every column that the map names, each once."""
+        """Return the columns named in the map, each once."""
         named = [column.column for column in self.axis.present().values()]
         others = (self.sampling.time_column, self.environment.pressure_column, self.environment.temperature_column)
         return tuple(dict.fromkeys([*named, *(name for name in others if name is not None)]))
 
     def assumptions(self) -> tuple[str, ...]:
-        """Return what results rest on though nobody measured it."""
+        """Return the assumptions that the results rest on, as texts for the recording's configuration."""
         if self.conditions.radius_mm is None:
-            return (*self.assumed, f"belt radius {ASSUMED_RADIUS_MM:g} mm (the map states none)")
+            return (*self.assumed, f"belt radius {ASSUMED_RADIUS_MM:g} mm (not stated in the map)")
         return self.assumed
 
     def vehicle(self) -> VehicleConfig:
-        """Return the configuration that goes into the recording."""
+        """Return the vehicle configuration for the recording."""
         stated = self.conditions
         tire = Tire(
             size=stated.tire,
@@ -214,19 +250,20 @@ def parse_map(text: str, origin: str) -> ImportMap:
     """Return the map in a TOML text; `origin` names it in messages.
 
     Raises:
-        ConfigError: naming every fault.
+        ConfigError: with one line for each fault.
     """
     return parse_document(ImportMap, text, origin, _cross_faults)
 
 
 def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     sampling = _table(data, "sampling")
-    if ("rate_hz" in sampling) == ("time_column" in sampling):
-        found = "rate_hz and time_column" if "rate_hz" in sampling else "neither rate_hz nor time_column"
-        yield Fault("sampling", found, "allowed: one of the two")
+    if "rate_hz" in sampling and "time_column" in sampling:
+        yield Fault("sampling", "both rate_hz and time_column", "keep only one")
+    elif "rate_hz" not in sampling and "time_column" not in sampling:
+        yield Fault("sampling.rate_hz", None, "rate_hz or time_column is required")
     axes = _table(data, "axis")
     if "axis" in data and "radial" not in axes:
-        yield Fault("axis.radial", "nothing", "the radial axis is required: revolutions are found in it")
+        yield Fault("axis.radial", None, "the radial axis is required to find the revolutions")
     columns: dict[str, str] = {}
     for name, axis in axes.items():
         if not isinstance(axis, Mapping):
@@ -236,19 +273,23 @@ def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             yield Fault(f"axis.{name}.sign", show(sign), "allowed: 1 or -1")
         if isinstance(column, str):
             if column in columns:
-                yield Fault(f"axis.{name}.column", show(column), f"axis.{columns[column]} has this column already")
+                yield Fault(f"axis.{name}.column", show(column), f"axis.{columns[column]} has the same column")
             columns.setdefault(column, name)
     sensor = _table(data, "sensor")
     highpass_hz = sensor.get("highpass_hz", 0)
     if sensor.get("coupling") == "DC" and isinstance(highpass_hz, int | float) and highpass_hz > 0:
-        yield Fault("sensor.highpass_hz", show(highpass_hz), 'a DC-coupled sensor has none; is the coupling "AC"?')
+        yield Fault(
+            "sensor.highpass_hz", show(highpass_hz), 'a DC-coupled sensor has no high-pass; is the coupling "AC"?'
+        )
     layout = _table(data, "file")
     if layout.get("decimal") == "," and layout.get("delimiter", "comma") == "comma":
-        yield Fault("file.delimiter", show(layout.get("delimiter", "comma")), "a decimal comma needs another delimiter")
+        yield Fault(
+            "file.delimiter", show(layout.get("delimiter", "comma")), "a decimal comma requires another delimiter"
+        )
     conditions = _table(data, "conditions")
     for error, value in (("load_std_n", "load_n"), ("pressure_std_kpa", "pressure_kpa")):
         if error in conditions and value not in conditions:
-            yield Fault(f"conditions.{error}", show(conditions[error]), f"it needs {value} beside it")
+            yield Fault(f"conditions.{error}", show(conditions[error]), f"it needs {value} too")
 
 
 def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:

@@ -1,7 +1,8 @@
-"""Import a measurement: scan it, turn it into frames, write them as a recording."""
+"""Import of a measurement file into a recording."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -20,6 +21,8 @@ from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.recording.writer import RecordingWriter
 from gateway.types import FloatArray
 
+_logger = logging.getLogger(__name__)
+
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -28,8 +31,8 @@ class AxisReport:
     """One imported axis.
 
     Attributes:
-        axis: which.
-        low_mps2: smallest value, protocol direction.
+        axis: axis of the sensor.
+        low_mps2: smallest value, in the protocol's direction.
         high_mps2: largest value.
         step_mps2: quantisation step.
         error_mps2: largest quantisation error that occurred.
@@ -44,20 +47,21 @@ class AxisReport:
 
 @dataclass(frozen=True, slots=True)
 class ImportReport:
-    """What an import did.
+    """Result of an import.
 
     Attributes:
         recording: the new file.
         size_bytes: its size.
         position: wheel position in it.
-        samples: imported.
+        samples: number of samples imported.
         skipped: rows left out before the start.
         rate_hz: sampling rate.
         duration_s: samples over rate.
-        jitter_s: of the time column, None without one.
-        axes: in the protocol's order.
+        jitter_s: largest deviation of a step of the time column, None without a time column.
+        axes: one report per axis, in the protocol's order.
         environment_frames: pressure and temperature messages.
-        assumed: what results rest on though nobody measured it.
+        assumed: assumptions of the map that the results rest on, as kept in the recording's configuration.
+        start_is_file_date: whether the file's modification time stands in for the start, which the map does not state.
     """
 
     recording: Path
@@ -71,34 +75,36 @@ class ImportReport:
     axes: tuple[AxisReport, ...]
     environment_frames: int
     assumed: tuple[str, ...]
+    start_is_file_date: bool
 
 
 def import_file(
     path: Path, import_map: ImportMap, out: Path, progress: Callable[[float], None] = lambda _: None
 ) -> ImportReport:
-    """Import `path` into the new recording `out`, reading it twice with flat memory.
+    """Import `path` into the new recording `out`, reading it twice with constant memory.
 
     Args:
         path: measurement.
-        import_map: what its columns mean.
-        out: the recording, never overwritten; or a folder, where it gets a name from its start time.
-        progress: told the share done, 0 to 1.
+        import_map: meaning of its columns.
+        out: a new file; or a folder, in which the start time gives the name.
+        progress: called with the share done, 0 to 1.
 
     Raises:
         ImportDataError: the measurement does not match the map; nothing was written.
         RecordingError: the recording exists or cannot be written.
     """
     if out.is_file():
-        # The writer would refuse too, but only after the first pass.
+        # The writer would reject it too, but only after the first pass.
         raise RecordingError(
-            f"{out} exists already", "Choose another name with --out; recordings are never overwritten."
+            f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
         )
     reader = open_columns(path, import_map.file)
     require_columns(reader, path, import_map.columns())
     found = scan(path, reader, import_map, lambda share: progress(0.5 * share))
+    _logger.info("%s: %d rows after the first %d, %g Hz", path, found.samples, found.skipped, found.rate_hz)
     quantiser = Quantiser.of(import_map, found)
     stream = FrameStream(import_map, found, quantiser)
-    start_ns, when_assumed = _start_ns(path, import_map)
+    start_ns = _start_ns(path, import_map)
     link = f"import:{path.name}"
     writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=import_map.vehicle().to_toml(), sources=(link,))
     try:
@@ -110,14 +116,14 @@ def import_file(
             errors_mps2 = np.maximum(errors_mps2, block_errors_mps2)
             for end_s, data in stream.chunks(counts, slow):
                 writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
-        nothing = np.empty((0, len(quantiser.scale_mps2)), dtype=np.int16)
-        for end_s, data in stream.chunks(nothing, np.empty((0, 2)), last=True):
+        no_counts = np.empty((0, len(quantiser.scale_mps2)), dtype=np.int16)
+        for end_s, data in stream.chunks(no_counts, np.empty((0, 2)), last=True):
             writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
         end_ns = start_ns + round(stream.end_s * 1e9)
         writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED, "end of the file"))
         writer.close()
     except BaseException:
-        # Half an import is worth nothing: the measurement is still there.
+        # A partial import is useless, and the measurement still exists.
         writer.close()
         writer.path.unlink(missing_ok=True)
         raise
@@ -136,14 +142,15 @@ def import_file(
         jitter_s=found.jitter_s,
         axes=axes,
         environment_frames=stream.environment_frames,
-        assumed=(*import_map.assumptions(), *when_assumed),
+        assumed=import_map.assumptions(),
+        start_is_file_date=import_map.sampling.start_utc is None,
     )
 
 
 def _selected(
     reader: ColumnReader, import_map: ImportMap, found: Scan
 ) -> Iterator[tuple[FloatArray, FloatArray, float]]:
-    """Yield (axis columns, pressure and temperature columns, progress) from the first row to keep on."""
+    """Yield (axis columns, pressure and temperature columns, progress) from the first row to keep."""
     names = import_map.columns()
     use = [names.index(column.column) for column in import_map.axis.present().values()]
     measured = (import_map.environment.pressure_column, import_map.environment.temperature_column)
@@ -162,8 +169,8 @@ def _rows_to_keep(block: Block, skipped: int) -> FloatArray:
     return block.values[max(skipped - block.first_row, 0) :]
 
 
-def _start_ns(path: Path, import_map: ImportMap) -> tuple[int, tuple[str, ...]]:
+def _start_ns(path: Path, import_map: ImportMap) -> int:
     stated = import_map.sampling.start_utc
     if stated is None:
-        return path.stat().st_mtime_ns, ("start time: the date of the file (the map states no start_utc)",)
-    return (stated - _EPOCH) // timedelta(microseconds=1) * 1000, ()
+        return path.stat().st_mtime_ns
+    return (stated - _EPOCH) // timedelta(microseconds=1) * 1000

@@ -1,4 +1,4 @@
-"""Compressing a finished recording, checked against the original before anything is replaced."""
+"""Compression of a finished recording, verified before the original is replaced."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 
 Progress = Callable[[int, int], None]
 
-# About a second of four wheels: a damaged compressed chunk is lost whole.
+# About a second of four wheels; damage to a compressed chunk loses the whole chunk.
 _CHUNK_BYTES: Final = 256 << 10
 _PROGRESS_MESSAGES: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
 class CompactReport:
-    """What compressing brought.
+    """Result of compressing a recording.
 
     Attributes:
         source: the recording.
-        target: the compressed one; the same path when it was replaced.
-        messages: messages in either.
+        target: the compressed copy; the path of the recording when it was replaced.
+        messages: number of messages.
         bytes_before: size of the recording.
-        bytes_after: size of the compressed one.
+        bytes_after: size of the compressed copy.
     """
 
     source: Path
@@ -42,27 +42,27 @@ class CompactReport:
 def compact_recording(
     path: Path, target: Path, *, replace: bool = False, progress: Progress | None = None
 ) -> CompactReport:
-    """Write a zstd-compressed copy of a recording, and read both through to see that they are the same.
+    """Write a zstd-compressed copy of a recording and compare both.
 
     Args:
         path: a finished recording.
         target: must not exist yet.
-        replace: put the copy in the place of the recording, in one step, when it has proved the same.
-        progress: called now and then with (bytes done, bytes in all), over writing and checking.
+        replace: replace the recording by the verified copy, in one step.
+        progress: called from time to time with (bytes done, bytes in total) of writing and comparing.
 
     Raises:
         RecordingError: the recording is unfinished or damaged, `target` exists, or the disk is full. The recording
-            is as it was.
+            is unchanged.
     """
     reader = RecordingReader(path)
     if not reader.info.finished:
-        raise RecordingError(f"'{path}' is not finished", "`treadlink repair` finishes it; compact the result.")
+        raise RecordingError(f"'{path}' is not finished", "Run `treadlink repair` first and compress the result.")
     output = McapOutput(target, compressed=True, chunk_bytes=_CHUNK_BYTES)
     try:
         messages = _copy(reader, output, progress)
         output.close()
         if reader.damage is not None:
-            raise RecordingError(f"not compacted: {reader.damage}", REPAIR_REMEDY)
+            raise RecordingError(f"'{path}' is damaged and was not compressed", REPAIR_REMEDY)
         _check_same(reader, RecordingReader(target), progress)
         before, after = reader.info.size_bytes, target.stat().st_size
         if replace:
@@ -97,14 +97,14 @@ def _check_same(original: RecordingReader, copy: RecordingReader, progress: Prog
         if ours != theirs:
             raise RecordingError(
                 f"the compressed copy of '{original.info.path}' differs in message {count}",
-                "The recording is untouched; check the disk and try again.",
+                "The recording is unchanged. Check the disk and try again.",
             )
         if progress is not None and count % _PROGRESS_MESSAGES == 0:
             progress(size + original.position, 2 * size)
     if copy.damage is not None or not copy.info.finished or copy.session != original.session:
         raise RecordingError(
-            f"the compressed copy of '{original.info.path}' does not read back whole: {copy.damage}",
-            "The recording is untouched; check the disk and try again.",
+            f"the compressed copy of '{original.info.path}' is damaged or incomplete",
+            "The recording is unchanged. Check the disk and try again.",
         )
 
 

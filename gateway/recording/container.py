@@ -1,31 +1,40 @@
-"""Writing an MCAP file that is never overwritten and whose written part survives every failure."""
+"""Output of MCAP files that are never overwritten and stay readable after every failure."""
 
 from __future__ import annotations
 
 import errno
+import logging
 import os
-from collections.abc import Callable, Mapping
+import struct
+import zlib
+from collections.abc import Callable, Iterator, Mapping
 from io import FileIO
 from pathlib import Path
 from typing import Final
 
+from mcap.records import ChunkIndex
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from gateway import __version__
 from gateway.errors import RecordingError
-from gateway.recording.chunk_index import PackedIndexes
 from gateway.recording.mcap_layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
 from gateway.recording.schemas import stored_schema
 
+_logger = logging.getLogger(__name__)
+
 _BUFFER_BYTES: Final = 1 << 20
 _CHUNK_INDEXES: Final = "_Writer__chunk_indices"
+_NUMBERS: Final = struct.Struct("<7QH")
+_OFFSET: Final = struct.Struct("<HQ")
+# Neighbouring entries are similar, so packs of them compress well.
+_PACK_ENTRIES: Final = 512
 
 
 class _GuardedStream:
-    """A buffer before a new file; when a write fails the file is cut back to what was complete.
+    """Buffered new file for `mcap` that is cut back to the complete part when a write fails.
 
-    `mcap` writes to it. A buffered Python file would keep what a full disk refused and try it again at close, and
-    would leave half a record behind.
+    A buffered Python file would keep the data that a full disk rejected, try again at close, and leave a partial
+    record behind.
     """
 
     def __init__(self, path: Path) -> None:
@@ -47,7 +56,7 @@ class _GuardedStream:
         return self._written + len(self._pending)
 
     def flush(self) -> None:
-        """Hand everything to the operating system, so that killing this process loses none of it."""
+        """Pass all data to the operating system, so that killing this process loses nothing."""
         try:
             view = memoryview(self._pending)
             done = 0
@@ -67,10 +76,10 @@ class _GuardedStream:
         try:
             self._file.truncate(self._written)
         except OSError:
-            return  # the device is gone; readers stop at the half record
+            return  # the device is gone; readers stop at the partial record
 
     def sync(self) -> None:
-        """Hand everything to the disk."""
+        """Write all data through to the disk."""
         try:
             os.fsync(self._file.fileno())
         except OSError as error:
@@ -80,16 +89,79 @@ class _GuardedStream:
         self._file.close()
 
 
+class PackedIndexes:
+    """List of chunk indexes for appending and one iteration; an entry takes about 45 bytes instead of 700."""
+
+    def __init__(self, compression: str) -> None:
+        """Create an empty list for chunks with the same compression."""
+        self._compression = compression
+        self._packs: list[bytes] = []
+        self._open = bytearray()
+        self._count = 0
+
+    def __len__(self) -> int:
+        """Return the number of entries."""
+        return self._count
+
+    def append(self, index: ChunkIndex) -> None:
+        """Append an entry."""
+        self._open += _NUMBERS.pack(
+            index.message_start_time,
+            index.message_end_time,
+            index.chunk_start_offset,
+            index.chunk_length,
+            index.message_index_length,
+            index.compressed_size,
+            index.uncompressed_size,
+            len(index.message_index_offsets),
+        )
+        for channel, offset in index.message_index_offsets.items():
+            # Relative to the chunk, so that neighbours are similar.
+            self._open += _OFFSET.pack(channel, offset - index.chunk_start_offset)
+        self._count += 1
+        if self._count % _PACK_ENTRIES == 0:
+            self._packs.append(zlib.compress(self._open, 6))
+            self._open.clear()
+
+    def __iter__(self) -> Iterator[ChunkIndex]:
+        """Yield the entries in order."""
+        for pack in self._packs:
+            yield from self._entries(zlib.decompress(pack))
+        yield from self._entries(bytes(self._open))
+
+    def _entries(self, pack: bytes) -> Iterator[ChunkIndex]:
+        at = 0
+        while at < len(pack):
+            start, end, begin, length, index_length, compressed, uncompressed, count = _NUMBERS.unpack_from(pack, at)
+            at += _NUMBERS.size
+            offsets = {}
+            for _ in range(count):
+                channel, offset = _OFFSET.unpack_from(pack, at)
+                offsets[channel] = begin + offset
+                at += _OFFSET.size
+            yield ChunkIndex(
+                message_start_time=start,
+                message_end_time=end,
+                chunk_start_offset=begin,
+                chunk_length=length,
+                message_index_offsets=offsets,
+                message_index_length=index_length,
+                compression=self._compression,
+                compressed_size=compressed,
+                uncompressed_size=uncompressed,
+            )
+
+
 class McapOutput:
-    """An MCAP file being written: channels by topic, a flush that reaches the operating system, no overwriting."""
+    """MCAP file under construction: channels by topic, and a flush that reaches the operating system."""
 
     def __init__(self, path: Path, *, compressed: bool = False, chunk_bytes: int = 256 << 10) -> None:
         """Create the file and write its header.
 
         Args:
             path: must not exist yet.
-            compressed: zstd chunks instead of plain ones.
-            chunk_bytes: size at which a chunk ends even without a flush.
+            compressed: whether to write zstd-compressed chunks.
+            chunk_bytes: size at which a chunk ends without a flush.
 
         Raises:
             RecordingError: the file exists or cannot be created.
@@ -97,11 +169,11 @@ class McapOutput:
         self.path = path
         self._stream = _GuardedStream(path)
         self._writer = Writer(
-            self._stream,  # type: ignore[arg-type]  # has what Writer uses: write, tell, flush
+            self._stream,  # type: ignore[arg-type]  # has the methods that Writer uses: write, tell, flush
             chunk_size=chunk_bytes,
             compression=CompressionType.ZSTD if compressed else CompressionType.NONE,
         )
-        # mcap keeps 700 bytes a chunk, 25 MB for every hour of recording. It has no way to say otherwise.
+        # mcap keeps 700 bytes per chunk, 25 MB per hour of recording, and has no option to change that.
         if hasattr(self._writer, _CHUNK_INDEXES):
             setattr(self._writer, _CHUNK_INDEXES, PackedIndexes("zstd" if compressed else ""))
         self._schema_ids: dict[str, int] = {}
@@ -113,7 +185,7 @@ class McapOutput:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file including what is not flushed yet, without the chunk in progress."""
+        """Size of the file including unflushed data, without the current chunk."""
         return self._stream.tell()
 
     def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
@@ -121,10 +193,10 @@ class McapOutput:
         self._guard(lambda: self._writer.add_metadata(name, dict(entries)))
 
     def register(self, channel: ChannelInfo) -> int:
-        """Declare a channel with its schema, unless it is, and return its number.
+        """Declare a channel with its schema, if it is new, and return its number.
 
-        The declaration is written twice, in the chunk as MCAP wants it and as metadata, so that one damaged place
-        does not leave messages of an unknown channel.
+        The declaration is written twice, in the chunk as required by MCAP and as metadata, so that one damaged place
+        does not make the channel unknown.
         """
         known = self._channels.get(channel)
         if known is not None:
@@ -140,7 +212,7 @@ class McapOutput:
         return number
 
     def add_message(self, channel: int, log_time_ns: int, data: bytes, sequence: int | None = None) -> None:
-        """Append a message; its sequence counts up by itself unless given."""
+        """Append a message; its sequence number is counted unless given."""
         if sequence is None:
             sequence = self._sequences[channel]
             self._sequences[channel] = (sequence + 1) & 0xFFFFFFFF
@@ -148,16 +220,16 @@ class McapOutput:
         self._guard(lambda: self._writer.add_message(channel, log_time_ns, data, log_time_ns, number))
 
     def flush(self) -> None:
-        """End the chunk in progress and hand all bytes to the operating system."""
+        """End the current chunk and pass all bytes to the operating system."""
         self._guard(self._writer.flush)
 
     def sync(self) -> None:
-        """Hand all bytes to the disk itself, where a power cut cannot lose them."""
+        """Write all bytes through to the disk, so that a power cut loses nothing."""
         self._guard(self._writer.flush)
         self._guard(self._stream.sync)
 
     def close(self) -> None:
-        """Write index and footer, sync, close. After a failure only close: the written part stays readable."""
+        """Write index and footer, sync and close. After a failure only close; the written part stays readable."""
         if self.closed:
             return
         self.closed = True
@@ -170,7 +242,7 @@ class McapOutput:
             self._stream.close()
 
     def abandon(self) -> None:
-        """Close and delete the file: what it was to become has failed."""
+        """Close and delete the incomplete file."""
         if not self.closed:
             self.closed = True
             self._stream.close()
@@ -178,32 +250,35 @@ class McapOutput:
 
     def _guard(self, action: Callable[[], object]) -> None:
         if self.failed or self.closed:
-            raise RecordingError(f"recording '{self.path}' is closed", "Start a new recording.")
+            raise RecordingError(f"the recording '{self.path}' is closed", "Start a new recording.")
         try:
             action()
-        except RecordingError:
+        except RecordingError as error:
             self.failed = True
+            _logger.warning("%s", error)
             raise
 
 
 def _open_error(path: Path, error: OSError) -> RecordingError:
     if isinstance(error, FileExistsError):
-        return RecordingError(f"'{path}' exists already", "Recordings are never overwritten; give another name.")
+        return RecordingError(f"'{path}' already exists", "Recordings are never overwritten. Give another name.")
     if isinstance(error, FileNotFoundError):
-        return RecordingError(f"directory '{path.parent}' does not exist", f"Create it: mkdir -p '{path.parent}'")
+        return RecordingError(f"the folder '{path.parent}' does not exist", f"Create it: mkdir -p '{path.parent}'")
     if isinstance(error, PermissionError):
-        return RecordingError(f"no permission to write '{path}'", "Choose a directory of your own.")
-    return RecordingError(f"cannot create '{path}': {error.strerror}", "Choose another directory or disk.")
+        return RecordingError(f"no permission to write '{path}'", "Choose another folder.")
+    return RecordingError(f"cannot create '{path}': {error.strerror}", "Choose another folder or disk.")
 
 
 def _write_error(path: Path, error: OSError) -> RecordingError:
-    kept = "what was written before stays readable"
+    kept = "the part written before stays readable"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return RecordingError(f"disk full while recording '{path}'; {kept}", "Free space or record to another disk.")
+        return RecordingError(
+            f"disk full while recording to '{path}'; {kept}", "Free some space, or record to another disk."
+        )
     if error.errno == errno.ENOENT:
         return RecordingError(
-            f"recording '{path}' was deleted while it was written", "Record to a directory that nobody clears."
+            f"the recording '{path}' was deleted while it was written", "Record to a folder that is not cleaned up."
         )
     return RecordingError(
-        f"cannot write recording '{path}': {error.strerror}; {kept}", "Check the disk or record to another one."
+        f"cannot write the recording '{path}': {error.strerror}; {kept}", "Check the disk, or record to another one."
     )

@@ -1,4 +1,4 @@
-"""Chunks of a recording put together to blocks for the batch decoder, arrival times kept."""
+"""Decoding of a recorded link in large blocks, with the arrival times of the frames."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from firmware_protocol.counters import LinkCounters
 from firmware_protocol.signing import Gate
 from gateway.io.source import Chunk
 
-# Below half a MiB the cost per block shows.
+# Below 0.5 MiB the cost per block is noticeable.
 _BLOCK_BYTES: Final = 1 << 20
 
 
 class LinkBlocks:
-    """Decodes the chunks of one link in blocks; memory stays flat."""
+    """Batch decoder of the chunks of one link; memory use is constant."""
 
     def __init__(self, link: str, gate: Gate | None = None) -> None:
         """Start with the link's first byte; `gate` as for the decoder."""
@@ -31,13 +31,13 @@ class LinkBlocks:
 
     @property
     def counters(self) -> LinkCounters:
-        """What the decoder counted so far."""
+        """Counts of the decoder so far."""
         return self._decoder.counters
 
     def add(self, chunk: Chunk) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:
-        """Take a chunk; yield a batch and its frames' arrival times, ns, when a block is full.
+        """Add a chunk; when a block is full, yield a batch and the arrival times of its frames in ns.
 
-        A batch is valid until the next one.
+        A batch is valid until the next one is yielded.
         """
         self._pending += chunk.data
         self._ends.append(self._fed + len(self._pending))
@@ -46,7 +46,7 @@ class LinkBlocks:
             yield from self._decode(self._decoder.feed(self._take()))
 
     def finish(self) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:
-        """Yield what is left at the end of the link."""
+        """Yield the remaining batches at the end of the link."""
         if self._arrivals_ns:
             yield from self._decode(self._decoder.feed(self._take()))
             yield from self._decode(self._decoder.finish())

@@ -1,4 +1,4 @@
-"""What frame checksums and hub clocks tell about bytes of unknown origin: whose they are, and where they belong."""
+"""Assignment of bytes of unknown origin to links, by frame checksums and hub clocks."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from firmware_protocol.framing import next_frame
 from firmware_protocol.wire import HEADER_FORMAT, MAX_FRAME_BYTES, SYNC
 
 REACH: Final = MAX_FRAME_BYTES - 1
-"""A frame that began before a place needs at most so many bytes behind it."""
+"""Number of bytes after a place that a frame that started before it can need at most."""
 _HEADER: Final = Struct(HEADER_FORMAT)
-_MOST_TRIMS: Final = 65_536
-_MOST_TRIMS_BEHIND: Final = 2048
+_MAX_TRIMS: Final = 65_536
+_MAX_TRIMS_AT_END: Final = 2048
 _HISTORY_BYTES: Final = 16_384
-_NO_CHANCE_BYTES: Final = 3
-_TICKS: Final = 1 << 32
-_SLACK_US: Final = 2_000_000
-_MOST_AHEAD_US: Final = 600_000_000
+# A frame that lacks fewer bytes than this may pass its checksum by chance.
+_MIN_CERTAIN_BYTES: Final = 3
+_TICK_RANGE: Final = 1 << 32
+_TICK_TOLERANCE_US: Final = 2_000_000
+_MAX_TICKS_AHEAD_US: Final = 600_000_000
 
 
 class FrameAt(NamedTuple):
-    """An intact frame's hub and the hub's time, and where it begins and ends in the bytes looked at."""
+    """Intact frame: hub, the hub's time, start and end in the given bytes."""
 
     hub: int
     tick_us: int
@@ -31,7 +32,7 @@ class FrameAt(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Frames in a row of one link: where the first begins and the last ends."""
+    """Consecutive frames of one link: start of the first and end of the last."""
 
     link: int
     start: int
@@ -39,36 +40,36 @@ class Run(NamedTuple):
 
 
 class LinkHistory:
-    """The latest bytes of one link's stream, before a torn place."""
+    """Latest bytes of the stream of one link before a torn place."""
 
     def __init__(self) -> None:
         self._bytes = bytearray()
         self._ticks: dict[int, int] | None = None
 
     def append(self, data: bytes) -> None:
-        """Note what the stream went on with."""
+        """Append the next bytes of the stream."""
         self._bytes += data
         self._ticks = None
         if len(self._bytes) > 2 * _HISTORY_BYTES:
             del self._bytes[:-_HISTORY_BYTES]
 
     def unfinished(self) -> bytes:
-        """Return the end of the stream from where a frame may have begun that is not complete."""
+        """Return the end of the stream from the possible start of an incomplete frame."""
         return unfinished(bytes(self._bytes[-REACH:]))
 
     def tail(self) -> bytes:
-        """Return the end of the stream, as much as a frame may need of it."""
+        """Return the end of the stream, with the length of an incomplete frame."""
         return bytes(self._bytes[-REACH:])
 
     def ticks_us(self) -> dict[int, int]:
-        """Return the latest time of each hub that spoke lately."""
+        """Return the latest time of each hub in the kept bytes."""
         if self._ticks is None:
             self._ticks = ticks_in(bytes(self._bytes))
         return self._ticks
 
 
 def frames_in(data: bytes) -> list[FrameAt]:
-    """Return the intact frames in `data`, which may begin and end anywhere; of several links too, so repeats count."""
+    """Return the intact frames in `data`, which may contain bytes of several links and start and end anywhere."""
     return [FrameAt(*_hub_and_tick(data, start), start, end) for start, end in _places(data)]
 
 
@@ -78,12 +79,12 @@ def ticks_in(data: bytes) -> dict[int, int]:
 
 
 def intact(data: bytes) -> int:
-    """Return how many frames pass their checksum in `data`."""
+    """Return the number of frames in `data` that pass their checksum."""
     return sum(1 for _ in _places(data))
 
 
 def unfinished(tail: bytes) -> bytes:
-    """Return the end of `tail` from where a frame may have begun that is not complete."""
+    """Return the end of `tail` from the possible start of an incomplete frame."""
     start, end, _ = next_frame(tail, 0)
     while end:
         start, end, _ = next_frame(tail, end)
@@ -91,33 +92,32 @@ def unfinished(tail: bytes) -> bytes:
 
 
 def completes(data: bytes, following: bytes) -> bool:
-    """Tell whether a frame begins in `data` and passes with what follows."""
+    """Return whether a frame starts in `data` and passes its checksum with the following bytes."""
     tail = unfinished(data[-REACH:])
     return bool(tail) and intact(tail + following[:REACH]) > intact(following[:REACH])
 
 
 def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, until: int | None = None) -> int | None:
-    """Return how many bytes of `data` must go so that the frame that `pending` begins passes.
+    """Return the number of bytes to remove from the start of `data` so that the frame started by `pending` passes.
 
-    A frame that lacks only its last bytes may pass by chance at a wrong place; the next frame must begin behind it
-    then.
+    A frame that lacks only its last bytes may pass by chance at a wrong place, so the next frame must follow it.
 
     Args:
-        pending: start of a frame, as `unfinished` returns it.
-        data: bytes that may hold its rest, behind bytes that do not belong to the stream.
-        following: how the stream goes on behind `data`.
-        begin: the least to go.
-        until: the most to go; the frame cannot go on behind the link's next one.
+        pending: start of a frame, as returned by `unfinished`.
+        data: bytes that may contain its rest, after bytes that do not belong to the stream.
+        following: bytes of the stream after `data`.
+        begin: smallest number to remove.
+        until: largest number to remove; the frame cannot continue after the next frame of the link.
 
     Returns:
-        The trim, len(data) when the frame goes on right at `following`, None when it passes nowhere.
+        The number of bytes, len(data) when the frame continues in `following`, None when it passes nowhere.
     """
     if not pending:
         return None
     passing: int | None = None
     others: list[FrameAt] | None = None
     last = len(data) if until is None else until
-    trims: list[int] = [*range(begin, min(last, begin + _MOST_TRIMS)), last]
+    trims: list[int] = [*range(begin, min(last, begin + _MAX_TRIMS)), last]
     for trim in trims:
         window = data[trim : trim + REACH]
         window += following[: REACH - len(window)]
@@ -126,23 +126,23 @@ def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, 
             used = end - len(pending)
             others = frames_in(data + following[:REACH]) if others is None else others
             if any(frame.start < trim + used and frame.end > trim for frame in others):
-                continue  # all frames begin alike: this is the rest of one that is whole by itself
+                continue  # all frames start alike, and this is the rest of a frame that is complete in `data`
             if SYNC.startswith((data[trim:] + following)[used : used + len(SYNC)]):
                 return trim
-            if passing is None and used >= _NO_CHANCE_BYTES:
+            if passing is None and used >= _MIN_CERTAIN_BYTES:
                 passing = trim
     return passing
 
 
 def ending(data: bytes, following: bytes) -> int:
-    """Return where `data` must end so that the frame that it leaves unfinished goes on right at `following`.
+    """Return the length of `data` to keep so that its last, incomplete frame continues in `following`.
 
     Returns:
-        The length to keep, len(data) when no other serves a frame.
+        The length, len(data) when no other length completes a frame.
     """
     window = following[:REACH]
     plain = intact(window)
-    for until in range(len(data), max(0, len(data) - _MOST_TRIMS_BEHIND), -1):
+    for until in range(len(data), max(0, len(data) - _MAX_TRIMS_AT_END), -1):
         tail = data[max(0, until - REACH) : until]
         if intact(tail + window) > plain + intact(tail):
             return until
@@ -150,24 +150,24 @@ def ending(data: bytes, following: bytes) -> int:
 
 
 class Span(NamedTuple):
-    """The times of a link's hubs around a torn place, latest before and first known behind it."""
+    """Times of a link's hubs around a torn place: the latest before it, and the first after it."""
 
     before_us: dict[int, int]
     after_us: dict[int, int]
 
     def admits(self, frame: FrameAt) -> bool | None:
-        """Tell whether a hub of this link can have sent a frame there; None when the hub is not known here."""
+        """Return whether a hub of this link can have sent a frame there; None when the hub is unknown."""
         before, after = self.before_us.get(frame.hub), self.after_us.get(frame.hub)
         first = before if before is not None else after
         if first is None:
             return None
-        # After a restart of the hub the span is nearly the whole circle, and everything passes.
-        span = (after - first) % _TICKS if after is not None else _MOST_AHEAD_US
-        return (frame.tick_us - first + _SLACK_US) % _TICKS <= span + 2 * _SLACK_US
+        # After a restart of the hub the span is nearly the whole range of the ticks, and every frame is admitted.
+        span = (after - first) % _TICK_RANGE if after is not None else _MAX_TICKS_AHEAD_US
+        return (frame.tick_us - first + _TICK_TOLERANCE_US) % _TICK_RANGE <= span + 2 * _TICK_TOLERANCE_US
 
 
-def without_strangers(data: bytes, span: Span) -> bytes:
-    """Return `data` without frames that a hub cannot have sent there: left-overs of other files on the disk."""
+def without_foreign_frames(data: bytes, span: Span) -> bytes:
+    """Return `data` without frames that no hub can have sent there: remains of deleted files on the disk."""
     kept = bytearray()
     begin = 0
     for frame in frames_in(data):
@@ -183,21 +183,25 @@ def divide(
     head: int | None = None,
     bounds: tuple[int, int] = (0, 1 << 62),
 ) -> list[Run]:
-    """Say which link the frames of a torn place belong to.
+    """Assign the frames of a torn place to links.
 
-    Every hub has its own clock, so that frames follow those of their own link within moments.
+    Every hub has its own clock, so frames follow the earlier ones of their link closely.
 
     Args:
-        frames: in the order of the stream.
-        ticks_us: for each link that comes into question the latest time of each of its hubs.
-        head: the link of the message that begins here, None when not known.
-        bounds: before the first only `head` can have frames, behind the second it can have none.
+        frames: frames in the order of the stream.
+        ticks_us: latest time of each hub, by possible link.
+        head: link of the message that starts here, None when unknown.
+        bounds: frames before the first bound belong to `head`, frames after the second do not.
     """
     ticks = {link: dict(hubs) for link, hubs in ticks_us.items()}
 
     def distance_us(link: int, frame: FrameAt) -> int:
         known = ticks[link].get(frame.hub)
-        return abs((frame.tick_us - known + _TICKS // 2) % _TICKS - _TICKS // 2) if known is not None else _TICKS
+        return (
+            abs((frame.tick_us - known + _TICK_RANGE // 2) % _TICK_RANGE - _TICK_RANGE // 2)
+            if known is not None
+            else _TICK_RANGE
+        )
 
     found: list[Run] = []
     for frame in frames:
@@ -221,7 +225,7 @@ def _places(data: bytes) -> Iterator[tuple[int, int]]:
         start, end, _ = next_frame(data, at)
         if end:
             yield start, end
-        # A frame that has no room for its end may hide others that have.
+        # A frame that does not fit may hide others that do.
         at = end or start + 1
 
 

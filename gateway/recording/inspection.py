@@ -1,4 +1,4 @@
-"""What is in a recording: links, wheels, rates, losses and a time line, in one pass."""
+"""Content of a recording: links, wheels, rates, losses and a time line, from one pass."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import Hello, MessageType
 from firmware_protocol.sequence import unwrap
 from gateway.io.source import LinkEvent
+from gateway.reasons import Reason
 from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.recording.mcap_layout import RAW_ENCODING, message_to_item
 from gateway.recording.reader import RecordingInfo, RecordingReader
@@ -25,15 +26,15 @@ _SECOND_NS: Final = 1_000_000_000
 
 @dataclass(slots=True)
 class WheelInspection:
-    """One source (hub, wheel) of a link.
+    """Inspection of one source (hub, wheel) of a link.
 
     Attributes:
-        frames: frames by type.
-        hello: the last hello, None when there was none.
+        frames: number of frames by type.
+        hello: the last hello, None without one.
         boots: boot counts seen, in order.
-        samples: samples that arrived.
-        samples_lost: missing by their running numbers, late ones taken off again; restarts are no loss.
-        measured_hz: sampling rate by the hub's clock, None when too little arrived.
+        samples: number of received samples.
+        samples_lost: samples missing by their numbers, without late ones; a restart loses none.
+        measured_hz: sampling rate by the hub's clock, None with too few samples.
         seconds: host second -> [samples, samples lost].
     """
 
@@ -49,13 +50,13 @@ class WheelInspection:
     _tick: int | None = None
 
     def restart(self, boot_count: int) -> None:
-        """Note a boot; counters begin anew at every one but the first."""
+        """Note a boot; a new boot count resets the counters."""
         if not self.boots or self.boots[-1] != boot_count:
             self.boots.append(boot_count)
             self._next = self._first = self._tick = None
 
-    def take(self, group: SampleGroup, place: int, host_s: int) -> None:
-        """Count one block of samples."""
+    def add(self, group: SampleGroup, place: int, host_s: int) -> None:
+        """Count a block of samples."""
         n = group.counts.shape[1]
         number = int(group.first_sample[place])
         expected = self._next
@@ -80,16 +81,16 @@ class WheelInspection:
 
 @dataclass(slots=True)
 class LinkInspection:
-    """One link of a recording.
+    """Inspection of one link of a recording.
 
     Attributes:
-        chunks: reads recorded.
-        bytes_received: link bytes.
+        chunks: number of chunks.
+        bytes_received: number of link bytes.
         first_ns: arrival of the first chunk.
-        last_ns: arrival of the last.
+        last_ns: arrival of the last chunk.
         longest_silence_s: longest time between two chunks.
-        counters: what the decoder counted.
-        wheels: per (hub, wheel).
+        counters: counts of the decoder.
+        wheels: inspection by (hub, wheel).
     """
 
     chunks: int = 0
@@ -101,31 +102,31 @@ class LinkInspection:
     wheels: dict[tuple[int, int], WheelInspection] = field(default_factory=dict)
 
     def wheel(self, hub: int, wheel: int) -> WheelInspection:
-        """Return the source's record, made when new."""
+        """Return the inspection of a source, created if it is new."""
         return self.wheels.setdefault((hub, wheel), WheelInspection())
 
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """Everything about a recording.
+    """Inspection of a recording.
 
     Attributes:
-        info: what it says of itself.
-        links: by name.
+        info: description of the recording.
+        links: inspection of each link, by name.
         events: link events and marks in order.
-        topics: messages per decoded topic.
-        damage: what could not be read and the remedy, None when all was.
+        topics: number of messages by decoded topic.
+        damage: the first unreadable part, None when everything was read.
     """
 
     info: RecordingInfo
     links: dict[str, LinkInspection]
     events: tuple[LinkEvent, ...]
     topics: dict[str, int]
-    damage: str | None
+    damage: Reason | None
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """Arrival of the first and the last chunk of all links; (0, 0) when there is none."""
+        """Arrival of the first and the last chunk of all links; (0, 0) without any."""
         known = [link for link in self.links.values() if link.chunks]
         if not known:
             return 0, 0
@@ -133,14 +134,14 @@ class Inspection:
 
 
 def inspect_recording(path: Path, on_position: Callable[[int], None] | None = None) -> Inspection:
-    """Read a recording through once.
+    """Read a recording in one pass.
 
     Args:
         path: the file.
         on_position: called with the number of bytes read so far, for a progress bar.
 
     Raises:
-        RecordingError: not there, or no recording at all.
+        RecordingError: the file does not exist or is not a recording.
     """
     reader = RecordingReader(path)
     links: dict[str, LinkInspection] = {}
@@ -187,7 +188,7 @@ def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int6
         entry = blocks.get(frame)
         if entry is not None:
             group, place = entry
-            link.wheel(group.hub, group.wheel).take(group, place, seconds[frame])
+            link.wheel(group.hub, group.wheel).add(group, place, seconds[frame])
         elif kinds[frame] == MessageType.HELLO:
             hello = batch.message(frame)
             assert isinstance(hello, Hello)

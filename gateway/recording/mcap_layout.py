@@ -1,4 +1,4 @@
-"""What a treadlink recording holds beside what MCAP prescribes: topics, names, and how an item becomes a message."""
+"""Layout of a recording within MCAP: topics, names, and the conversion of link items to messages."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ sequence counts the messages of the channel from 0. The channel's metadata name 
 JSON_ENCODING: Final = "json"
 MARKS_TOPIC: Final = "/marks"
 
-_MOST_CHANNEL_DIGITS: Final = 5
-_LAST_NS: Final = (1 << 63) - 1
+_MAX_CHANNEL_DIGITS: Final = 5
+_MAX_TIME_NS: Final = (1 << 63) - 1
 MAX_RECORD_BYTES: Final = 256 << 20
-"""No recorder writes records longer than this; a longer one is damage."""
+"""Upper limit of the length of a record; a longer one is damaged."""
 
 
 class ChannelInfo(NamedTuple):
     """A channel of a recording.
 
     Attributes:
-        topic: as other programs show it.
+        topic: name shown in other programs.
         encoding: `treadlink-link-bytes` or `json`.
-        link: the link a raw channel belongs to, or that events are about; empty for other channels.
+        link: link of the bytes or events, empty for other channels.
     """
 
     topic: str
@@ -52,7 +52,7 @@ class ChannelInfo(NamedTuple):
 
 
 class RecordedMessage(NamedTuple):
-    """One message of a recording as stored."""
+    """Message of a recording as stored."""
 
     channel: ChannelInfo
     sequence: int
@@ -61,26 +61,26 @@ class RecordedMessage(NamedTuple):
 
 
 def seal(entries: Mapping[str, str]) -> dict[str, str]:
-    """Return metadata with a checksum, since MCAP gives records outside chunks none."""
+    """Return metadata with a checksum, which MCAP does not provide for records outside chunks."""
     plain = {key: value for key, value in entries.items() if key != "crc32"}
     return {**plain, "crc32": f"{zlib.crc32(json.dumps(plain, sort_keys=True).encode()):08x}"}
 
 
 def is_sealed(entries: Mapping[str, str]) -> bool:
-    """Tell whether metadata are as `seal` left them."""
+    """Return whether the checksum of metadata is correct."""
     return "crc32" in entries and seal(entries)["crc32"] == entries["crc32"]
 
 
 def declaration(number: int, channel: ChannelInfo) -> dict[str, str]:
-    """Return the metadata that declare a channel a second time, outside the chunks."""
+    """Return the metadata of the second declaration of a channel, outside the chunks."""
     return seal({"id": str(number), "topic": channel.topic, "encoding": channel.encoding, "link": channel.link})
 
 
 def declared_channel(entries: Mapping[str, str]) -> tuple[int, ChannelInfo] | None:
-    """Return the channel that `declaration` declared, None when the entries are damaged."""
+    """Return the channel declared by metadata, None when they are damaged."""
     if not is_sealed(entries) or not entries.keys() >= {"id", "topic", "encoding", "link"}:
         return None
-    if not entries["id"].isdecimal() or len(entries["id"]) > _MOST_CHANNEL_DIGITS:
+    if not entries["id"].isdecimal() or len(entries["id"]) > _MAX_CHANNEL_DIGITS:
         return None
     return int(entries["id"]), ChannelInfo(entries["topic"], entries["encoding"], entries["link"])
 
@@ -116,10 +116,10 @@ def _event_details(recorded: list[dict[str, Any]]) -> tuple[Reason, ...]:
 
 
 def message_to_item(message: RecordedMessage) -> LinkItem | None:
-    """Return the link item that a message recorded, or None for decoded topics and unreadable events."""
+    """Return the link item of a message, or None for decoded topics and unreadable events."""
     channel = message.channel
-    # MCAP's times are unsigned; the later half of them, from the year 2262, is no time of ours.
-    host_ns = min(message.log_time_ns, _LAST_NS)
+    # Times in MCAP are unsigned; those from the year 2262 on exceed a signed 64-bit integer.
+    host_ns = min(message.log_time_ns, _MAX_TIME_NS)
     if channel.encoding == RAW_ENCODING:
         return Chunk(channel.link, host_ns, message.data) if message.data else None
     if channel.topic != MARKS_TOPIC and not (channel.topic.startswith("/link/") and channel.topic.endswith("/event")):
@@ -140,9 +140,9 @@ def message_to_item(message: RecordedMessage) -> LinkItem | None:
 
 
 def encode_json(payload: Mapping[str, Any]) -> bytes:
-    """Encode a decoded topic; numbers that are not finite are left out, in arrays they become null.
+    """Encode a decoded topic; numbers that are not finite are left out, or null in arrays.
 
-    JSON has no NaN, and plotting programs take a missing field for a gap.
+    JSON has no NaN, and plotting programs treat a missing field as a gap.
     """
     tidy = {key: value for key, raw in payload.items() if (value := _tidy(raw)) is not None}
     return json.dumps(tidy, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode()

@@ -1,4 +1,4 @@
-"""Taking MCAP records apart, checked field by field, for the reader and for repair."""
+"""Parsers of MCAP records that check every field, for the reader and the repair."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ _SMALL_RECORDS: Final[dict[int, Any]] = {
 
 
 class ChunkParts(NamedTuple):
-    """A chunk record taken apart.
+    """Fields of a chunk record.
 
     Attributes:
         end_time_ns: log time of its latest message.
-        uncompressed_size: of its records.
-        crc: of the uncompressed records, 0 when not given.
+        uncompressed_size: size of its records in bytes.
+        crc: checksum of the uncompressed records, 0 when not given.
         compression: `zstd`, `lz4` or empty.
         data: the records as stored.
         data_offset: offset of `data` in the record's body.
@@ -72,7 +72,7 @@ class ChunkParts(NamedTuple):
 
 
 class MessageParts(NamedTuple):
-    """A message record taken apart."""
+    """Fields of a message record."""
 
     channel: int
     sequence: int
@@ -82,7 +82,7 @@ class MessageParts(NamedTuple):
 
 
 def parse_chunk(body: memoryview, *, length: int | None = None) -> ChunkParts:
-    """Take a chunk's body apart; `length` is the body's length as stated when less of it is there.
+    """Parse the body of a chunk; `length` is the stated length when the body is cut off.
 
     Raises:
         ValueError: the fields contradict each other.
@@ -124,7 +124,7 @@ def _unzstd(data: bytes, size: int) -> memoryview:
     import zstandard
 
     try:
-        # The size that the compressed data state themselves would be allocated whatever the limit.
+        # The size stated in the compressed data would be allocated regardless of the limit.
         stated = zstandard.get_frame_parameters(data).content_size
         if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
             raise ValueError("a compressed chunk states two sizes")
@@ -143,7 +143,7 @@ def _unlz4(data: bytes, size: int) -> memoryview:
 
 
 def walk(data: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Yield (opcode, body) of the records that lie whole in `data`, in order."""
+    """Yield (opcode, body) of the complete records in `data`, in order."""
     position = 0
     end = len(data)
     while position + RECORD_HEAD.size <= end:
@@ -156,10 +156,10 @@ def walk(data: memoryview) -> Iterator[tuple[int, memoryview]]:
 
 
 def parse_message(body: memoryview) -> MessageParts:
-    """Take a message's body apart.
+    """Parse the body of a message.
 
     Raises:
-        ValueError: too short.
+        ValueError: the body is too short.
     """
     if len(body) < MESSAGE_HEAD.size:
         raise ValueError("message too short")
@@ -168,14 +168,14 @@ def parse_message(body: memoryview) -> MessageParts:
 
 
 def parse_small(opcode: int, body: memoryview) -> Any:
-    """Read any record but message, chunk and attachment with `mcap`, and insist that it fills its length.
+    """Parse any record other than a message, chunk or attachment with `mcap`.
 
     Raises:
-        ValueError: not such a record.
+        ValueError: the type is unknown, or the fields do not fill the stated length.
     """
     kind = _SMALL_RECORDS.get(opcode)
     if kind is None:
-        raise ValueError(f"record type {opcode:#x} is not known")
+        raise ValueError(f"unknown record type {opcode:#x}")
     stream = ReadDataStream(BytesIO(body))
     try:
         record = kind.read(stream)
@@ -187,7 +187,7 @@ def parse_small(opcode: int, body: memoryview) -> Any:
 
 
 def channel_info(channel: Channel) -> ChannelInfo:
-    """Return what the project needs of a channel record."""
+    """Return the channel described by a channel record."""
     link = channel.metadata.get("link", "")
     if not link and channel.topic.startswith("/link/") and channel.topic.endswith("/raw"):
         link = channel.topic[len("/link/") : -len("/raw")]

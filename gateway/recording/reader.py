@@ -1,8 +1,9 @@
-"""Reading a recording in one pass, however it ended."""
+"""Reader of recordings, finished or not, in one pass."""
 
 from __future__ import annotations
 
 import json
+import logging
 import os
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from mcap.records import Channel, Metadata
 
 from gateway.errors import RecordingError
 from gateway.io.source import LinkItem
+from gateway.reasons import Code, Reason
 from gateway.recording.mcap_layout import (
     CHANNEL_METADATA,
     MAX_RECORD_BYTES,
@@ -35,23 +37,25 @@ from gateway.recording.mcap_records import (
     walk,
 )
 
-REPAIR_REMEDY: Final = "`treadlink repair` rescues what is left of it."
-_MOST_DIGITS: Final = 19
+REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."
+_MAX_TIME_DIGITS: Final = 19
 _FOOTER_BYTES: Final = RECORD_HEAD.size + 20
+
+_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingInfo:
-    """What a recording says of itself.
+    """Description of a recording.
 
     Attributes:
         path: the file.
         size_bytes: its size.
-        finished: False when its writer was killed, or the end is missing.
-        treadlink: version that wrote it, empty when not known.
-        start_ns: start of the session, None when not known.
-        sources: URIs it was recorded from.
-        vehicle_toml: configuration it was recorded with.
+        finished: False when its writer was killed or its end is missing.
+        treadlink: version that wrote it, empty when unknown.
+        start_ns: start of the session, None when unknown.
+        sources: URIs of the sources.
+        vehicle_toml: vehicle configuration of the session.
     """
 
     path: Path
@@ -64,23 +68,23 @@ class RecordingInfo:
 
 
 class RecordingReader:
-    """Reads finished, unfinished, compressed and truncated recordings; memory stays flat.
+    """Reader of finished, unfinished, compressed and truncated recordings; memory use is constant.
 
     Attributes:
-        info: what the recording says of itself.
-        damage: after a pass, what could not be read and the remedy; None when all was.
-        position: bytes read so far in the pass under way, for progress bars.
+        info: description of the recording.
+        damage: after a pass, the first unreadable part; None when everything was read.
+        position: bytes read so far in the current pass, for progress bars.
         session: the session's metadata as stored, empty when damaged.
-        notes: other metadata met in the pass, as (name, entries): what a repair said of itself.
+        notes: other metadata found in the pass as (name, entries), such as those of a repair.
     """
 
     def __init__(self, path: Path | str) -> None:
         """Read the recording's description.
 
         Raises:
-            RecordingError: not there, not readable, or no MCAP file.
+            RecordingError: the file does not exist, cannot be read, or is not an MCAP file.
         """
-        self.damage: str | None = None
+        self.damage: Reason | None = None
         self.position = 0
         self._path = Path(path)
         self.notes: list[tuple[str, dict[str, str]]] = []
@@ -92,18 +96,18 @@ class RecordingReader:
 
     @property
     def vehicle_toml(self) -> str | None:
-        """Configuration text that the recording was made with, None when it has none."""
+        """Text of the vehicle configuration in the recording, None when it contains none."""
         return self.info.vehicle_toml
 
     def items(self) -> Generator[LinkItem, None, None]:
-        """Yield chunks, link events and marks in file order; `damage` tells afterwards what was unreadable."""
+        """Yield chunks, link events and marks in file order; `damage` is set afterwards."""
         for message in self.messages():
             item = message_to_item(message)
             if item is not None:
                 yield item
 
     def messages(self) -> Generator[RecordedMessage, None, None]:
-        """Yield every message in file order, decoded topics too; `damage` as with `items`."""
+        """Yield all messages in file order, including decoded topics; `damage` is set afterwards."""
         self.damage = None
         self._channels.clear()
         self.notes.clear()
@@ -123,10 +127,12 @@ class RecordingReader:
         cut = len(body) < stated
         try:
             chunk = parse_chunk(body, length=stated)
-            # What is there of a plain chunk is still good when the rest is cut off: its frames carry checksums.
+            # The present part of a plain chunk is usable when the rest is cut off, as its frames have checksums.
             records = chunk_records(chunk) if not cut else memoryview(b"") if chunk.compression else chunk.data
         except ValueError as error:
-            self._note(f"{error} near byte {self.position - len(body)}; {len(body)} bytes skipped")
+            at_byte = self.position - len(body)
+            _logger.info("%s: %s near byte %d", self._path, error, at_byte)
+            self._note(Code.RECORDING_CHUNK_DAMAGED, at_byte=at_byte, skipped_bytes=len(body))
             return
         for inner, inner_body in walk(records):
             yield from self._inner(inner, inner_body)
@@ -137,7 +143,7 @@ class RecordingReader:
                 message = parse_message(body)
                 channel = self._channels.get(message.channel)
                 if channel is None:
-                    self._note(f"a message of an undeclared channel {message.channel} was skipped")
+                    self._note(Code.RECORDING_CHANNEL_UNDECLARED, channel=message.channel)
                 else:
                     yield RecordedMessage(channel, message.sequence, message.log_time_ns, bytes(message.data))
             elif opcode == Opcode.CHANNEL:
@@ -146,7 +152,8 @@ class RecordingReader:
             elif opcode == Opcode.METADATA:
                 self._learn(parse_small(opcode, body))
         except ValueError as error:
-            self._note(f"{error} near byte {self.position}")
+            _logger.info("%s: %s near byte %d", self._path, error, self.position)
+            self._note(Code.RECORDING_RECORD_DAMAGED, at_byte=self.position)
 
     def _learn(self, metadata: Metadata) -> None:
         if metadata.name == CHANNEL_METADATA:
@@ -156,23 +163,23 @@ class RecordingReader:
         elif metadata.name != SESSION_METADATA:
             self.notes.append((metadata.name, metadata.metadata))
         elif not is_sealed(metadata.metadata):
-            self._note("the description with the vehicle configuration is damaged")
+            self._note(Code.RECORDING_DESCRIPTION_DAMAGED)
 
     def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
         """Yield (opcode, stated length, body); the last body may be shorter than stated."""
         while self.position < size:
             head = file.read(RECORD_HEAD.size)
             if len(head) < RECORD_HEAD.size:
-                self._note(f"cut off at byte {size}, inside a record")
+                self._note(Code.RECORDING_CUT_OFF, at_byte=size)
                 return
             opcode, length = RECORD_HEAD.unpack(head)
             if not 0 < opcode < 0x80 or length > MAX_RECORD_BYTES:
-                self._note(f"no record where one should begin, at byte {self.position}; the rest was not read")
+                self._note(Code.RECORDING_RECORD_MISSING, at_byte=self.position)
                 return
             body = file.read(length)
             self.position += len(head) + len(body)
             if len(body) < length:
-                self._note(f"cut off at byte {size}, inside a record")
+                self._note(Code.RECORDING_CUT_OFF, at_byte=size)
             yield opcode, length, body
             if opcode == Opcode.FOOTER:
                 return
@@ -182,8 +189,10 @@ class RecordingReader:
         file.seek(0)
         magic = file.read(len(MAGIC))
         if magic != MAGIC:
-            remedy = REPAIR_REMEDY if size > 1 << 10 else "Recordings are made by `treadlink record` and end in .mcap."
-            raise RecordingError(f"'{self._path}' is not a recording (it does not begin as an MCAP file does)", remedy)
+            remedy = (
+                REPAIR_REMEDY if size > 1 << 10 else "Recordings are created by `treadlink record` and end in .mcap."
+            )
+            raise RecordingError(f"'{self._path}' is not a recording: it does not start like an MCAP file", remedy)
         self.position = len(MAGIC)
         entries: dict[str, str] = {}
         for opcode, stated, body in self._records(file, size):
@@ -201,15 +210,15 @@ class RecordingReader:
         self.position = 0
         return entries
 
-    def _note(self, text: str) -> None:
+    def _note(self, code: Code, **values: int) -> None:
         if self.damage is None:
-            self.damage = f"'{self._path}': {text}. {REPAIR_REMEDY}"
+            self.damage = Reason(code, recording=str(self._path), **values)
 
     def _open(self) -> BinaryIO:
         try:
             return self._path.open("rb")
         except FileNotFoundError as error:
-            raise RecordingError(f"no recording '{self._path}'", "Check the path.") from error
+            raise RecordingError(f"recording '{self._path}' does not exist", "Check the path.") from error
         except OSError as error:
             raise RecordingError(
                 f"cannot read recording '{self._path}': {error.strerror}", "Check its permissions."
@@ -236,7 +245,7 @@ def _describe(path: Path, size: int, finished: bool, entries: dict[str, str]) ->
         size_bytes=size,
         finished=finished,
         treadlink=entries.get("treadlink", ""),
-        start_ns=int(start) if start.isdecimal() and len(start) <= _MOST_DIGITS else None,
+        start_ns=int(start) if start.isdecimal() and len(start) <= _MAX_TIME_DIGITS else None,
         sources=sources,
         vehicle_toml=entries.get("vehicle_toml"),
     )

@@ -1,4 +1,4 @@
-"""Rescuing a recording whose writer was killed, that was cut off, or that lost bytes in the middle."""
+"""Repair of recordings that were interrupted, cut off or damaged."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class RepairReport:
-    """What a repair rescued and what it could not.
+    """Result of a repair.
 
     Attributes:
         source: the damaged file.
         target: the repaired file.
-        messages: messages rescued.
-        link_bytes: bytes of links rescued.
-        frames: intact frames in them.
+        messages: number of recovered messages.
+        link_bytes: number of recovered link bytes.
+        frames: number of intact frames in them.
         frames_lost: frames missing by their counters.
-        frames_broken: frames that begin but do not pass, the ones that the damage hit among them.
-        losses: what happened at the torn places.
-        session_kept: whether the description (vehicle configuration, sources) survived.
+        frames_broken: incomplete frames, including those hit by the damage.
+        losses: counts of the damaged places.
+        session_kept: whether the description with configuration and sources was recovered.
     """
 
     source: Path
@@ -47,10 +47,10 @@ class RepairReport:
 
 
 def needs_repair(path: Path, progress: Progress | None = None) -> bool:
-    """Tell whether a recording is unfinished or damaged; reads all of it.
+    """Return whether a recording is unfinished or damaged, by reading all of it.
 
     Raises:
-        RecordingError: not there or not readable.
+        RecordingError: the file does not exist or cannot be read.
     """
     try:
         reader = RecordingReader(path)
@@ -65,17 +65,17 @@ def needs_repair(path: Path, progress: Progress | None = None) -> bool:
 
 
 def repair_recording(path: Path, target: Path, progress: Progress | None = None) -> RepairReport:
-    """Write what can be rescued of a recording to a new file.
+    """Write the recoverable part of a recording to a new file.
 
-    Of a plain recording only the frames that lost bytes are lost. Of a compressed one whole chunks survive or not.
+    In a plain recording only the damaged frames are lost, in a compressed one whole chunks.
 
     Args:
-        path: the damaged file; it is only read.
+        path: the damaged file, which is not changed.
         target: must not exist yet.
-        progress: called now and then with (bytes done, bytes in all).
+        progress: called from time to time with (bytes done, bytes in total).
 
     Raises:
-        RecordingError: nothing in it can be rescued, `target` exists, or the disk is full.
+        RecordingError: nothing can be recovered, `target` exists, or the disk is full.
     """
     with _mapped(path) as data:
         salvage = Salvage(data)
@@ -88,7 +88,7 @@ def repair_recording(path: Path, target: Path, progress: Progress | None = None)
             raise
         if not report.messages:
             output.abandon()
-            raise RecordingError(f"nothing in '{path}' can be rescued", "It holds no message of a recording.")
+            raise RecordingError(f"nothing in '{path}' can be recovered", "It contains no message of a recording.")
         output.close()
     return report
 
@@ -146,12 +146,12 @@ def _mapped(path: Path) -> Iterator[memoryview]:
             try:
                 yield view
             finally:
-                # Pieces still held by a traceback keep the map alive; it goes with them.
+                # Views held by a traceback keep the map alive until they are released.
                 with contextlib.suppress(BufferError):
                     view.release()
     except FileNotFoundError as error:
-        raise RecordingError(f"no recording '{path}'", "Check the path.") from error
+        raise RecordingError(f"recording '{path}' does not exist", "Check the path.") from error
     except ValueError as error:
-        raise RecordingError(f"'{path}' is empty", "Nothing was recorded in it.") from error
+        raise RecordingError(f"'{path}' is empty", "It contains nothing to recover.") from error
     except OSError as error:
         raise RecordingError(f"cannot read '{path}': {error.strerror}", "Check its permissions.") from error

@@ -1,4 +1,4 @@
-"""Recordings and raw dumps as sources: the same chunks with the same times as when they were recorded."""
+"""Replay sources: recordings and raw dumps with their recorded times."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from typing import Final, Protocol
 from gateway.clock import Clock, wait_until
 from gateway.errors import RecordingError, SourceError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
+from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
-from gateway.recording.reader import RecordingReader
+from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 
 _DUMP_BLOCK_BYTES: Final = 4096
 
 
 class _Playable(Protocol):
-    """What is played: items in order, what was unreadable, and the configuration that came along."""
+    """Items in order, with the first unreadable part and the vehicle configuration."""
 
-    damage: str | None
+    damage: Reason | None
 
     @property
     def vehicle_toml(self) -> str | None: ...
@@ -30,22 +31,22 @@ class _Playable(Protocol):
 
 
 class RawDump:
-    """A file of link bytes and nothing else, as `cat /dev/ttyUSB0 > dump.bin` leaves it.
+    """File with only the bytes of a link, such as from `cat /dev/ttyUSB0 > dump.bin`.
 
-    Arrival times are not known: they count from 0 at the given byte rate, or stay 0 without one.
+    It has no arrival times. They are counted from 0 at a given byte rate, or are 0 without one.
     """
 
-    damage: str | None = None
+    damage: Reason | None = None
     vehicle_toml: str | None = None
 
     def __init__(self, path: Path, rate_bytes_per_s: float | None) -> None:
-        """Describe the dump; nothing is read yet."""
+        """Prepare the dump without reading it."""
         self.link = f"dump:{path.name}"
         self._path = path
         self._rate = rate_bytes_per_s
 
     def items(self) -> Iterator[LinkItem]:
-        """Yield the dump in blocks; with a rate each holds at most 10 ms."""
+        """Yield the dump in blocks, of at most 10 ms with a rate."""
         block = _DUMP_BLOCK_BYTES if self._rate is None else max(1, min(_DUMP_BLOCK_BYTES, int(self._rate / 100)))
         offset = 0
         with self._path.open("rb") as file:
@@ -55,16 +56,16 @@ class RawDump:
 
 
 class ReplaySource:
-    """Plays items against an absolute schedule, so that waiting does not add up to drift."""
+    """Replay of items on an absolute schedule, so that delays do not accumulate."""
 
     def __init__(self, playable: _Playable, link: str, speed: float, clock: Clock) -> None:
-        """Play `playable`, at `speed` times its pace; infinite speed does not wait.
+        """Replay `playable` at `speed` times its pace; infinite speed does not wait.
 
         Args:
             playable: recording or dump.
-            link: name of its (first) link; chunks carry the recorded names.
-            speed: pace against the recorded times.
-            clock: paces the replay; the chunks keep their recorded times.
+            link: name of its first link; chunks have the recorded names.
+            speed: pace relative to the recorded times.
+            clock: clock of the replay; the chunks keep their recorded times.
         """
         self._playable = playable
         self._link = link
@@ -79,11 +80,11 @@ class ReplaySource:
 
     @property
     def vehicle_toml(self) -> str | None:
-        """Configuration kept in the recording."""
+        """Vehicle configuration in the recording."""
         return self._playable.vehicle_toml
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
-        """Yield what was recorded; the last item is an `ENDED` event that also names any damage."""
+        """Yield the recorded items, then an `ENDED` event that reports any damage."""
         begin_ns = self._clock.now_ns()
         first_ns: int | None = None
         last: LinkItem | None = None
@@ -98,7 +99,7 @@ class ReplaySource:
         damage = self._playable.damage
         ended_already = isinstance(last, LinkEvent) and last.kind is LinkEventKind.ENDED
         if not stop.is_set() and not self._closed.is_set() and (damage or not ended_already):
-            text = f"the recording is damaged: {damage}" if damage else ""
+            text = f"the recording is damaged. {REPAIR_REMEDY}" if damage else ""
             yield LinkEvent(self._link, last.host_ns if last is not None else 0, LinkEventKind.ENDED, text)
 
     def close(self) -> None:
@@ -110,7 +111,7 @@ def open_replay(address: SourceAddress, clock: Clock) -> Source:
     """Open `replay:FILE?speed=1|10|max` (MCAP), or a raw `.bin` dump with `rate` in bytes/s.
 
     Raises:
-        SourceError: no such file, not a recording, or a wrong option.
+        SourceError: the file does not exist, is not a recording, or an option is invalid.
     """
     path = Path(address.target)
     _check_options(address)
@@ -124,7 +125,7 @@ def open_replay(address: SourceAddress, clock: Clock) -> Source:
         dump = RawDump(path, rate)
         return ReplaySource(dump, dump.link, _speed(address.options, "1" if rate else "max"), clock)
     if "rate" in address.options:
-        raise SourceError("option 'rate' is for raw .bin dumps", f"'{path.name}' carries its own times; use speed=.")
+        raise SourceError("option 'rate' is for raw .bin dumps only", f"'{path.name}' has recorded times. Use speed=.")
     try:
         reader = RecordingReader(path)
     except RecordingError as error:
@@ -138,7 +139,7 @@ def open_replay(address: SourceAddress, clock: Clock) -> Source:
 def _check_options(address: SourceAddress) -> None:
     for name in address.options:
         if name not in ("speed", "rate"):
-            raise SourceError(f"replay has no option '{name}'", "Options are speed=1|10|max and, for .bin, rate=.")
+            raise SourceError(f"replay has no option '{name}'", "Options are speed=1|10|max, and rate= for .bin files.")
 
 
 def _speed(options: Mapping[str, str], default: str) -> float:
@@ -156,5 +157,5 @@ def _positive(options: Mapping[str, str], name: str, default: float | None) -> f
         value = math.nan
     if not (value > 0 and math.isfinite(value)):
         word = " or max" if name == "speed" else ""
-        raise SourceError(f"option {name}={options[name]} is not allowed", f"Give a number above 0{word}.")
+        raise SourceError(f"invalid option {name}={options[name]}", f"Give a number above 0{word}.")
     return value

@@ -1,8 +1,8 @@
-"""Finding what is left in a damaged recording: whole messages, and torn places between them.
+"""Search for complete messages in a damaged recording, and for the torn places between them.
 
-A plain chunk is not needed to find the messages in it, so the file is walked as one flat chain of records. Where the
-chain breaks, the walk goes on at the next place that can only be a record: a message states its time twice and names
-a known channel, a chunk states its length three times, other records must fill their length.
+The messages of a plain chunk can be found without the chunk, so the file is read as one flat chain of records. Where
+the chain is broken, the search continues at the next place that can only be a record: a message states its time twice
+and names a known channel, a chunk states its length three times, and other records must fill their length.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ from gateway.recording.mcap_records import (
     walk,
 )
 
-# Within these of its channel's last message a time is believable; others are left-overs of other files on the disk.
-_MOST_BACK_NS: Final = 60 * 10**9
-_MOST_FORWARD_NS: Final = 30 * 86_400 * 10**9
-_MOST_SAMPLES: Final = 10_000
+# A time is plausible within these limits of the last message of its channel; others are remains of deleted files.
+_MAX_STEP_BACK_NS: Final = 60 * 10**9
+_MAX_STEP_FORWARD_NS: Final = 30 * 86_400 * 10**9
+_MAX_TIME_SAMPLES: Final = 10_000
 _MAX_SMALL_BYTES: Final = 1 << 20
-# Channel numbers count up from 1, so that a number beyond the known ones by more than this is no channel.
+# Channel numbers count up from 1, so a number that exceeds the known ones by more than this is not a channel.
 _UNKNOWN_CHANNELS: Final = 64
 _RECORD_START: Final = re.compile(rb"[\x01-\x0f][\s\S]{4}\x00{4}")
 _DECLARATION: Final = re.compile(rb"[\x04\x0c][\s\S]{2}[\x00-\x0f]\x00{5}")
 
 
-class Whole(NamedTuple):
-    """A message whose header is good and after which the chain goes on; its data may hold overwritten bytes.
+class CompleteMessage(NamedTuple):
+    """Message with a valid header, after which the chain continues; its data may contain overwritten bytes.
 
     Attributes:
-        message: its parts.
-        verified: whether it lay in a chunk with the right checksum.
-        end: position in the file behind it, or behind its verified chunk.
+        message: its fields.
+        verified: whether it is in a chunk with a correct checksum.
+        end: position in the file after it, or after its verified chunk.
     """
 
     message: MessageParts
@@ -64,15 +64,15 @@ class Whole(NamedTuple):
     end: int
 
 
-class Torn(NamedTuple):
-    """Bytes between two places where the chain holds.
+class TornPlace(NamedTuple):
+    """Torn place: bytes between two intact parts of the chain.
 
     Attributes:
-        data: the bytes after `head`, or after the last good record.
-        head: header of the message that begins here, None when that is lost too.
-        stated: bytes that `head` announces.
-        compressed: True for a damaged compressed chunk, in which nothing can be found.
-        end: position in the file where the chain holds again.
+        data: the bytes after `head`, or after the last valid record.
+        head: header of the message that starts here, None when it is lost too.
+        stated: number of bytes stated in `head`.
+        compressed: whether this is a damaged compressed chunk, in which nothing can be found.
+        end: position in the file where the chain continues.
     """
 
     data: memoryview
@@ -82,26 +82,26 @@ class Torn(NamedTuple):
     end: int
 
 
-class Indexed(NamedTuple):
-    """A message as the index behind its chunk knows it; `most_bytes` bounds the length of its data."""
+class IndexedMessage(NamedTuple):
+    """Message according to the index after its chunk; `max_bytes` is the upper limit of the length of its data."""
 
     channel: int
     time_ns: int
-    most_bytes: int
+    max_bytes: int
 
 
 class Salvage:
-    """The good records of a file, wherever they are.
+    """Finder of the valid records of a file.
 
     Attributes:
-        channels: every channel declared anywhere in the file.
-        session: the session's metadata, empty when no copy is whole.
-        size: of the file.
-        position: how far `pieces` has come, for progress bars.
+        channels: all channels declared in the file.
+        session: the session's metadata, empty when no copy is intact.
+        size: size of the file in bytes.
+        position: bytes read so far by `pieces`, for progress bars.
     """
 
     def __init__(self, data: memoryview) -> None:
-        """Look through the whole file for declarations.
+        """Search the whole file for declarations.
 
         Args:
             data: the file, mapped.
@@ -115,11 +115,13 @@ class Salvage:
         self._find_declarations()
         self._find_usual_times()
 
-    def pieces(self, start: int | None = None, times_ns: Mapping[int, int] | None = None) -> Iterator[Whole | Torn]:
-        """Yield whole messages and torn places in file order.
+    def pieces(
+        self, start: int | None = None, times_ns: Mapping[int, int] | None = None
+    ) -> Iterator[CompleteMessage | TornPlace]:
+        """Yield complete messages and torn places in file order.
 
         Args:
-            start: where to begin, a place where the chain holds; the file's begin when not given.
+            start: first position, which must be the start of a record; the start of the file when not given.
             times_ns: time of the last message of each channel before `start`.
         """
         main = start is None
@@ -138,11 +140,11 @@ class Salvage:
                 if whole is not None:
                     for message in whole:
                         base[message.channel] = message.log_time_ns
-                        yield Whole(message, True, end)
+                        yield CompleteMessage(message, True, end)
                     at = end
                 elif chunk.compression:
                     at = self._next_record(at + 1, base)
-                    yield Torn(self._data[body:at], None, 0, True, at)
+                    yield TornPlace(self._data[body:at], None, 0, True, at)
                 else:
                     at = body + chunk.data_offset
                 continue
@@ -150,28 +152,28 @@ class Salvage:
                 if opcode == Opcode.MESSAGE:
                     message = parse_message(self._data[body:end])
                     base[message.channel] = message.log_time_ns
-                    yield Whole(message, False, end)
+                    yield CompleteMessage(message, False, end)
                 at = end
                 continue
             head = parse_message(self._data[body:]) if opcode == Opcode.MESSAGE else None
             begin = body + MESSAGE_HEAD.size if head is not None else at
             at = self._next_record(max(begin, at + 1), base)
-            yield Torn(self._data[begin:at], head, end - begin if head is not None else 0, False, at)
+            yield TornPlace(self._data[begin:at], head, end - begin if head is not None else 0, False, at)
             if head is not None:
                 base[head.channel] = head.log_time_ns
 
     def _goes_on(self, opcode: int, body: int, end: int, base: Mapping[int, int]) -> bool:
-        """Tell whether a record ends where the next begins."""
+        """Return whether a record ends where the next one starts."""
         if end > self.size or not (self.size - end < RECORD_HEAD.size or self._plausible(end, base)[0]):
             return False
-        # Bytes may be missing such that a message ends with a later record; the begin of one is in it then.
+        # Missing bytes may let a message end with a later record; then it contains the start of a record.
         begin = body + MESSAGE_HEAD.size
         return opcode != Opcode.MESSAGE or self._next_record(begin, base, end) == end
 
-    def message_before(self, position: int, times_ns: Mapping[int, int]) -> Indexed | None:
-        """Return the message that stood right before `position` when the file was whole.
+    def message_before(self, position: int, times_ns: Mapping[int, int]) -> IndexedMessage | None:
+        """Return the message right before `position` in the undamaged file.
 
-        The index behind a chunk names all messages of it in order; None when it is damaged too.
+        The index after a chunk lists all its messages in order. None when the index is damaged too.
         """
         first: tuple[int, int] | None = None
         entries: list[tuple[int, int, int]] = []
@@ -188,7 +190,7 @@ class Salvage:
                 index: MessageIndex = parse_small(opcode, self._data[at + RECORD_HEAD.size : end])
                 entries += ((offset, index.channel_id, time_ns) for time_ns, offset in index.records)
             elif not opcode and first is not None and not entries:
-                whole = False  # were the next an index, an earlier one might be missing
+                whole = False  # if an index follows, an earlier one may be missing
                 end = self._next_record(at + 1, times_ns)
             elif not opcode or opcode not in (Opcode.CHANNEL, Opcode.SCHEMA) or entries:
                 whole = whole and bool(opcode)
@@ -199,10 +201,10 @@ class Salvage:
         if not whole or len(places) != 1 or not places[0]:
             return None
         offset, channel, time_ns = entries[places[0] - 1]
-        return Indexed(channel, time_ns, entries[places[0]][0] - offset - MESSAGE_HEAD_BYTES)
+        return IndexedMessage(channel, time_ns, entries[places[0]][0] - offset - MESSAGE_HEAD_BYTES)
 
     def _whole_chunk(self, body: int, end: int) -> list[MessageParts] | None:
-        """Return the messages of a chunk that is whole and has the right checksum, else None."""
+        """Return the messages of a complete chunk with a correct checksum, else None."""
         if end > self.size:
             return None
         try:
@@ -219,17 +221,17 @@ class Salvage:
         return messages
 
     def _plausible(self, at: int, base: Mapping[int, int]) -> tuple[int, int]:
-        """Return (opcode, end) of the record that must begin at `at`, opcode 0 when none does."""
+        """Return (opcode, end) of the record that must start at `at`, opcode 0 when none does."""
         body = at + RECORD_HEAD.size
         if body > self.size:
             return 0, at
         opcode, length = RECORD_HEAD.unpack_from(self._data, at)
         end = body + length
-        if length > MAX_RECORD_BYTES or not self._believable(opcode, body, end, base):
+        if length > MAX_RECORD_BYTES or not self._is_valid(opcode, body, end, base):
             return 0, at
         return opcode, end
 
-    def _believable(self, opcode: int, body: int, end: int, base: Mapping[int, int]) -> bool:
+    def _is_valid(self, opcode: int, body: int, end: int, base: Mapping[int, int]) -> bool:
         if opcode == Opcode.MESSAGE:
             if end - body < MESSAGE_HEAD.size or body + MESSAGE_HEAD.size > self.size:
                 return False
@@ -262,10 +264,10 @@ class Salvage:
     def _in_time(self, number: int, time_ns: int, base: Mapping[int, int]) -> bool:
         if number in base:
             return _near(time_ns, [base[number]])
-        return abs(time_ns - self._usual_ns.get(number, time_ns)) <= _MOST_FORWARD_NS
+        return abs(time_ns - self._usual_ns.get(number, time_ns)) <= _MAX_STEP_FORWARD_NS
 
     def _next_record(self, start: int, base: Mapping[int, int], until: int | None = None) -> int:
-        """Return the next position from `start` at which a record must begin, or `until`, the end of the file."""
+        """Return the next position from `start` at which a record must start, or `until`, the end of the file."""
         at = start
         last = self.size if until is None else until
         while (match := _RECORD_START.search(self._data, at, last)) is not None:
@@ -273,7 +275,7 @@ class Salvage:
             opcode, end = self._plausible(at, base)
             if opcode in (Opcode.MESSAGE, Opcode.CHUNK):
                 return at
-            # The others say less about themselves: what follows must be a record as well.
+            # Other records have fewer checks, so a record must follow them.
             if opcode and (self.size - end < RECORD_HEAD.size or self._plausible(end, base)[0]):
                 return at
             at += 1
@@ -303,9 +305,9 @@ class Salvage:
             self.channels.setdefault(number, info)
 
     def _find_usual_times(self) -> None:
-        """Take the median time of each channel, since the first message may be a damaged one that says 0."""
+        """Use the median time of each channel, since a damaged first message may state 0."""
         times: dict[int, list[int]] = {}
-        for match in itertools.islice(_RECORD_START.finditer(self._data), _MOST_SAMPLES):
+        for match in itertools.islice(_RECORD_START.finditer(self._data), _MAX_TIME_SAMPLES):
             body = match.start() + RECORD_HEAD.size
             if self._data[match.start()] == Opcode.MESSAGE and body + MESSAGE_HEAD.size <= self.size:
                 number, _, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(self._data, body)
@@ -315,6 +317,6 @@ class Salvage:
 
 
 def _near(time_ns: int, bases_ns: Iterable[int]) -> bool:
-    """Tell whether a time follows one of those; anything does when there are none."""
+    """Return whether a time plausibly follows one of the others, or there are no others."""
     bases = tuple(bases_ns)
-    return not bases or any(-_MOST_BACK_NS <= time_ns - base <= _MOST_FORWARD_NS for base in bases)
+    return not bases or any(-_MAX_STEP_BACK_NS <= time_ns - base <= _MAX_STEP_FORWARD_NS for base in bases)

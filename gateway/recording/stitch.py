@@ -1,8 +1,8 @@
-"""Putting the bytes of torn places back into the links' streams, so that every frame that lost no byte passes again.
+"""Reassembly of the links' streams from torn places, so that every undamaged frame passes its checksum.
 
-A torn place holds what was left of a message, perhaps the rest of a damaged record header, and perhaps the end of a
-later message whose header is lost. A rest of a header must not stay between two halves of a frame. Which bytes are
-which is written nowhere, but frames tell: the cut is right where the frame across it passes its checksum.
+A torn place contains the rest of a message, possibly the rest of a damaged record header, and possibly the end of a
+later message whose header is lost. The rest of a header must not stay between two halves of a frame. The right cut is
+the one at which the frame across it passes its checksum.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from gateway.recording.evidence import (
     intact,
     ticks_in,
     unfinished,
-    without_strangers,
+    without_foreign_frames,
 )
 from gateway.recording.mcap_layout import RAW_ENCODING, ChannelInfo, raw_topic
-from gateway.recording.salvage import Indexed, Salvage, Torn, Whole
+from gateway.recording.salvage import CompleteMessage, IndexedMessage, Salvage, TornPlace
 
-_MOST_PIECES_AHEAD: Final = 4096
-# Enough for the rest of a frame and a whole one, which tells the hub's time.
+_MAX_PIECES_AHEAD: Final = 4096
+# Enough for the rest of a frame and a complete one, which has the hub's time.
 _AHEAD_BYTES: Final = 2 * REACH
 
 
 class Rescued(NamedTuple):
-    """A message for the repaired file."""
+    """Message for the repaired file."""
 
     channel: ChannelInfo
     log_time_ns: int
@@ -45,15 +45,15 @@ class Rescued(NamedTuple):
 
 @dataclass
 class Losses:
-    """What the stitching kept and gave up.
+    """Counts of recovered and lost data.
 
     Attributes:
-        torn_places: places where the chain of records was broken.
-        unverified: messages without a right checksum around them; their bytes are kept as they are.
-        bytes_kept: link bytes kept from torn places.
-        bytes_dropped: bytes of torn places that serve no frame.
-        compressed_chunks: damaged compressed chunks, lost whole.
-        topics_lost: messages of decoded topics that were damaged.
+        torn_places: places where the chain of records is broken.
+        unverified: messages outside a chunk with a correct checksum; their bytes are kept unchanged.
+        bytes_kept: link bytes recovered from torn places.
+        bytes_dropped: bytes of torn places that belong to no frame.
+        compressed_chunks: damaged compressed chunks, which are lost.
+        topics_lost: damaged messages of decoded topics.
     """
 
     torn_places: int = 0
@@ -65,26 +65,26 @@ class Losses:
 
 
 class _Ahead(NamedTuple):
-    """What follows a torn place.
+    """Data after a torn place.
 
     Attributes:
         streams: the next bytes of each link.
         time_ns: time of the next message.
-        sequences: number of the next message of each link that has one.
-        before: the message whose end stood right before it, None when not known.
+        sequences: sequence number of the next message of each link that has one.
+        before: the message that ended right before it, None when unknown.
     """
 
     streams: dict[int, bytes]
     time_ns: int
     sequences: dict[int, int]
-    before: Indexed | None
+    before: IndexedMessage | None
 
 
 class Stitcher:
-    """Turns pieces into messages, deciding at torn places from the streams before and after."""
+    """Conversion of pieces into messages, with torn places resolved by the streams before and after."""
 
     def __init__(self, salvage: Salvage) -> None:
-        """Stitch what `salvage` finds."""
+        """Prepare to stitch the pieces of `salvage`."""
         self.losses = Losses()
         self._salvage = salvage
         self._history: dict[int, LinkHistory] = defaultdict(LinkHistory)
@@ -95,7 +95,7 @@ class Stitcher:
     def messages(self) -> Iterator[Rescued]:
         """Yield the messages of the repaired file in order."""
         for piece in self._salvage.pieces():
-            if isinstance(piece, Whole):
+            if isinstance(piece, CompleteMessage):
                 yield from self._whole(piece)
                 continue
             self.losses.torn_places += 1
@@ -109,7 +109,7 @@ class Stitcher:
                 if len(self._links()) > 1:
                     yield from self._strays(bytes(piece.data), kept, ahead)
 
-    def _whole(self, piece: Whole) -> Iterator[Rescued]:
+    def _whole(self, piece: CompleteMessage) -> Iterator[Rescued]:
         number, sequence, time_ns, _, view = piece.message
         if piece.verified:
             self._adopt(piece)
@@ -126,10 +126,10 @@ class Stitcher:
         elif info is not None or _is_json(data):
             self.losses.topics_lost += 1
         else:
-            # Link bytes under a channel number that was damaged.
+            # Link bytes with a damaged channel number.
             yield from self._place(data, self._look_ahead(piece.end))
 
-    def _torn(self, piece: Torn, ahead: _Ahead) -> Iterator[Rescued]:
+    def _torn(self, piece: TornPlace, ahead: _Ahead) -> Iterator[Rescued]:
         data = bytes(piece.data)
         info = self._salvage.channels.get(piece.head.channel) if piece.head is not None else None
         if piece.head is None or info is None:
@@ -163,15 +163,15 @@ class Stitcher:
                 yield self._kept(number, ahead, best)
 
     def _foreign(self, data: bytes, number: int, stated: int, ahead: _Ahead) -> tuple[int, int, int] | None:
-        """Find the end of another link's message, whose header is lost, behind the begin of `number`'s.
+        """Find the end of another link's message, whose header is lost, after the start of the message of `number`.
 
         Returns:
-            The other link, where `number`'s part ends at the latest, where the other's begins at the earliest.
+            The other link, the latest end of the part of `number`, and the earliest start of the other part.
         """
         others = [link for link in self._links_missing(ahead) if link != number]
         if not others:
             return None
-        before = max(0, len(data) - ahead.before.most_bytes) if ahead.before is not None else 0
+        before = max(0, len(data) - ahead.before.max_bytes) if ahead.before is not None else 0
         runs = divide(frames_in(data), self._ticks_us([number, *others], ahead), number, (before, stated))
         for link in others:
             until = next((run.start for run in runs if run.link == link), len(data))
@@ -189,7 +189,7 @@ class Stitcher:
         return None
 
     def _place(self, data: bytes, ahead: _Ahead) -> Iterator[Rescued]:
-        """Give bytes of unknown origin to the link whose frames they hold, without the rest of a header."""
+        """Assign bytes of unknown origin to the link of their frames, without the rest of a header."""
         links = self._links_missing(ahead)
         runs = divide(frames_in(data), self._ticks_us(links, ahead)) if len(links) > 1 else []
         if len({run.link for run in runs}) > 1:
@@ -209,7 +209,7 @@ class Stitcher:
             yield self._kept(link, ahead, part)
 
     def _parts(self, link: int, head: bytes, rest: bytes, ahead: _Ahead) -> list[bytes]:
-        """Return what may be a link's part where `rest`, behind `head`, may hold bytes of no stream."""
+        """Return the candidates for a link's part, when `rest` after `head` may contain bytes of no stream."""
         following = ahead.streams.get(link, b"")
         keep = ending(rest, following)
         parts = [head + rest[:keep], head + rest]
@@ -220,53 +220,55 @@ class Stitcher:
         return parts
 
     def _best(self, link: int, parts: list[bytes], ahead: _Ahead) -> tuple[bytes, int]:
-        """Return the part with which most frames of a link pass, the first among equals, and how many it adds."""
+        """Return the part with which most frames of a link pass, the first of equal ones, and the number it adds."""
         before, behind = self._history[link].tail(), ahead.streams.get(link, b"")[:REACH]
         passing = [intact(before + part + behind) for part in parts]
         most = max(passing)
         return parts[passing.index(most)], most - intact(before + behind)
 
     def _ticks_us(self, links: list[int], ahead: _Ahead) -> dict[int, dict[int, int]]:
-        """Return the times of each link's hubs before the place, or behind it where nothing came before."""
+        """Return the times of each link's hubs before the place, or after it if there are none before."""
         return {link: {**ticks_in(ahead.streams.get(link, b"")), **self._history[link].ticks_us()} for link in links}
 
     def _look_ahead(self, position: int) -> _Ahead:
-        """Read on until every link has given enough bytes, or the next torn place."""
+        """Read until every link has enough bytes, or the limit of pieces is reached."""
         streams: dict[int, bytes] = dict.fromkeys(self._links(), b"")
         sequences: dict[int, int] = {}
         first_sequences: dict[int, int] = {}
         time_ns: int | None = None
         certain = dict.fromkeys(streams, True)
         for count, piece in enumerate(self._salvage.pieces(position, self._times_ns)):
-            if count > _MOST_PIECES_AHEAD or all(len(stream) >= _AHEAD_BYTES for stream in streams.values()):
+            if count > _MAX_PIECES_AHEAD or all(len(stream) >= _AHEAD_BYTES for stream in streams.values()):
                 break
-            message, data = (piece.head, piece.data) if isinstance(piece, Torn) else (piece.message, piece.message.data)
+            message, data = (
+                (piece.head, piece.data) if isinstance(piece, TornPlace) else (piece.message, piece.message.data)
+            )
             if message is None:
                 continue
             if time_ns is None:
                 time_ns = message.log_time_ns
             link = message.channel
             if link in streams:
-                # Bytes behind a message that is missing cannot belong to a frame before it.
+                # Bytes after a missing message cannot belong to a frame before it.
                 certain[link] &= message.sequence == sequences.get(link, message.sequence - 1) + 1
                 first_sequences.setdefault(link, message.sequence)
                 sequences[link] = message.sequence
                 if certain[link]:
-                    streams[link] += bytes(data[: piece.stated] if isinstance(piece, Torn) else data)
-                certain[link] &= not isinstance(piece, Torn) or len(piece.data) >= piece.stated
+                    streams[link] += bytes(data[: piece.stated] if isinstance(piece, TornPlace) else data)
+                certain[link] &= not isinstance(piece, TornPlace) or len(piece.data) >= piece.stated
         if time_ns is None:
             time_ns = max(self._times_ns.values(), default=0)
-        # An arrival that is not known must not be stated too early: that would upset the time base.
+        # An unknown arrival must not be stated too early, which would disturb the time base.
         return _Ahead(streams, time_ns, first_sequences, self._salvage.message_before(position, self._times_ns))
 
     def _links(self) -> list[int]:
         return [number for number, info in self._salvage.channels.items() if info.encoding == RAW_ENCODING]
 
     def _links_missing(self, ahead: _Ahead) -> list[int]:
-        """Return the links of which a message without header may lie here."""
+        """Return the links that may have a message without header here."""
         links = self._links()
         after = ahead.sequences
-        # Consecutive numbers say that none is missing.
+        # With consecutive numbers, none is missing.
         missing = [link for link in links if link not in after or after[link] != self._sequences.get(link, -1) + 1]
         if ahead.before is None:
             return missing
@@ -275,7 +277,7 @@ class Stitcher:
         return [channel] if channel in links and not known else []
 
     def _kept(self, number: int, ahead: _Ahead, data: bytes) -> Rescued:
-        own = without_strangers(data, self._span(number, ahead))
+        own = without_foreign_frames(data, self._span(number, ahead))
         self.losses.bytes_kept += len(own)
         self.losses.bytes_dropped += len(data) - len(own)
         return self._link_bytes(number, ahead.time_ns, own)
@@ -284,7 +286,7 @@ class Stitcher:
         return Span(self._history[link].ticks_us(), ticks_in(ahead.streams.get(link, b"")))
 
     def _strays(self, data: bytes, kept: list[Rescued], ahead: _Ahead) -> Iterator[Rescued]:
-        """Yield frames that were given to no link though they fit one: several messages may have met in one place."""
+        """Yield frames that fit one link but were not assigned, as one place may contain parts of several messages."""
         for frame in frames_in(data):
             whole = data[frame.start : frame.end]
             fitting = [link for link in self._links() if self._span(link, ahead).admits(frame)]
@@ -297,14 +299,14 @@ class Stitcher:
         return Rescued(self._salvage.channels[number], time_ns, data)
 
     def _adopt_undeclared_links(self) -> None:
-        """Where every declaration of the links is lost, look for their bytes before anything else is decided."""
+        """Find the links by their bytes, if all their declarations are lost."""
         if not self._links():
             for piece in self._salvage.pieces():
-                if isinstance(piece, Whole) and self._adopt(piece):
+                if isinstance(piece, CompleteMessage) and self._adopt(piece):
                     return
 
-    def _adopt(self, piece: Whole) -> bool:
-        """Take an undeclared channel for a link's when its messages are no JSON."""
+    def _adopt(self, piece: CompleteMessage) -> bool:
+        """Treat an undeclared channel as a link if its messages are not JSON."""
         number = piece.message.channel
         if number in self._salvage.channels or _is_json(bytes(piece.message.data)):
             return False

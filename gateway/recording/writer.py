@@ -1,8 +1,9 @@
-"""Recording link items as they arrive, before anything decodes them."""
+"""Writer of recordings: link items as they arrive, before they are decoded."""
 
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -30,31 +31,33 @@ from gateway.recording.schemas import TopicSchema, schema_of
 
 FLUSH_INTERVAL_NS: Final = 100_000_000
 
+_logger = logging.getLogger(__name__)
+
 
 class _Pace:
-    """When a flush is due by one time base. Items and the clock have one each: they need not run together."""
+    """Flush interval in one time base; items and the clock have different ones."""
 
     def __init__(self, start_ns: int) -> None:
         self._seen_ns = start_ns
         self._flushed_ns = start_ns
 
     def due(self, now_ns: int) -> bool:
-        """Return whether so much time has passed since the last flush."""
+        """Return whether the flush interval has passed since the last flush."""
         self._seen_ns = now_ns
-        # Links' clocks never differ by a second; a bigger step back is a new time base.
+        # The clocks of links never differ by a second; a larger step back is a new time base.
         return not -1_000_000_000 < now_ns - self._flushed_ns < FLUSH_INTERVAL_NS
 
     def flushed(self) -> None:
-        """Note a flush: what was seen last of this time base lies before it."""
+        """Note a flush after the latest time seen."""
         self._flushed_ns = self._seen_ns
 
 
 class RecordingWriter:
-    """Writes a recording. Safe to use from several threads.
+    """Writer of a recording, safe to use from several threads.
 
-    All is flushed to the operating system when 0.1 s of the items' own time has passed since the last flush; `tick`
-    does the same by the clock when nothing arrives. Items may run ahead of the clock or behind it, as of a simulation
-    that is faster than real time: were both held against one mark, every item and every tick would end a chunk.
+    Data is flushed to the operating system when 0.1 s of the items' own time has passed since the last flush; `tick`
+    does the same by the clock when nothing arrives. Items may run ahead of or behind the clock, for example in a
+    simulation faster than real time. If both shared one mark, every item and every tick would end a chunk.
     """
 
     def __init__(
@@ -63,10 +66,10 @@ class RecordingWriter:
         """Create the file.
 
         Args:
-            path: a new file, or a directory in which a name is made from the start time.
+            path: a new file, or a folder for a file named after the start time.
             start_ns: start of the session, ns since the epoch.
-            vehicle_toml: configuration text kept with the recording.
-            sources: URIs of the sources, for the reader's information.
+            vehicle_toml: text of the vehicle configuration.
+            sources: URIs of the sources, for information.
 
         Raises:
             RecordingError: the file exists, or cannot be created.
@@ -88,22 +91,23 @@ class RecordingWriter:
         self._session = seal(self._session)
         self._output.add_metadata(SESSION_METADATA, self._session)
         self._output.flush()
+        _logger.info("recording to %s", self.path)
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """Path of the file."""
         return self._output.path
 
     @property
     def size_bytes(self) -> int:
-        """Size so far, without the 0.1 s not written yet."""
+        """Size so far, without the current chunk of up to 0.1 s."""
         return self._output.size_bytes
 
     def write(self, item: LinkItem) -> None:
         """Record a chunk, an event or a mark.
 
         Raises:
-            RecordingError: the disk is full or gone; what was written stays readable.
+            RecordingError: the disk is full or gone; the written part stays readable.
         """
         with self._lock:
             if isinstance(item, Chunk):
@@ -118,18 +122,18 @@ class RecordingWriter:
             self._flush_when_due(self._item_pace, item.host_ns)
 
     def write_topic(self, topic: str, host_ns: int, payload: Mapping[str, Any]) -> None:
-        """Record a decoded quantity beside the bytes; topics and fields as in `schemas`.
+        """Record a decoded quantity; topics and fields as in `schemas`.
 
         Raises:
             RecordingError: the disk is full or gone.
             ValueError: an unknown topic, or a required field is missing.
         """
         with self._lock:
-            # No flush by its time: what was decoded may lag far behind the items; their next one or `tick` flushes.
+            # Decoded values may lag far behind the items, so their time causes no flush; the next item or `tick` does.
             self._add_json(topic, host_ns, payload)
 
     def tick(self, now_ns: int) -> None:
-        """Flush when 0.1 s have passed since the last flush; nothing after `close`.
+        """Flush if 0.1 s has passed since the last flush; does nothing after `close`.
 
         Raises:
             RecordingError: the disk is full or gone.
@@ -139,7 +143,7 @@ class RecordingWriter:
                 self._flush_when_due(self._clock_pace, now_ns)
 
     def sync(self) -> None:
-        """Hand what was written to the disk itself; may take as long as the disk does.
+        """Write all data through to the disk, which may take long.
 
         Raises:
             RecordingError: the disk is full or gone.
@@ -158,9 +162,10 @@ class RecordingWriter:
             if self._output.closed:
                 return
             if not self._output.failed:
-                # Once more at the end: a damaged beginning must not cost the configuration.
+                # Repeated at the end, so that a damaged start does not lose the configuration.
                 self._output.add_metadata(SESSION_METADATA, self._session)
             self._output.close()
+            _logger.info("closed %s: %d bytes", self.path, self._output.size_bytes)
 
     def _register_raw(self, link: str) -> int:
         number = self._output.register(ChannelInfo(raw_topic(link), RAW_ENCODING, link))
@@ -199,4 +204,4 @@ def _choose_path(path: Path, start_ns: int) -> Path:
         candidate = path / (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap")
         if not candidate.exists():
             return candidate
-    raise RecordingError(f"no free name for a recording in '{path}'", "Give a file name.")
+    raise RecordingError(f"there is no free name for a recording in '{path}'", "Give a file name.")

@@ -14,8 +14,7 @@ from firmware_protocol.batch import FrameBatch
 from gateway.closure.collecting import RevolutionStore
 from gateway.closure.group_making import Declared, make_groups
 from gateway.closure.observation import Group, Remark
-from gateway.config.vehicle import VehicleConfig, Wheel
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import VehicleConfig, Wheel, parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, Reason
@@ -87,7 +86,7 @@ class RecordingRead:
     clock_error: tuple[float, float] = UNKNOWN
     assumed: tuple[Remark, ...] = ()
     stated: tuple[Remark, ...] = ()
-    damage: str | None = None
+    damage: Reason | None = None
     sensor_id: int | None = None
     notices: tuple[Notice, ...] = ()
     remarks: tuple[Reason, ...] = ()
@@ -194,7 +193,7 @@ def _reduced(
     last: RevolutionResult,
     vehicle: VehicleConfig | None,
     *,
-    damage: str | None,
+    damage: Reason | None,
     notices: tuple[Notice, ...],
 ) -> RecordingRead:
     """Return the recording as groups; `last` is the last revolution of the wheel."""

@@ -84,7 +84,7 @@ class CorrectionTable:
     def refusal(self, omega_radps: float, load_n: float | None, pressure_pa: float | None) -> Reason | None:
         """Return why the table does not hold under these conditions; None when it does.
 
-        What is not known of the conditions is not held against them.
+        Unknown conditions are taken to be within range.
         """
         low, high = self.omega_range_radps
         if not low <= omega_radps <= high:

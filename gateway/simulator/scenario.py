@@ -51,7 +51,7 @@ def parse_scenario(text: str, origin: str) -> Scenario:
     """Return the scenario in a TOML text; `origin` names it in messages.
 
     Raises:
-        ConfigError: naming every fault as `origin: key: value found, what is allowed`.
+        ConfigError: with one line for each fault, `origin: key: value found, problem`.
     """
     return parse_document(Scenario, text, origin, scenario_faults)
 

@@ -12,12 +12,12 @@ from gateway.config.validation import Fault, show
 def scenario_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield the inconsistencies between keys."""
     wheels = [item for item in _list(data.get("wheel")) if isinstance(item, Mapping)]
-    taken = "another wheel has it already; each needs its own"
+    taken = "another wheel has the same; they must be unique"
     yield from _repeated("wheel", "position", [show(wheel.get("position")) for wheel in wheels], taken)
     addresses = [f"hub = {show(wheel.get('hub', 0))}, wheel = {show(wheel.get('wheel'))}" for wheel in wheels]
     yield from _repeated("wheel", "wheel", addresses, taken)
     hubs = [show(hub.get("hub")) for hub in _list(data.get("hub")) if isinstance(hub, Mapping)]
-    yield from _repeated("hub", "hub", hubs, "another table describes this hub; keep one")
+    yield from _repeated("hub", "hub", hubs, "another table describes this hub too; keep only one")
     yield from _section_faults("", data, data)
     for number, wheel in enumerate(wheels, 1):
         yield from _section_faults(f"wheel[{wheel.get('position', f'#{number}')}].", wheel, data)
@@ -35,7 +35,7 @@ def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any
     sensor, tire, motion = merged["sensor"], merged["tire"], merged["motion"]
     bandwidth, rate = _number(sensor.get("bandwidth_hz")), _number(sensor.get("rate_hz", 9600.0))
     if _given(own["sensor"], "bandwidth_hz", "rate_hz") and bandwidth > 0.45 * rate:
-        allowed = f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}; leave it out for the whole band"
+        allowed = f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}; leave it out for full bandwidth"
         yield Fault(f"{where}sensor.bandwidth_hz", show(bandwidth), allowed)
     loose = _number(merged["defect"].get("loose_hz"))
     if (_given(own["sensor"], "rate_hz") or _given(own["defect"], "loose_hz")) and loose > 0.45 * rate:
@@ -46,14 +46,16 @@ def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any
         yield Fault(f"{where}tire.wear_mm", show(wear), allowed)
     drum, radius = _number(tire.get("drum_radius_mm")), _number(tire.get("radius_mm", 320.0))
     if _given(own["tire"], "drum_radius_mm", "radius_mm") and -radius <= drum <= 0.0:
-        allowed = f"allowed: more than 0, or below -radius_mm = {-radius:g} for an inner drum"
+        allowed = f"allowed: above 0, or below -radius_mm = {-radius:g} for an inner drum"
         yield Fault(f"{where}tire.drum_radius_mm", show(drum), allowed)
     speed = motion.get("speed_kmh")
     stated = _given(own["motion"], "repeat", "speed_kmh") and motion.get("repeat") is True
     if stated and isinstance(speed, list) and len(speed) > 1:
         ends = [point[1] for point in (speed[0], speed[-1]) if isinstance(point, list) and len(point) == 2]
         if len(ends) == 2 and ends[0] != ends[1]:
-            yield Fault(f"{where}motion.speed_kmh", show(speed), "repeated, it must end at the speed it begins with")
+            yield Fault(
+                f"{where}motion.speed_kmh", show(speed), "a repeated speed must end at the value it starts with"
+            )
 
 
 def _given(table: Mapping[str, Any], *names: str) -> bool:

@@ -65,7 +65,7 @@ def constant(value: float) -> Series:
 
 def in_range(low: float, high: float) -> PlainValidator:
     """Return the pydantic validator of a `Series` whose values lie from `low` to `high`."""
-    allowed = f"a number {low:g} to {high:g}, or a list of [t_s, value] points with increasing times"
+    allowed = f"a number from {low:g} to {high:g}, or a list of [t_s, value] points with increasing times"
 
     def read(value: object) -> Series:
         if isinstance(value, Series):
@@ -89,7 +89,7 @@ def in_range(low: float, high: float) -> PlainValidator:
 
 def per_axis(low: float, high: float) -> PlainValidator:
     """Return the pydantic validator of three numbers (circumferential, lateral, radial), or one for all three."""
-    allowed = f"a number {low:g} to {high:g}, or three of them: circumferential, lateral, radial"
+    allowed = f"a number from {low:g} to {high:g}, or three of them: circumferential, lateral, radial"
 
     def read(value: object) -> tuple[float, float, float]:
         items = value if isinstance(value, list | tuple) else (value, value, value)

@@ -15,12 +15,12 @@ from gateway.reasons import Level, Notice, Reason
 from gateway.types import FloatArray
 from gateway.views.wording import as_json, notice_text
 
-# The waveform topic is for plots: every sample is in the raw bytes.
+# The waveform topic is for plots only: the raw bytes in the same recording hold every sample.
 _WAVEFORM_POINTS: Final = 256
 
 
 def _finite(entries: dict[str, float | int | None]) -> dict[str, Any]:
-    """Leave out unknown values: JSON has no NaN."""
+    """Return the entries that are finite numbers: JSON has no NaN."""
     return {key: value for key, value in entries.items() if value is not None and math.isfinite(value)}
 
 
@@ -80,7 +80,7 @@ def waveform_payload(result: RevolutionResult, average_mps2: FloatArray) -> dict
 
 
 def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str, Any]] | None:
-    """Return topic and payload of a slow message, None for those recorded as bytes only."""
+    """Return topic and payload of a slow message; None for messages that are recorded only as bytes."""
     message = frame.message
     if isinstance(message, Environment):
         return f"/wheel/{position}/environment", _finite(message._asdict())
@@ -123,6 +123,6 @@ def notice_payload(notice: Notice, link: str) -> dict[str, Any]:
 
 
 def log_level(message: LogText) -> str:
-    """Return the name of a severity; an unknown level counts as info."""
+    """Return the severity in words; an unknown level counts as info."""
     known = {level.value: level.name.lower() for level in LogLevel}
     return known.get(message.level, "info")

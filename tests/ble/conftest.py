@@ -13,7 +13,7 @@ from gateway.io.source import Source
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PROGRAM, PrivateBus
 from gateway.simulator.bluetooth.peripheral import Peripheral
-from tests.io.hub_ends import Reader
+from tests.testkit.hub_ends import Reader
 
 ADDRESSES = [f"C0:FF:EE:00:00:{number:02X}" for number in range(1, 9)]
 

@@ -23,7 +23,7 @@ from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
 from gateway.simulator.bluetooth.peripheral import Peripheral
 from tests.ble.conftest import ADDRESSES, require_dbus_daemon, settle
-from tests.io.hub_ends import TIMEOUT_S
+from tests.testkit.hub_ends import TIMEOUT_S
 
 ROOT = Path(__file__).parents[2]
 TREADLINK = [sys.executable, "-m", "gateway.cli"]
@@ -43,8 +43,8 @@ def test_scan_lists_hubs_with_signal_and_battery(bluez: BluezStandIn, hub: Perip
     lines = done.output.splitlines()
     assert [" ".join(line.split()) for line in lines] == [
         f"ble://Treadlink-FL -57 dBm battery 83 % Treadlink-FL at {ADDRESSES[0]}",
-        f"ble://Hub%202 -70 dBm battery not told Hub 2 at {ADDRESSES[1]}",
-        "No serial port is present.",
+        f"ble://Hub%202 -70 dBm battery unknown Hub 2 at {ADDRESSES[1]}",
+        "No serial port found.",
     ]
     assert "Scales" in CliRunner().invoke(scan, ["--timeout", "0.2", "--all"]).output
 
@@ -54,7 +54,7 @@ def test_scan_gives_addresses_for_equal_names(bluez: BluezStandIn, hub: Peripher
     bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL", rssi_dbm=-70))
     output = CliRunner().invoke(scan, ["--timeout", "0.2"]).output
     assert f"ble://{ADDRESSES[0]} " in output
-    assert "Several are named 'Treadlink-FL': give the address." in output
+    assert "Several hubs are named 'Treadlink-FL'. Give the address." in output
     report = json.loads(CliRunner().invoke(scan, ["--timeout", "0.2", "--json"]).output)
     assert report["bluetooth_fault"] is None
     assert report["serial_ports"] == []
@@ -75,7 +75,7 @@ def test_scan_without_adapter_continues(bus: PrivateBus) -> None:
         done = CliRunner().invoke(scan, ["--timeout", "0.1"])
     assert done.exit_code == 0
     assert "Bluetooth: this computer has no Bluetooth adapter" in done.output
-    assert "No serial port is present." in done.output
+    assert "No serial port found." in done.output
 
 
 def test_doctor_checks_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
@@ -152,7 +152,7 @@ def test_simulator_as_a_hub_on_bluetooth(demo: tuple[subprocess.Popen[str], dict
     assert process.stdout is not None
     rest = process.stdout.read()
     assert process.wait(TIMEOUT_S) == 0
-    assert rest.count("somebody listens") == rest.count("nobody listens any more") == 2
+    assert rest.count(": subscribed") == rest.count(": no longer subscribed") == 2
 
 
 @pytest.mark.parametrize("arguments", [["--ble", "--pty"], ["--ble", "--fault", "flip:rate=0.01"], []])

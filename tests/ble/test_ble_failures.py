@@ -26,7 +26,7 @@ from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
 from gateway.simulator.bluetooth.peripheral import Peripheral
 from tests.ble.conftest import ADDRESSES, settle
-from tests.io.hub_ends import Reader
+from tests.testkit.hub_ends import Reader
 
 Read = Callable[[Source], Reader]
 

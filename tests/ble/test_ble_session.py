@@ -26,7 +26,7 @@ from firmware_protocol.messages import (
     TimeSync,
 )
 from gateway.clock import ManualClock, SystemClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import SourceError
 from gateway.io.ble_source import BleSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, open_source
@@ -42,7 +42,7 @@ from gateway.simulator.simulation import simulate
 from gateway.simulator.simulator_source import SimulatorSource
 from gateway.views.session_summary import ResultSummary
 from gateway.views.wording import text
-from tests.io.hub_ends import TIMEOUT_S, Reader
+from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]
 NOW_NS = 1_700_000_000_000_000_000

@@ -23,7 +23,7 @@ from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.peripheral import UART_FROM_HUB, UART_TO_HUB, Peripheral
 from gateway.views.wording import text
 from tests.ble.conftest import ADDRESSES
-from tests.io.hub_ends import TIMEOUT_S, Reader
+from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]
 SCAN = "scan=0.5"

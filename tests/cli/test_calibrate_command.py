@@ -1,4 +1,4 @@
-"""`treadlink calibrate` on recordings of the simulator, and its result in a vehicle file."""
+"""Tests of `treadlink calibrate` with simulated recordings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, TreadlinkError
 from tests.testkit.simulated_wheel import last, simulated
 
@@ -35,7 +35,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return made
 
 
-def test_result_in_a_vehicle_file_gives_load_and_wear(recordings: list[Path], tmp_path: Path) -> None:
+def test_calibration_gives_load_and_wear(recordings: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "tire.toml"
     text = run("calibrate", *recordings, "--out", out)
     assert "left out" in text
@@ -56,13 +56,13 @@ def test_result_in_a_vehicle_file_gives_load_and_wear(recordings: list[Path], tm
     assert found["wear_mm"].value == pytest.approx(0.5, abs=0.15)
 
 
-def test_without_out_the_tables_are_printed(recordings: list[Path]) -> None:
+def test_tables_are_printed_without_out(recordings: list[Path]) -> None:
     text = run("calibrate", recordings[0], "--wheel", "FL")
     assert "[tire.load_calibration]" in text
     assert "three recordings" in text
 
 
-def test_an_existing_file_is_kept(recordings: list[Path], tmp_path: Path) -> None:
+def test_existing_file_is_kept_without_force(recordings: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "tire.toml"
     out.write_text("mine")
     with pytest.raises(TreadlinkError, match="exists already"):
@@ -72,13 +72,13 @@ def test_an_existing_file_is_kept(recordings: list[Path], tmp_path: Path) -> Non
     assert "load_calibration" in out.read_text()
 
 
-def test_a_wheel_that_is_not_there(recordings: list[Path]) -> None:
+def test_unknown_wheel_is_an_error(recordings: list[Path]) -> None:
     with pytest.raises(TreadlinkError, match="no wheel") as caught:
         run("calibrate", recordings[0], "--wheel", "RR")
     assert "RR" in caught.value.remedy
 
 
-def test_a_calibration_upside_down_is_a_fault() -> None:
+def test_inverted_calibration_range_is_a_fault() -> None:
     tables = """[tire.load_calibration]
 load_n = 5000
 half_angle_rad = 0.2

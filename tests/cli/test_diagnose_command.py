@@ -1,4 +1,4 @@
-"""`treadlink diagnose` and --effects as a user runs them. The diagnosis itself has tests of its own."""
+"""Tests of `treadlink diagnose` and --effects as a user runs them; the diagnosis itself is tested elsewhere."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from gateway.closure.observation import Campaign
 from gateway.config.effects_file import load_effects
 from gateway.errors import OutputError, TreadlinkError
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
-from tests.closure.campaign_recordings import write_recording
-from tests.closure.diagnosis_data import empty, ordinary
+from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.diagnosis_data import empty, ordinary
 
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 OMEGA = 60 / 3.6 / 0.32
@@ -50,7 +50,7 @@ def pair(tmp_path_factory):
 
 @pytest.fixture
 def closed(monkeypatch):
-    """Let the closure return what is set here, and keep what it was asked."""
+    """Replace the diagnosis by a prepared result, and record its arguments."""
     asked = []
     answer = [replace(ordinary(), correction=table())]
 
@@ -74,7 +74,7 @@ def refused(*arguments):
     return str(result.exception), result.exception.remedy
 
 
-def test_the_closure_is_asked_what_the_user_asked(closed, recording):
+def test_options_reach_the_diagnosis(closed, recording):
     asked, _ = closed
     result = run(recording, "--model", "paper", "--empirical", "--jobs", "3", "--folds", "4")
     assert result.exit_code == 0, result.output
@@ -88,7 +88,7 @@ def test_the_closure_is_asked_what_the_user_asked(closed, recording):
     assert options["jobs"] == 3
 
 
-def test_a_summary_of_about_ten_lines_and_every_file_that_was_asked_for(closed, recording, tmp_path):
+def test_summary_and_all_files_are_written(closed, recording, tmp_path):
     json_path, html_path, effects_path = (tmp_path / name for name in ("a.json", "a.html", "a.effects.json"))
     result = run(recording, "--json", json_path, "--html", html_path, "--save-effects", effects_path)
     assert result.exit_code == 0, result.output
@@ -103,15 +103,15 @@ def test_a_summary_of_about_ten_lines_and_every_file_that_was_asked_for(closed, 
     assert load_effects(effects_path).effects == table().effects
 
 
-def test_what_the_recordings_say_of_themselves_is_among_the_notes(closed, recording, tmp_path):
-    """Two recordings of the same time."""
+def test_notes_on_recordings_are_reported(closed, recording, tmp_path):
+    """Two recordings with the same start time."""
     again = write_recording(tmp_path / "again.mcap", AT_60, seed=7, duration_s=4.0)
     out = tmp_path / "a.json"
     assert run(recording, again, "--json", out, "--jobs", "1").exit_code == 0
     assert "one after another" in out.read_text()
 
 
-def test_reverse_recordings_are_named(closed, recording):
+def test_reverse_recordings_must_be_among_the_recordings(closed, recording):
     asked, _ = closed
     assert run(recording, "--reverse", recording).exit_code == 0
     assert asked[0][0].groups[0].conditions.reverse
@@ -119,7 +119,7 @@ def test_reverse_recordings_are_named(closed, recording):
     assert "other.mcap" in message
 
 
-def test_several_wheels_need_a_choice(closed, pair):
+def test_several_wheels_require_a_choice(closed, pair):
     message, remedy = refused(pair)
     assert "W0, W1" in message
     assert "--wheel" in remedy
@@ -127,7 +127,7 @@ def test_several_wheels_need_a_choice(closed, pair):
     assert closed[0][0][0].wheel == "W1"
 
 
-def test_what_cannot_work_is_told_before_the_work(closed, recording, tmp_path):
+def test_invalid_arguments_are_reported_before_the_work(closed, recording, tmp_path):
     asked, _ = closed
     there = tmp_path / "there.json"
     there.write_text("precious")
@@ -141,23 +141,23 @@ def test_what_cannot_work_is_told_before_the_work(closed, recording, tmp_path):
     assert there.read_text() != "precious"
 
 
-def test_absent_recordings_and_wrong_words_are_told(closed, tmp_path):
-    assert "no recording" in refused(tmp_path / "absent.mcap")[0]
+def test_missing_recordings_and_unknown_models_are_reported(closed, tmp_path):
+    assert "does not exist" in refused(tmp_path / "absent.mcap")[0]
     assert run().exit_code == 2
     assert run(tmp_path / "a.mcap", "--model", "cubic").exit_code == 2
     assert closed[0] == []
 
 
-def test_nothing_named_is_nothing_to_save(closed, recording, tmp_path):
+def test_effects_file_requires_an_identified_effect(closed, recording, tmp_path):
     closed[1][0] = replace(empty(), correction=None)
     out, effects = tmp_path / "a.json", tmp_path / "e.json"
     message, _ = refused(recording, "--json", out, "--save-effects", effects)
-    assert "no effect was named" in message
+    assert "no effect was identified" in message
     assert out.exists()
     assert not effects.exists()
 
 
-def test_what_is_saved_and_what_is_not_is_told(closed, recording, tmp_path):
+def test_saved_and_unsaved_effects_are_reported(closed, recording, tmp_path):
     first = replace(ordinary().findings[0], name="imbalance")
     ply_steer = replace(first, name="ply steer")
     closed[1][0] = replace(ordinary(), findings=(first, ply_steer), correction=table())
@@ -166,7 +166,7 @@ def test_what_is_saved_and_what_is_not_is_told(closed, recording, tmp_path):
     assert lines[-1] == f"written: {path} with imbalance; ply steer is left for the estimators to measure"
 
 
-def test_one_file_that_cannot_be_written_does_not_take_the_others(closed, recording, tmp_path, monkeypatch):
+def test_one_unwritable_file_does_not_prevent_the_others(closed, recording, tmp_path, monkeypatch):
     def full(*_arguments, **_options):
         raise OutputError("the disk is full", "Free some space.")
 
@@ -176,11 +176,11 @@ def test_one_file_that_cannot_be_written_does_not_take_the_others(closed, record
     result = run(recording, "--json", tmp_path / "a.json", "--html", html, "--save-effects", effects)
     assert str(result.exception) == "the disk is full"
     assert f"written: {html}" in result.output
-    assert f"'{effects}' is not written: no effect was named. live and" in result.output
+    assert f"'{effects}' is not written: no effect was identified. live and" in result.output
     assert html.exists()
 
 
-def test_two_outputs_have_two_names(closed, recording, tmp_path):
+def test_outputs_need_different_names(closed, recording, tmp_path):
     path = tmp_path / "a"
     message, remedy = refused(recording, "--json", path, "--html", tmp_path / "." / "a")
     assert "one file" in message
@@ -189,19 +189,19 @@ def test_two_outputs_have_two_names(closed, recording, tmp_path):
     assert run(recording, "--json", "/dev/null", "--html", "/dev/null").exit_code == 0
 
 
-def test_a_folder_is_no_recording(closed, tmp_path):
+def test_folder_is_not_a_recording(closed, tmp_path):
     message, remedy = refused(tmp_path)
     assert "is a folder" in message
     assert "*.mcap" in remedy
 
 
-def test_a_process_that_was_ended_is_told(recording, monkeypatch):
+def test_terminated_process_is_reported(recording, monkeypatch):
     def ended(*_arguments, **_options):
         raise BrokenProcessPool("A process in the process pool was terminated abruptly")
 
     monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose", ended)
     message, remedy = refused(recording)
-    assert "ended from outside" in message
+    assert "terminated from outside" in message
     assert "--jobs 1" in remedy
 
 
@@ -220,14 +220,14 @@ class TestEffectsFiles:
         assert result.exit_code == 0, result.exception
         return out.read_text(), result.output
 
-    def test_estimate_takes_them_off_and_says_so(self, saved, recording, tmp_path):
+    def test_estimate_subtracts_and_reports_effects(self, saved, recording, tmp_path):
         plain, _ = self.radial_of(tmp_path / "plain", recording)
         freed, printed = self.radial_of(tmp_path / "freed", recording, "--effects", saved)
         assert "subtracted from its axes: imbalance" in printed
         assert plain.splitlines()[0] == freed.splitlines()[0]
         assert plain.splitlines()[-1] != freed.splitlines()[-1]
 
-    def test_beyond_their_load_none_are_said_to_be_taken_off(self, closed, recording, tmp_path):
+    def test_effects_beyond_their_load_range_are_not_subtracted(self, closed, recording, tmp_path):
         closed[1][0] = replace(ordinary(), correction=table(load_range_n=(3000.0, 4000.0)))
         path = tmp_path / "w0.effects.json"
         assert run(recording, "--save-effects", path).exit_code == 0
@@ -238,7 +238,7 @@ class TestEffectsFiles:
         )
         assert "W0: taken off its axes at 48 to 72 km/h, 3000 to 4000 N: imbalance" in result.output
 
-    def test_replay_gives_the_same_as_estimate(self, saved, recording, tmp_path):
+    def test_replay_subtracts_effects_reproducibly(self, saved, recording, tmp_path):
         def lines(*more):
             arguments = ["replay", str(recording), "--speed", "max", "--plain", *map(str, more)]
             result = CliRunner().invoke(treadlink, arguments)
@@ -248,7 +248,7 @@ class TestEffectsFiles:
         assert lines() != lines("--effects", saved)
         assert lines("--effects", saved) == lines("--effects", saved)
 
-    def test_of_another_wheel_they_are_refused(self, saved, tmp_path):
+    def test_effects_of_another_vehicle_are_rejected(self, saved, tmp_path):
         other = write_recording(tmp_path / "bare.mcap", AT_60, duration_s=3.0, configured=False)
         result = CliRunner().invoke(treadlink, ["estimate", str(other), "--effects", str(saved)])
         assert isinstance(result.exception, TreadlinkError)

@@ -1,4 +1,4 @@
-"""The command as a user runs it: real processes, files and pseudo-terminals."""
+"""End-to-end tests of the command with real processes, files and pseudo-terminals."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def rows_of(path):
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """A recording made by `treadlink live` from the simulator, and what it printed."""
+    """A recording of the simulator by `treadlink live`, and its output."""
     path = tmp_path_factory.mktemp("cli") / "lab.mcap"
     done = treadlink("live", "sim:lab?speed=max&duration=8", "--plain", "--record", path)
     return path, done.stdout
 
 
-def test_live_prints_a_line_a_revolution_and_ends_with_a_summary(recording):
+def test_live_prints_revolutions_and_a_summary(recording):
     path, printed = recording
     assert "km/h" in next(line for line in printed.splitlines() if not line.startswith("#"))
     assert "revolutions" in printed
@@ -71,7 +71,7 @@ def test_replay_prints_the_same_lines(recording):
     assert len(of_wheels(again)) > 40
 
 
-def test_estimate_gives_tables_and_the_same_from_another_run(recording, tmp_path):
+def test_estimate_writes_reproducible_tables(recording, tmp_path):
     path, _ = recording
     treadlink(
         "estimate", path, "--csv", tmp_path / "a.csv", "--json", tmp_path / "a.jsonl", "--parquet", tmp_path / "a.pq"
@@ -90,7 +90,7 @@ def test_estimate_gives_tables_and_the_same_from_another_run(recording, tmp_path
     assert "--force" in again.stderr
 
 
-def test_the_measured_recording_comes_out_as_revolutions(tmp_path):
+def test_measured_recording_gives_revolutions(tmp_path):
     if not MEASURED.exists():
         pytest.skip(f"the measured recording is not at {MEASURED}")
     treadlink("import", MEASURED, "--map", MAP, "--out", tmp_path / "drum.mcap")
@@ -107,7 +107,7 @@ def test_the_measured_recording_comes_out_as_revolutions(tmp_path):
 
 
 class Hub:
-    """A hub on a real pseudo-terminal, played by the simulator."""
+    """A simulated hub on a real pseudo-terminal."""
 
     def __init__(self, scenario, duration_s, faults=(), seed=2):
         self.master, self.slave = os.openpty()
@@ -118,7 +118,7 @@ class Hub:
         self.sent = b""
 
     def play(self):
-        """Write everything; the pseudo-terminal's small buffer paces it."""
+        """Write all bytes, paced by the small buffer of the pseudo-terminal."""
         for chunk in self.simulation.chunks("pty", 0):
             self.sent += chunk.data
             view = memoryview(chunk.data)
@@ -130,7 +130,7 @@ class Hub:
         os.close(self.master)
 
 
-def test_a_bad_serial_link_loses_only_what_is_damaged_and_counts_all_of_it(tmp_path):
+def test_bad_serial_link_loses_only_damaged_frames(tmp_path):
     hub = Hub("demo", 6.0, ["flip:rate=0.01", "drop:rate=0.01"])
     clean = b"".join(c.data for c in simulate(load_scenario("demo"), seed=2, duration_s=6.0).chunks("pty", 0))
     config = tmp_path / "vehicle.toml"
@@ -174,7 +174,7 @@ def test_a_bad_serial_link_loses_only_what_is_damaged_and_counts_all_of_it(tmp_p
 
 
 def wait_until_recorded(path: Path, size: int) -> None:
-    """Wait, bounded, until the recording holds `size` link bytes."""
+    """Wait for a limited time until the recording contains `size` link bytes."""
     ticker = threading.Event()
     for _ in range(TIMEOUT_S * 10):
         ticker.wait(0.1)
@@ -197,7 +197,7 @@ def wait_until_recorded(path: Path, size: int) -> None:
         (("live", "sim:demo?speed=fast"), ("speed", "fast")),
     ],
 )
-def test_a_wrong_call_names_the_thing_and_the_remedy(arguments, words, tmp_path):
+def test_errors_name_the_cause_and_the_remedy(arguments, words, tmp_path):
     done = treadlink(*arguments, cwd=tmp_path, check=False)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
@@ -205,7 +205,7 @@ def test_a_wrong_call_names_the_thing_and_the_remedy(arguments, words, tmp_path)
         assert word in done.stderr
 
 
-def test_recording_over_a_file_is_refused(recording, tmp_path):
+def test_existing_recording_is_not_overwritten(recording, tmp_path):
     path, _ = recording
     before = path.read_bytes()
     done = treadlink("live", "sim:lab?speed=max&duration=1", "--plain", "--record", path, check=False)

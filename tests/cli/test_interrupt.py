@@ -1,4 +1,4 @@
-"""Ctrl-C ends a command quietly, and with the status of a program that it ended."""
+"""Ctrl-C ends a command without a traceback and with the exit status of an interrupted program."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import LazyGroup, treadlink
-from tests.closure.campaign_recordings import START_NS, write_recording
+from tests.testkit.campaign_recordings import START_NS, write_recording
 
 TIMEOUT_S = 60
-# Python runs this before anything else: the first process that diagnose starts presses Ctrl-C while it is not up yet.
+# Python runs this first: the first worker process of diagnose presses Ctrl-C while it is still starting.
 PRESSES = """
 import os, signal, sys
 
@@ -26,13 +26,13 @@ if any("spawn_main" in word for word in sys.orig_argv):
     except FileExistsError:
         pass
     else:
-        os.kill(os.getpid(), signal.SIGINT)  # first itself: otherwise the others may end it before it can complain
+        os.kill(os.getpid(), signal.SIGINT)  # itself first, before the others can end it
         os.killpg(0, signal.SIGINT)
 """
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
-def test_while_processes_start(tmp_path: Path) -> None:
+def test_interrupt_while_processes_start(tmp_path: Path) -> None:
     at_60 = "[motion]\nspeed_kmh = 60.0"
     recordings = [
         write_recording(tmp_path / f"{number}.mcap", at_60, duration_s=2.0, start_ns=START_NS + number * 10**10)
@@ -49,16 +49,16 @@ def test_while_processes_start(tmp_path: Path) -> None:
         start_new_session=True,
     )
     try:
-        printed, told = process.communicate(timeout=TIMEOUT_S)
+        printed, errors = process.communicate(timeout=TIMEOUT_S)
     finally:
         process.kill()
     assert marker.exists()
-    assert told.split() == ["Aborted!"]
+    assert errors.split() == ["Aborted!"]
     assert printed == ""
     assert process.returncode == 130
 
 
-def test_of_any_command(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_sets_the_exit_status(monkeypatch: pytest.MonkeyPatch) -> None:
     def pressed() -> None:
         signal.raise_signal(signal.SIGINT)
 

@@ -1,4 +1,4 @@
-"""No command writes over a file that it reads, whatever --force says."""
+"""No command overwrites a file that it reads, even with --force."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from gateway.cli import COMMANDS, treadlink
 from gateway.errors import TreadlinkError
 
-# Commands that can overwrite, each of its inputs as an output.
+# Commands that can overwrite, with each input given as an output.
 OVERWRITING = [
     f"{command} rec.mcap {more} {out}"
     for command, outs in {
@@ -32,7 +32,7 @@ OVERWRITING = [
         *((("--effects effects.json", f"{option} effects.json"),) if command == "estimate" else ()),
     )
 ]
-# Commands that write new files only.
+# Commands that write only new files.
 NEVER = [
     "import rec.csv --map car.toml --out rec.csv",
     "import rec.csv --map car.toml --out car.toml",
@@ -65,7 +65,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("force", ["", " --force"], ids=["plain", "forced"])
 @pytest.mark.parametrize("line", OVERWRITING)
-def test_an_input_is_no_output(files: Path, line: str, force: str) -> None:
+def test_input_is_never_overwritten(files: Path, line: str, force: str) -> None:
     before = contents(files)
     result = CliRunner().invoke(treadlink, line + force)
     assert isinstance(result.exception, TreadlinkError), result.output
@@ -75,7 +75,7 @@ def test_an_input_is_no_output(files: Path, line: str, force: str) -> None:
 
 
 @pytest.mark.parametrize("line", NEVER)
-def test_what_is_there_is_never_overwritten(files: Path, line: str) -> None:
+def test_existing_files_are_never_overwritten(files: Path, line: str) -> None:
     before = contents(files)
     result = CliRunner().invoke(treadlink, line)
     assert isinstance(result.exception, TreadlinkError), result.output
@@ -84,21 +84,21 @@ def test_what_is_there_is_never_overwritten(files: Path, line: str) -> None:
 
 
 @pytest.mark.parametrize("command", ["diagnose", "estimate"])
-def test_the_users_own_key_file_is_no_output(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_default_key_file_is_never_overwritten(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"gateway.cli.{command}.default_key_file", lambda: Path("keys").resolve())
     result = CliRunner().invoke(treadlink, f"{command} rec.mcap --json keys --force")
     assert "files that are read" in str(result.exception)
     assert Path("keys").read_text() == "kept"
 
 
-def test_two_outputs_are_not_one_file(files: Path) -> None:
+def test_outputs_must_be_different_files(files: Path) -> None:
     result = CliRunner().invoke(treadlink, "estimate rec.mcap --csv a --json ./folder/../a --force")
     assert "two outputs" in str(result.exception)
     assert not Path("a").exists()
 
 
-def test_every_command_with_force_is_tried_here() -> None:
-    """Figures, `protocol` and `repair` read nothing that they could overwrite, or never overwrite."""
+def test_every_command_with_force_is_covered() -> None:
+    """The commands figures, protocol and repair read no file that they could overwrite, or never overwrite."""
     forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
     assert forcing == {line.split()[0] for line in OVERWRITING} | {
         "figures", "repair", "protocol header", "protocol encoder", "protocol vectors",

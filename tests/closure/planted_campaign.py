@@ -29,12 +29,13 @@ from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import ORDERS, Block, Campaign, Group
 from gateway.closure.starting import angle_effects, make_core
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.types import ComplexArray, FloatArray
 
 Plant = Callable[[FloatArray, FloatArray, GroupConditions], FloatArray]
 
-RADIUS_M, PRESSURE_PA, LOAD_N, G = 0.31, 2.2e5, 4500.0, 9.80665
+RADIUS_M, PRESSURE_PA, LOAD_N, G = 0.31, 2.2e5, 4500.0, STANDARD_GRAVITY_MPS2
 NODES, BLOCKS, REVOLUTIONS = 1440, 5, 20
 PLANE = (CIRCUMFERENTIAL, RADIAL)
 ALL_AXES = (CIRCUMFERENTIAL, LATERAL, RADIAL)

@@ -22,7 +22,7 @@ from closure_rig.seal import SealBrokenError, open_label, seal
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Hello, SampleBlock
 from gateway.closure.effects.catalogue import catalogue
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.recording.reader import RecordingReader

@@ -30,7 +30,7 @@ def device() -> Iterator[Path]:
     os.close(other)
 
 
-def test_python() -> None:
+def test_python_version() -> None:
     (good,) = checks.check_python((3, 11, 0))
     (old,) = checks.check_python((3, 10, 14))
     assert good.level is Level.OK
@@ -38,7 +38,7 @@ def test_python() -> None:
     assert "3.11" in old.remedy
 
 
-def test_packages_that_are_missing_or_old(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_and_old_packages_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     real = importlib.metadata.version
 
     def version(name: str) -> str:
@@ -57,22 +57,20 @@ def test_packages_that_are_missing_or_old(monkeypatch: pytest.MonkeyPatch) -> No
     assert not any(check.level is Level.OK for check in found)
 
 
-def test_packages_as_they_are_installed_for_the_tests() -> None:
+def test_installed_packages_are_listed() -> None:
     (check,) = [check for check in checks.check_packages() if check.level is Level.OK]
     for name in ("numpy", "textual", "pyserial"):
         assert f"{name} {importlib.metadata.version(name)}" in check.text
     assert "pytest" not in check.text
 
 
-def test_a_device_that_may_be_used(device: Path) -> None:
+def test_usable_device(device: Path) -> None:
     check = checks.check_device(device, "hub")
     assert check == Check("serial port", Level.OK, f"{device} (hub) can be read and written")
 
 
 @pytest.mark.parametrize(("mode", "remedy"), [(0o620, "usermod -aG {group} $USER"), (0o600, "chmod a+rw")])
-def test_a_device_that_only_others_may_use(
-    device: Path, monkeypatch: pytest.MonkeyPatch, mode: int, remedy: str
-) -> None:
+def test_device_without_permission(device: Path, monkeypatch: pytest.MonkeyPatch, mode: int, remedy: str) -> None:
     real = os.stat_result(device.stat())
     fields = list(real)
     fields[stat.ST_MODE] = stat.S_IFCHR | mode
@@ -84,7 +82,7 @@ def test_a_device_that_only_others_may_use(
     assert remedy.format(group="dialout") in check.remedy
 
 
-def test_devices_that_are_none(tmp_path: Path) -> None:
+def test_paths_that_are_not_devices(tmp_path: Path) -> None:
     if os.name != "posix":
         pytest.skip("device files exist on POSIX only")
     assert checks.check_device(tmp_path / "ttyUSB0").level is Level.FAULT
@@ -92,7 +90,7 @@ def test_devices_that_are_none(tmp_path: Path) -> None:
     assert "not a serial port" in checks.check_device(tmp_path / "file").text
 
 
-def test_ports_that_are_only_present_are_no_fault(device: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unusable_ports_are_warnings(device: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Port = namedtuple("Port", "device description")
     monkeypatch.setattr(list_ports, "comports", lambda: [Port(str(device), "n/a"), Port("/dev/none", "gone")])
     assert [check.level for check in checks.check_ports()] == [Level.WARNING, Level.OK]
@@ -111,7 +109,7 @@ def test_disk_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_bytes:
     assert f"{free_bytes / 1e9:.1f} GB free" in check.text
 
 
-def test_folders_that_cannot_take_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unusable_recording_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     (check,) = checks.check_disk(tmp_path / "file")
     assert (check.level, check.text) == (Level.FAULT, f"{tmp_path / 'file'} is a file")
@@ -141,7 +139,7 @@ def test_terminal(is_terminal: bool, size: os.terminal_size, encoding: str, term
     assert remedy in check.remedy
 
 
-def test_configuration_tells_every_fault_and_what_is_unknown(tmp_path: Path) -> None:
+def test_configuration_faults_and_unknowns_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "car.toml"
     path.write_text(GOOD, encoding="utf-8")
     found = list(checks.check_config(path))
@@ -174,7 +172,7 @@ def test_sources(device: Path, tmp_path: Path) -> None:
 
 @pytest.fixture
 def quiet_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine on which nothing but the arguments can be at fault."""
+    """A machine on which only the arguments can be faulty."""
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(1e12, 0, 1e12))
     monkeypatch.setattr(list_ports, "comports", list)
 
@@ -190,7 +188,7 @@ def test_exit_code_and_text(tmp_path: Path) -> None:
     path.write_text(GOOD.replace("320", "0.32").replace("4000", "4"), encoding="utf-8")
     result = CliRunner().invoke(doctor, arguments)
     assert result.exit_code == 1
-    assert result.output.count(f"-> Mend 2 faults in {path}.") == 1
+    assert result.output.count(f"-> Correct 2 faults in {path}.") == 1
     assert result.output.splitlines()[-1].startswith("2 faults, ")
 
 

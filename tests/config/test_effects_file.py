@@ -1,4 +1,4 @@
-"""Effects files: written, read again, and refused when they are not what they should be."""
+"""Effects files are written, read back, and rejected when invalid."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.config.effects_file import check_effects, effects_text, load_effects
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 
@@ -51,7 +51,7 @@ def written(tmp_path, text):
     return path
 
 
-def test_what_is_written_reads_back(tmp_path):
+def test_written_values_read_back(tmp_path):
     again = load_effects(written(tmp_path, effects_text(TABLE)))
     np.testing.assert_allclose(again.orders_mps2, TABLE.orders_mps2, rtol=1e-6)
     np.testing.assert_array_equal(again.omega_radps, TABLE.omega_radps)
@@ -64,7 +64,7 @@ def test_what_is_written_reads_back(tmp_path):
     assert again.pressure_range_pa == pytest.approx(TABLE.pressure_range_pa)
 
 
-def test_what_is_not_known_stays_unknown(tmp_path):
+def test_unknown_values_stay_unknown(tmp_path):
     bare = replace(TABLE, load_range_n=None, pressure_range_pa=None, sensor_id=None, sources=())
     again = load_effects(written(tmp_path, effects_text(bare)))
     assert (again.load_range_n, again.pressure_range_pa, again.sensor_id) == (None, None, None)
@@ -81,7 +81,7 @@ def changed(change):
     [
         ("", "not valid JSON"),
         ("[" * 100_000, "not valid JSON"),
-        ("[]", "no effects file"),
+        ("[]", "not an effects file"),
         ('{"held_out": {}}', "treadlink_effects"),
         (changed(lambda d: d.update(treadlink_effects=2)), "version 2"),
         (changed(lambda d: d.update(colour="red")), "colour"),
@@ -97,20 +97,20 @@ def changed(change):
         (changed(lambda d: d["effects"][0]["parameters"][0].update(std=-1.0)), "std"),
     ],
 )
-def test_what_is_no_effects_file_is_refused_with_a_remedy(tmp_path, text, says):
+def test_invalid_effects_file_is_rejected(tmp_path, text, says):
     with pytest.raises(ConfigError, match=says) as caught:
         load_effects(written(tmp_path, text))
     assert "fl.effects.json" in str(caught.value)
     assert caught.value.remedy
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_missing_file_is_reported(tmp_path):
     with pytest.raises(ConfigError, match="cannot be read"):
         load_effects(tmp_path / "absent.json")
 
 
 @given(st.binary(max_size=200))
-def test_noise_is_refused_not_crashed_on(tmp_path_factory, data):
+def test_noise_is_rejected(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("noise") / "x.json"
     path.write_bytes(data)
     with pytest.raises(ConfigError):
@@ -118,7 +118,7 @@ def test_noise_is_refused_not_crashed_on(tmp_path_factory, data):
 
 
 class TestBelonging:
-    def test_to_its_own_vehicle(self):
+    def test_effects_fit_their_own_vehicle(self):
         check_effects((TABLE,), parse_vehicle(VEHICLE, "test"))
 
     @pytest.mark.parametrize(
@@ -129,20 +129,20 @@ class TestBelonging:
             (replace(TABLE, radius_m=0.3), "belt radius"),
         ],
     )
-    def test_to_another_it_does_not(self, table, says):
+    def test_effects_of_another_vehicle_are_rejected(self, table, says):
         with pytest.raises(ConfigError, match=says) as caught:
             check_effects((table,), parse_vehicle(VEHICLE, "test"))
         assert caught.value.remedy
 
-    def test_nor_without_a_configuration(self):
+    def test_effects_without_configuration_are_rejected(self):
         with pytest.raises(ConfigError, match="no configuration"):
             check_effects((TABLE,), None)
 
-    def test_nor_twice(self):
+    def test_two_files_of_one_wheel_are_rejected(self):
         with pytest.raises(ConfigError, match="two effects files"):
             check_effects((TABLE, TABLE), parse_vehicle(VEHICLE, "test"))
 
-    def test_nor_of_another_sensor(self):
+    def test_effects_of_another_sensor_are_rejected(self):
         text = VEHICLE.replace('position = "FL"', 'position = "FL"\nsensor_id = "0000beef"')
         with pytest.raises(ConfigError, match="0000beef"):
             check_effects((TABLE,), parse_vehicle(text, "test"))

@@ -20,7 +20,7 @@ NESTED = st.recursive(
 
 
 @given(NESTED)
-def test_what_is_written_reads_back(document: dict[str, Any]) -> None:
+def test_written_values_read_back(document: dict[str, Any]) -> None:
     assert tomllib.loads(toml_text(document)) == document
 
 
@@ -28,6 +28,6 @@ def test_empty_tables_are_left_out() -> None:
     assert tomllib.loads(toml_text({"a": 1, "b": {}, "c": {"d": {}}})) == {"a": 1}
 
 
-def test_what_toml_has_no_place_for() -> None:
+def test_values_without_toml_form_are_rejected() -> None:
     with pytest.raises(TypeError, match="NoneType"):
         toml_text({"a": None})

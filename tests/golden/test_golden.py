@@ -48,7 +48,9 @@ def estimated(recording: Path, folder: Path, estimators: tuple[str, ...]) -> lis
     options = [word for name in estimators for word in ("--estimator", name)]
     run("estimate", recording, "--csv", out, *options)
     # A simulation starts now, so that host times differ from run to run.
-    return [{key: cell for key, cell in row.items() if not key.startswith("host_")} for row in table(out.read_text("utf-8"))]
+    return [
+        {key: cell for key, cell in row.items() if not key.startswith("host_")} for row in table(out.read_text("utf-8"))
+    ]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What the import tests share: maps, files of each format, and the way back from a recording to samples."""
+"""Shared data of the import tests: maps, files of each format, and samples read back from recordings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gateway.types import FloatArray
 
 
 def waveform(samples: int, seed: int = 1) -> FloatArray:
-    """Return (samples, 3) values that use each axis' range differently."""
+    """Return (samples, 3) values with a different range for each axis."""
     return np.random.default_rng(seed).normal(size=(samples, 3)) * np.array([3.0, 0.2, 150.0])
 
 
@@ -28,7 +28,7 @@ def write_csv(path: Path, columns: dict[str, FloatArray], delimiter: str = ",", 
 
 
 def simple_map(**sections: str) -> str:
-    """Return a map of columns x, y, z in g at 10 kHz; a section given replaces that section."""
+    """Return a map of columns x, y, z in g at 10 kHz; a given section replaces the default."""
     default = {
         "file": "",
         "sampling": "rate_hz = 10000",
@@ -42,7 +42,7 @@ def simple_map(**sections: str) -> str:
 
 
 class Decoded:
-    """A recording, decoded by the real decoder.
+    """Recording decoded by the real decoder.
 
     Attributes:
         items: everything in the recording.

@@ -1,7 +1,7 @@
 import re
 from pathlib import Path
 
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.importing.import_map import parse_map
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -13,16 +13,16 @@ def toml_of(page: str) -> str:
     return match[1]
 
 
-def test_the_documented_configuration_is_valid() -> None:
+def test_documented_configuration_is_valid() -> None:
     config = parse_vehicle(toml_of("configuration.md"), "configuration.md")
     assert [setup.position for setup in config.wheel_setups()] == ["FL", "FR", "RL"]
 
 
-def test_the_documented_map_is_valid() -> None:
+def test_documented_map_is_valid() -> None:
     assert parse_map(toml_of("importing.md"), "importing.md").columns() == ("acc x", "acc y", "acc z", "p", "T")
 
 
-def test_the_example_vehicle_is_valid() -> None:
+def test_example_vehicle_is_valid() -> None:
     path = Path(__file__).parents[2] / "examples" / "vehicle.toml"
     config = parse_vehicle(path.read_text(encoding="utf-8"), str(path))
     setups = config.wheel_setups()

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from firmware_protocol.messages import Coupling
 from gateway.cli.estimate import estimate
 from gateway.cli.import_measurement import import_
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
@@ -20,7 +20,7 @@ MAP = ROOT / "examples" / "innerliner_drum_80kmh.map.toml"
 MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 
 
-def test_the_committed_map_is_valid() -> None:
+def test_committed_map_is_valid() -> None:
     import_map = load_map(MAP)
     assert import_map.columns() == ("x_g", "y_g", "z_g")
     assert any("20000 Hz" in text for text in import_map.assumed)
@@ -28,7 +28,7 @@ def test_the_committed_map_is_valid() -> None:
     assert (setup.load_n, setup.pressure_pa) == (None, None)
 
 
-def test_the_measured_recording_comes_through(tmp_path: Path) -> None:
+def test_measured_recording_is_imported(tmp_path: Path) -> None:
     if not MEASURED.exists():
         pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
     out = tmp_path / "drum.mcap"
@@ -46,8 +46,8 @@ def test_the_measured_recording_comes_through(tmp_path: Path) -> None:
     assert parse_vehicle(decoded.vehicle_toml, "recording").wheel_setups()[0].position == "drum"
 
 
-def test_the_sign_of_the_circumferential_axis_fits_a_sensor_below_the_neutral_layer() -> None:
-    """A sensor e below the neutral layer reads -(e/R) ds/dtheta along the rotation: the map must turn x so."""
+def test_circumferential_sign_fits_the_sensor_position() -> None:
+    """A sensor e below the neutral layer reads -(e/R) ds/dtheta along the rotation; the map must orient x so."""
     if not MEASURED.exists():
         pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
     x, _, z = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 1:].T
@@ -59,7 +59,7 @@ def test_the_sign_of_the_circumferential_axis_fits_a_sensor_below_the_neutral_la
     assert np.corrcoef(along[50:-50], slope[50:-50])[0, 1] < -0.5
 
 
-def test_the_measured_recording_comes_out_as_revolutions(tmp_path: Path) -> None:
+def test_measured_recording_gives_revolutions(tmp_path: Path) -> None:
     if not MEASURED.exists():
         pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
     recording, table = tmp_path / "drum.mcap", tmp_path / "drum.jsonl"

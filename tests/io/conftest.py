@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.io.source import Source
-from tests.io.hub_ends import PtyPort, Reader, TcpHub
+from tests.testkit.hub_ends import PtyPort, Reader, TcpHub
 
 
 @pytest.fixture

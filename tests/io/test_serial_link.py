@@ -14,7 +14,7 @@ from gateway.clock import ManualClock
 from gateway.errors import SourceError
 from gateway.io.serial_link import explain_open_error, serial_settings
 from gateway.io.source import LinkEventKind, Source, open_source
-from tests.io.hub_ends import PtyPort, Reader
+from tests.testkit.hub_ends import PtyPort, Reader
 
 Read = Callable[[Source], Reader]
 

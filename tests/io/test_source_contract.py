@@ -13,7 +13,7 @@ import pytest
 from gateway.clock import ManualClock
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, open_source
 from gateway.recording.writer import RecordingWriter
-from tests.io.hub_ends import TIMEOUT_S, PtyPort, Reader, TcpHub
+from tests.testkit.hub_ends import TIMEOUT_S, PtyPort, Reader, TcpHub
 
 Opened = tuple[Source, Callable[[], None]]
 """A source, and what makes its hub send; to be called when it is connected."""

@@ -10,7 +10,7 @@ import pytest
 from gateway.clock import ManualClock
 from gateway.errors import SourceError
 from gateway.io.source import LinkEvent, LinkEventKind, Source, open_source
-from tests.io.hub_ends import Reader, TcpHub
+from tests.testkit.hub_ends import Reader, TcpHub
 
 Read = Callable[[Source], Reader]
 

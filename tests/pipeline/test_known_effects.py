@@ -10,7 +10,7 @@ import pytest
 
 from gateway.closure.collecting import waveform_orders
 from gateway.config.validation import parse_document
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.estimators.base import Status
 from gateway.io.source import Chunk
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup

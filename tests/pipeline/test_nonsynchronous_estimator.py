@@ -13,7 +13,7 @@ from gateway.estimators.nonsynchronous import NonsynchronousEstimator
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Reason, codes_of
-from tests.estimators.revolution_data import settled
+from tests.testkit.revolution_data import settled
 from tests.testkit.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)

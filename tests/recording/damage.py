@@ -1,4 +1,4 @@
-"""Damaging a recording file, and knowing exactly which frames lost bytes by it."""
+"""Damage of recording files, with exact knowledge of the frames that lost bytes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.recording import streams
 
 
 class Recorded(NamedTuple):
-    """A recording, and for each link its frames as (encoded bytes, positions of those bytes in the file)."""
+    """A recording and the frames of each link as (encoded bytes, positions of the bytes in the file)."""
 
     file: bytes
     items: list[LinkItem]
@@ -68,7 +68,7 @@ def payload_positions(file: bytes) -> Iterator[tuple[int, int]]:
 
 
 def untouched(recorded: Recorded, touched: NDArray[np.bool_]) -> dict[str, set[bytes]]:
-    """Return the frames none of whose bytes are touched."""
+    """Return the frames of which no byte is damaged."""
     return {
         link: {frame for frame, positions in frames if not touched[positions].any()}
         for link, frames in recorded.frames.items()
@@ -76,7 +76,7 @@ def untouched(recorded: Recorded, touched: NDArray[np.bool_]) -> dict[str, set[b
 
 
 def rescued(path: Path) -> dict[str, set[bytes]]:
-    """Return the frames that decode from a recording, encoded again, per link."""
+    """Return the decoded frames of a recording, encoded again, by link."""
     found: dict[str, set[bytes]] = {}
     decoders: dict[str, FrameDecoder] = {}
     for item in RecordingReader(path).items():
@@ -89,7 +89,7 @@ def rescued(path: Path) -> dict[str, set[bytes]]:
 
 
 def cut(file: bytes, places: list[tuple[int, int]]) -> tuple[bytes, NDArray[np.bool_]]:
-    """Remove (start, size) stretches; return the rest, and which bytes went."""
+    """Remove (start, size) ranges; return the rest and the removed positions."""
     touched = np.zeros(len(file), dtype=bool)
     for start, size in places:
         touched[start : start + size] = True
@@ -97,7 +97,7 @@ def cut(file: bytes, places: list[tuple[int, int]]) -> tuple[bytes, NDArray[np.b
 
 
 def overwrite(file: bytes, places: list[tuple[int, bytes]]) -> tuple[bytes, NDArray[np.bool_]]:
-    """Overwrite stretches in place; return the file, and which bytes changed."""
+    """Overwrite ranges in place; return the file and the changed positions."""
     changed = bytearray(file)
     for start, data in places:
         size = min(len(data), len(file) - start)

@@ -1,4 +1,4 @@
-"""Byte streams of real frames, cut into chunks as links cut them, and recordings of them."""
+"""Byte streams of real frames, cut into chunks as by a link, and recordings of them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def hello(wheel: int = 0, boot_count: int = 3) -> Hello:
 
 
 def frames(rng: np.random.Generator, count: int, *, hub: int = 0, wheels: int = 4) -> list[bytes]:
-    """Return `count` encoded frames as a hub interleaves them: hellos, samples, environment, status."""
+    """Return `count` encoded frames, interleaved as by a hub: hellos, samples, environment, status."""
     sequences = dict.fromkeys([*range(wheels), 0xFF], 0)
     samples = dict.fromkeys(range(wheels), 0)
     boot_us = int(rng.integers(0, 60_000_000))
@@ -75,7 +75,7 @@ def chunks(
     largest: int = 600,
     step_ns: int = 2_000_000,
 ) -> list[Chunk]:
-    """Cut a stream at random places, anywhere inside frames, `step_ns` apart."""
+    """Cut a stream at random places, also inside frames, into chunks `step_ns` apart."""
     cut: list[Chunk] = []
     position = 0
     while position < len(stream):
@@ -86,7 +86,7 @@ def chunks(
 
 
 def write(path: Path, items: Iterable[LinkItem], *, topics: bool = False, finish: bool = True) -> RecordingWriter:
-    """Record items, with decoded topics between them when asked."""
+    """Record items, optionally with decoded topics between them."""
     writer = RecordingWriter(path, start_ns=START_NS, vehicle_toml=TOML, sources=["sim:test"])
     for number, item in enumerate(items):
         writer.write(item)

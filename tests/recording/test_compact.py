@@ -1,4 +1,4 @@
-"""Compacting keeps every message and proves it; hostile compressed chunks are refused."""
+"""Compaction keeps and verifies every message; hostile compressed chunks are rejected."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_in_place_replaces_in_one_step(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["r.mcap"]
 
 
-def test_compacting_twice_changes_nothing_more(tmp_path: Path) -> None:
+def test_compacting_twice_changes_nothing(tmp_path: Path) -> None:
     items = recording(tmp_path / "r.mcap")
     compact_recording(tmp_path / "r.mcap", tmp_path / "c.mcap")
     compact_recording(tmp_path / "c.mcap", tmp_path / "cc.mcap")
@@ -58,7 +58,7 @@ def test_compacting_twice_changes_nothing_more(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", ["unfinished", "damaged", "exists"])
-def test_what_cannot_be_compacted_is_left_alone(tmp_path: Path, how: str) -> None:
+def test_failed_compaction_leaves_the_recording(tmp_path: Path, how: str) -> None:
     path, target = tmp_path / "r.mcap", tmp_path / "c.mcap"
     recording(path)
     data = bytearray(path.read_bytes())
@@ -69,13 +69,15 @@ def test_what_cannot_be_compacted_is_left_alone(tmp_path: Path, how: str) -> Non
     else:
         target.write_bytes(b"precious")
     path.write_bytes(data)
-    with pytest.raises(RecordingError, match={"unfinished": "not finished", "damaged": "checksum"}.get(how, "exists")):
+    with pytest.raises(
+        RecordingError, match={"unfinished": "not finished", "damaged": "is damaged"}.get(how, "exists")
+    ):
         compact_recording(path, target, replace=True)
     assert path.read_bytes() == bytes(data)
     assert target.exists() == (how == "exists")
 
 
-def test_a_copy_that_differs_is_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_differing_copy_is_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recording(tmp_path / "r.mcap")
     original = compact_module.McapOutput.add_message
 
@@ -93,7 +95,7 @@ def chunk(compression: str, data: bytes, size: int) -> ChunkParts:
     return ChunkParts(0, size, 0, compression, memoryview(data), 0)
 
 
-def test_chunks_that_swell_beyond_what_they_state_are_refused() -> None:
+def test_chunk_larger_than_stated_is_rejected() -> None:
     bomb = bytes(50_000_000)
     with pytest.raises(ValueError, match="two sizes"):
         chunk_records(chunk("zstd", zstandard.compress(bomb), 1000))
@@ -109,7 +111,7 @@ def test_chunks_that_swell_beyond_what_they_state_are_refused() -> None:
 
 
 @pytest.mark.parametrize("length", [1 << 29, 1 << 40, (1 << 64) - 1])
-def test_huge_lengths_are_damage_not_memory(tmp_path: Path, length: int) -> None:
+def test_huge_length_is_damage(tmp_path: Path, length: int) -> None:
     path = tmp_path / "r.mcap"
     items = recording(path, 50)
     data = path.read_bytes()
@@ -121,8 +123,8 @@ def test_huge_lengths_are_damage_not_memory(tmp_path: Path, length: int) -> None
 
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD, CompressionType.NONE])
-def test_files_that_other_programs_wrote_again_are_read(tmp_path: Path, compression: CompressionType) -> None:
-    """`mcap` tools may compress or reorder; channels are known by topic then."""
+def test_files_rewritten_by_other_programs_are_read(tmp_path: Path, compression: CompressionType) -> None:
+    """The `mcap` tools may compress or reorder; channels are then identified by topic."""
     items = recording(tmp_path / "r.mcap", 200)
     with (tmp_path / "other.mcap").open("wb") as file:
         writer = Writer(file, compression=compression)

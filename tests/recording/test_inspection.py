@@ -1,4 +1,4 @@
-"""What `inspect` tells is what was recorded: losses to the sample, rates, restarts, events."""
+"""`inspect` reports losses to the sample, rates, restarts and events."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_losses_rates_restarts_and_events(recording):
     assert found.damage is None
 
 
-def test_text_and_json_say_the_same_and_cannot_command_the_terminal(recording):
+def test_text_and_json_agree_and_are_clean(recording):
     text = CliRunner().invoke(inspect, [str(recording)])
     assert text.exit_code == 0, text.output
     assert "150 lost" in text.output
@@ -85,7 +85,7 @@ def test_text_and_json_say_the_same_and_cannot_command_the_terminal(recording):
     assert data["finished"]
 
 
-def test_a_cut_off_recording_is_shown_as_far_as_it_goes(recording, tmp_path):
+def test_cut_off_recording_is_shown_up_to_the_cut(recording, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
     found = inspect_recording(cut)
@@ -95,7 +95,7 @@ def test_a_cut_off_recording_is_shown_as_far_as_it_goes(recording, tmp_path):
     assert "treadlink repair" in output
 
 
-def test_what_is_no_recording_is_refused(tmp_path):
+def test_other_files_are_rejected(tmp_path):
     (tmp_path / "x.mcap").write_bytes(b"hello")
     with pytest.raises(RecordingError, match="not a recording"):
         inspect_recording(tmp_path / "x.mcap")

@@ -1,4 +1,4 @@
-"""`kill -9` of a recorder that runs at a real pace loses at most 0.3 s."""
+"""`kill -9` of a recorder in real time loses at most 0.3 s."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ clock = SystemClock()
 writer = RecordingWriter(sys.argv[1], start_ns=clock.now_ns(), vehicle_toml="x = 1", sources=["test"])
 due_ns = clock.now_ns()
 number = 0
-while True:  # 1000 chunks of 250 bytes a second, until killed; each is told only after it was handed over
+while True:  # 1000 chunks of 250 bytes a second, until killed; each is printed after it was written
     due_ns += 1_000_000
     clock.sleep_until_ns(due_ns)
     chunk = Chunk("test:link", clock.now_ns(), number.to_bytes(4, "little") + bytes(246))
@@ -43,12 +43,12 @@ def test_kill_loses_at_most_the_last_moments(tmp_path: Path, kill_after: int) ->
     path = tmp_path / "r.mcap"
     process = subprocess.Popen([sys.executable, "-c", RECORDER, str(path)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    told = [process.stdout.readline() for _ in range(kill_after)]
+    printed = [process.stdout.readline() for _ in range(kill_after)]
     os.kill(process.pid, signal.SIGKILL)
-    told += process.stdout.readlines()
+    printed += process.stdout.readlines()
     process.stdout.close()
     assert process.wait(10) == -signal.SIGKILL
-    last_number, last_ns = map(int, [line for line in told if line.endswith("\n")][-1].split())
+    last_number, last_ns = map(int, [line for line in printed if line.endswith("\n")][-1].split())
 
     reader = RecordingReader(path)
     chunks = [item for item in reader.items() if isinstance(item, Chunk)]

@@ -1,4 +1,4 @@
-"""A repaired recording lacks only the frames that lost bytes, and holds none that is wrong."""
+"""A repaired recording lacks only the damaged frames and contains no wrong ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def repaired(tmp_path: Path, file: bytes) -> Path:
 
 
 def faults(recorded: damage.Recorded, touched: np.ndarray, path: Path) -> tuple[int, int]:
-    """Return how many frames are gone that lost no byte, and how many are there that were never sent on their link."""
+    """Return the numbers of undamaged frames that are missing and of frames never sent on their link."""
     got = damage.rescued(path)
     gone = wrong = 0
     for link, frames in recorded.frames.items():
@@ -49,7 +49,7 @@ def random_places(rng: np.random.Generator, size: int, count: int) -> list[tuple
 
 
 def trial(folder: Path, seed: list[int], links: int) -> tuple[int, int]:
-    """Record, damage at one to three places, repair; return the faults. Everything is drawn from the seed."""
+    """Record, damage one to three places and repair, all drawn from the seed; return the numbers of wrong frames."""
     rng = np.random.default_rng(seed)
     recorded = damage.record(
         folder / "r.mcap",
@@ -72,14 +72,14 @@ def trial(folder: Path, seed: list[int], links: int) -> tuple[int, int]:
 
 @pytest.mark.parametrize("links", [1, 2])
 @pytest.mark.parametrize("seed", range(15))
-def test_only_frames_that_lost_bytes_are_lost(tmp_path: Path, links: int, seed: int) -> None:
+def test_only_damaged_frames_are_lost(tmp_path: Path, links: int, seed: int) -> None:
     assert trial(tmp_path, [seed, links], links) == (0, 0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("links", "most"), [(1, 0.002), (2, 0.005)])
-def test_many_random_trials(tmp_path: Path, links: int, most: float) -> None:
-    """The figures in docs/recording.md; chance may hide a frame, never put one in that was not sent."""
+def test_random_damage_loses_only_damaged_frames(tmp_path: Path, links: int, most: float) -> None:
+    """The figures in docs/recording.md: chance may hide a frame, but never add one."""
     count = 2000
     found = []
     for seed in range(count):
@@ -94,7 +94,7 @@ def test_many_random_trials(tmp_path: Path, links: int, most: float) -> None:
 
 
 def test_cutting_record_headers_loses_nothing(tmp_path: Path) -> None:
-    """Every frame here spans messages; what lies between its halves when only headers are hit must go."""
+    """Every frame spans messages, so remains of headers between its halves must be removed."""
     rng = np.random.default_rng(8)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=120, links=1, largest=90, topics=False, finish=True)
     payloads = list(damage.payload_positions(recorded.file))
@@ -111,7 +111,7 @@ def test_cutting_record_headers_loses_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.7, 0.97])
 @pytest.mark.parametrize("finish", [True, False])
-def test_a_file_cut_off_anywhere_keeps_what_came_before(tmp_path: Path, share: float, finish: bool) -> None:
+def test_cut_off_file_keeps_the_part_before(tmp_path: Path, share: float, finish: bool) -> None:
     rng = np.random.default_rng(9)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=True, finish=finish)
     size = int(len(recorded.file) * share)
@@ -119,7 +119,7 @@ def test_a_file_cut_off_anywhere_keeps_what_came_before(tmp_path: Path, share: f
     check(recorded, touched, repaired(tmp_path, recorded.file[:size]))
 
 
-def test_whole_messages_keep_their_times_topics_and_description(tmp_path: Path) -> None:
+def test_complete_messages_keep_times_and_topics(tmp_path: Path) -> None:
     rng = np.random.default_rng(10)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=True, finish=False)
     middle = len(recorded.file) // 2
@@ -142,7 +142,7 @@ def test_whole_messages_keep_their_times_topics_and_description(tmp_path: Path) 
     assert dict(reader.notes)[REPAIR_METADATA]["torn_places"] == "1"
 
 
-def test_the_stock_reader_opens_the_repaired_file(tmp_path: Path) -> None:
+def test_stock_reader_opens_the_repaired_file(tmp_path: Path) -> None:
     rng = np.random.default_rng(11)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=200, links=1, largest=600, topics=True, finish=False)
     file, _ = damage.cut(recorded.file, [(len(recorded.file) // 3, 77)])
@@ -155,7 +155,7 @@ def test_the_stock_reader_opens_the_repaired_file(tmp_path: Path) -> None:
     assert raw == streams.link_bytes(streams.read(path))
 
 
-def test_a_destroyed_beginning_costs_only_itself(tmp_path: Path) -> None:
+def test_destroyed_start_loses_only_itself(tmp_path: Path) -> None:
     rng = np.random.default_rng(12)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=False, finish=True)
     file, touched = damage.overwrite(recorded.file, [(0, rng.bytes(3000))])
@@ -164,7 +164,7 @@ def test_a_destroyed_beginning_costs_only_itself(tmp_path: Path) -> None:
     assert RecordingReader(path).vehicle_toml == streams.TOML, "the description stands at the end as well"
 
 
-def test_without_any_declaration_left_the_bytes_are_still_found(tmp_path: Path) -> None:
+def test_bytes_are_found_without_declarations(tmp_path: Path) -> None:
     rng = np.random.default_rng(13)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=False, finish=False)
     file, touched = damage.overwrite(recorded.file, [(0, rng.bytes(3000))])
@@ -174,8 +174,8 @@ def test_without_any_declaration_left_the_bytes_are_still_found(tmp_path: Path) 
     assert want == set().union(*got.values())
 
 
-def test_left_overs_of_an_older_recording_stay_out(tmp_path: Path) -> None:
-    """A disk may put blocks of a deleted file where bytes went missing."""
+def test_remains_of_an_older_recording_are_ignored(tmp_path: Path) -> None:
+    """A disk may put blocks of a deleted file in place of missing bytes."""
     rng = np.random.default_rng(14)
     (tmp_path / "old").mkdir()
     old = damage.record(tmp_path / "old" / "r.mcap", rng, count=200, links=1, largest=600, topics=False, finish=True)
@@ -193,7 +193,7 @@ def test_left_overs_of_an_older_recording_stay_out(tmp_path: Path) -> None:
     assert got <= set(new_frames), "frames of the older recording were taken in"
 
 
-def test_a_first_message_without_time_does_not_make_the_others_unbelievable(tmp_path: Path) -> None:
+def test_damaged_first_time_does_not_affect_the_rest(tmp_path: Path) -> None:
     rng = np.random.default_rng(17)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=300, links=1, largest=600, topics=False, finish=False)
     first = next(damage.payload_positions(recorded.file))[0]
@@ -204,7 +204,7 @@ def test_a_first_message_without_time_does_not_make_the_others_unbelievable(tmp_
     assert report.losses.bytes_kept < 2000, "only the first message is torn"
 
 
-def test_compressed_recordings_keep_their_whole_chunks(tmp_path: Path) -> None:
+def test_compressed_recording_keeps_complete_chunks(tmp_path: Path) -> None:
     rng = np.random.default_rng(15)
     recorded = damage.record(tmp_path / "r.mcap", rng, count=4000, links=1, largest=600, topics=False, finish=True)
     compact_recording(tmp_path / "r.mcap", tmp_path / "small.mcap")
@@ -223,7 +223,7 @@ def test_compressed_recordings_keep_their_whole_chunks(tmp_path: Path) -> None:
         assert 0 < report.frames < len(everything)
 
 
-def test_a_whole_recording_needs_no_repair(tmp_path: Path) -> None:
+def test_undamaged_recording_needs_no_repair(tmp_path: Path) -> None:
     items = streams.chunks(np.random.default_rng(1), b"".join(streams.frames(np.random.default_rng(1), 50)), "a")
     assert not needs_repair(streams.write(tmp_path / "r.mcap", items).path)
     unfinished = streams.write(tmp_path / "u.mcap", items, finish=False)
@@ -234,21 +234,21 @@ def test_a_whole_recording_needs_no_repair(tmp_path: Path) -> None:
 def test_repair_never_overwrites(tmp_path: Path) -> None:
     path = streams.write(tmp_path / "r.mcap", [Chunk("a", 1, b"x")]).path
     (tmp_path / "there.mcap").write_bytes(b"precious")
-    with pytest.raises(RecordingError, match="exists already"):
+    with pytest.raises(RecordingError, match="already exists"):
         repair_recording(path, tmp_path / "there.mcap")
     assert (tmp_path / "there.mcap").read_bytes() == b"precious"
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", bytes(5000), b"\x05" * 5000])
-def test_what_holds_nothing_is_said_to_hold_nothing(tmp_path: Path, content: bytes) -> None:
+def test_file_without_messages_is_rejected(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "r.mcap").write_bytes(content)
     with pytest.raises(RecordingError, match=r"nothing in|is empty"):
         repair_recording(tmp_path / "r.mcap", tmp_path / "out.mcap")
     assert not (tmp_path / "out.mcap").exists()
 
 
-def test_messages_of_one_moment_are_kept_apart(tmp_path: Path) -> None:
-    """A recorded dump without a rate has the same time everywhere; numbers must do then."""
+def test_messages_with_equal_times_stay_separate(tmp_path: Path) -> None:
+    """All messages of a recorded dump without a rate have the same time; sequence numbers must suffice."""
     rng = np.random.default_rng(16)
     frames = streams.frames(rng, 100)
     items = [Chunk("dump:x.bin", 0, chunk.data) for chunk in streams.chunks(rng, b"".join(frames), "x", largest=200)]

@@ -1,4 +1,4 @@
-"""`treadlink repair` and `treadlink compact` as a user calls them."""
+"""Tests of `treadlink repair` and `treadlink compact`."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def run(*arguments: str) -> str:
     return result.output
 
 
-def test_repairing_a_cut_file_says_what_came_of_it(recording: tuple[Path, list[LinkItem]]) -> None:
+def test_repair_of_a_cut_file_is_reported(recording: tuple[Path, list[LinkItem]]) -> None:
     path, items = recording
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 3 // 4])
     before = path.read_bytes()
     output = run("repair", str(path))
     assert "drive.repaired.mcap" in output
-    assert "rescued:" in output
+    assert "recovered:" in output
     assert "missing:" in output
     assert "looking" not in output, "a progress bar belongs on a terminal only"
     assert path.read_bytes() == before
@@ -42,7 +42,7 @@ def test_repairing_a_cut_file_says_what_came_of_it(recording: tuple[Path, list[L
     assert len(got) > 60_000
 
 
-def test_a_whole_file_is_left_alone(recording: tuple[Path, list[LinkItem]]) -> None:
+def test_undamaged_file_is_not_repaired(recording: tuple[Path, list[LinkItem]]) -> None:
     path, items = recording
     assert "nothing to repair" in run("repair", str(path))
     assert [entry.name for entry in path.parent.iterdir()] == ["drive.mcap"]
@@ -50,19 +50,19 @@ def test_a_whole_file_is_left_alone(recording: tuple[Path, list[LinkItem]]) -> N
     assert streams.read(path.with_name("copy.mcap")) == items
 
 
-def test_an_earlier_repair_is_not_overwritten(recording: tuple[Path, list[LinkItem]]) -> None:
+def test_earlier_repair_is_not_overwritten(recording: tuple[Path, list[LinkItem]]) -> None:
     path, _ = recording
     path.write_bytes(path.read_bytes()[:-10])
     path.with_name("drive.repaired.mcap").write_bytes(b"precious")
-    with pytest.raises(RecordingError, match="exists already") as caught:
+    with pytest.raises(RecordingError, match="already exists") as caught:
         run("repair", str(path))
     assert "--out" in caught.value.remedy
     assert path.with_name("drive.repaired.mcap").read_bytes() == b"precious"
 
 
-def test_compacting_beside_and_in_place(recording: tuple[Path, list[LinkItem]]) -> None:
+def test_compact_beside_and_in_place(recording: tuple[Path, list[LinkItem]]) -> None:
     path, items = recording
-    assert "messages the same" in run("compact", str(path))
+    assert "messages verified" in run("compact", str(path))
     small = path.with_name("drive.compact.mcap")
     assert streams.read(small) == items
     assert small.stat().st_size < path.stat().st_size
@@ -72,14 +72,14 @@ def test_compacting_beside_and_in_place(recording: tuple[Path, list[LinkItem]]) 
     assert streams.read(path) == items
 
 
-def test_out_goes_with_one_recording(recording: tuple[Path, list[LinkItem]]) -> None:
+def test_out_requires_a_single_recording(recording: tuple[Path, list[LinkItem]]) -> None:
     path = str(recording[0])
     result = CliRunner().invoke(treadlink, ["compact", "--out", "x.mcap", path, path])
     assert result.exit_code == 2
-    assert "one recording" in result.output
+    assert "single recording" in result.output
 
 
 @pytest.mark.parametrize("command", ["repair", "compact"])
-def test_a_missing_file_is_named(tmp_path: Path, command: str) -> None:
-    with pytest.raises(RecordingError, match=r"no recording '.*gone\.mcap'"):
+def test_missing_file_is_named(tmp_path: Path, command: str) -> None:
+    with pytest.raises(RecordingError, match=r"recording '.*gone\.mcap' does not exist"):
         run(command, str(tmp_path / "gone.mcap"))

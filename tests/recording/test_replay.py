@@ -1,4 +1,4 @@
-"""Replaying gives what was recorded: same chunks, same times, same events, at any speed."""
+"""Replay yields the recorded chunks, times and events at any speed."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_full_speed_never_waits(recording: tuple[Path, list[LinkItem]]) -> None:
     assert clock.now_ns() == 7
 
 
-def test_the_configuration_and_the_link_come_along(recording: tuple[Path, list[LinkItem]]) -> None:
+def test_replay_provides_configuration_and_link(recording: tuple[Path, list[LinkItem]]) -> None:
     source = open_source(f"replay:{recording[0]}", ManualClock())
     assert source.vehicle_toml == streams.TOML
     assert source.link == LINK
@@ -66,7 +66,7 @@ def test_recording_a_replay_gives_the_same_recording(recording: tuple[Path, list
     assert streams.replay(f"replay:{twice_path}?speed=max") == once
 
 
-def test_damage_is_told_by_the_last_item(recording: tuple[Path, list[LinkItem]], tmp_path: Path) -> None:
+def test_last_item_reports_damage(recording: tuple[Path, list[LinkItem]], tmp_path: Path) -> None:
     path = tmp_path / "cut.mcap"
     path.write_bytes(recording[0].read_bytes()[:20_000])
     end = streams.replay(f"replay:{path}?speed=max")[-1]
@@ -74,7 +74,7 @@ def test_damage_is_told_by_the_last_item(recording: tuple[Path, list[LinkItem]],
     assert "treadlink repair" in end.text
 
 
-def test_closing_ends_a_waiting_replay(recording: tuple[Path, list[LinkItem]]) -> None:
+def test_close_ends_a_waiting_replay(recording: tuple[Path, list[LinkItem]]) -> None:
     source = open_source(f"replay:{recording[0]}", ManualClock())
     items = source.items(threading.Event())
     next(items)
@@ -103,14 +103,14 @@ def test_dump_without_a_rate_does_not_wait(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("option", ["speed=fast", "speed=0", "speed=-1", "speed=nan", "speed=inf", "rate=5", "sped=1"])
-def test_wrong_options_are_refused(recording: tuple[Path, list[LinkItem]], option: str) -> None:
+def test_invalid_options_are_rejected(recording: tuple[Path, list[LinkItem]], option: str) -> None:
     with pytest.raises(SourceError) as caught:
         open_source(f"replay:{recording[0]}?{option}", ManualClock())
     assert option.split("=")[0] in str(caught.value)
     assert caught.value.remedy
 
 
-def test_missing_and_foreign_files_are_refused(tmp_path: Path) -> None:
+def test_missing_and_other_files_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="cannot open"):
         open_source(f"replay:{tmp_path}/none.mcap", ManualClock())
     (tmp_path / "text.mcap").write_text("hello")

@@ -1,4 +1,4 @@
-"""What is recorded is what is read, in every state a recording can be in."""
+"""Recordings read back unchanged, in every state of the file."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from gateway.recording.mcap_layout import MARKS_TOPIC, event_topic, raw_topic
 from gateway.recording.reader import RecordingReader
 from gateway.recording.schemas import TOPICS, schema_of
 from gateway.recording.writer import RecordingWriter
+from gateway.views.wording import text
 from tests.recording import streams
 
 LINK = "serial:/dev/ttyUSB0"
@@ -44,7 +45,7 @@ ITEMS = st.lists(CHUNKS | EVENTS, max_size=40)
 
 @settings(max_examples=60, deadline=None)
 @given(items=ITEMS)
-def test_any_items_come_back_as_they_were(tmp_path_factory: pytest.TempPathFactory, items: list[LinkItem]) -> None:
+def test_items_read_back_unchanged(tmp_path_factory: pytest.TempPathFactory, items: list[LinkItem]) -> None:
     path = tmp_path_factory.mktemp("any") / "r.mcap"
     streams.write(path, items)
     reader = RecordingReader(path)
@@ -53,7 +54,7 @@ def test_any_items_come_back_as_they_were(tmp_path_factory: pytest.TempPathFacto
     assert list(reader.items()) == items, "a second pass must give the same"
 
 
-def test_description(tmp_path: Path) -> None:
+def test_description_reads_back(tmp_path: Path) -> None:
     info = RecordingReader(streams.write(tmp_path / "r.mcap", some_items()).path).info
     assert info.finished
     assert info.start_ns == streams.START_NS
@@ -100,7 +101,7 @@ def test_stock_stream_reader_reads_an_unfinished_file(tmp_path: Path) -> None:
     assert streams.read(writer.path) == items
 
 
-def test_items_reach_the_file_within_a_tenth_of_a_second(tmp_path: Path) -> None:
+def test_items_are_written_within_100_ms(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
     items = [Chunk("a", number * 7_000_000, bytes([number % 256])) for number in range(1, 500)]
     for item in items:
@@ -114,15 +115,15 @@ def test_items_reach_the_file_within_a_tenth_of_a_second(tmp_path: Path) -> None
     writer.close()
 
 
-def test_a_file_is_never_overwritten(tmp_path: Path) -> None:
+def test_existing_file_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "r.mcap"
     path.write_bytes(b"precious")
-    with pytest.raises(RecordingError, match="exists already"):
+    with pytest.raises(RecordingError, match="already exists"):
         RecordingWriter(path, start_ns=0)
     assert path.read_bytes() == b"precious"
 
 
-def test_a_directory_gets_names_from_the_time(tmp_path: Path) -> None:
+def test_folder_gets_names_from_the_start_time(tmp_path: Path) -> None:
     names = []
     for _ in range(3):
         writer = RecordingWriter(tmp_path, start_ns=streams.START_NS)
@@ -132,13 +133,13 @@ def test_a_directory_gets_names_from_the_time(tmp_path: Path) -> None:
     assert names == [f"{stem}.mcap", f"{stem}-2.mcap", f"{stem}-3.mcap"]
 
 
-def test_missing_directory_is_named_with_its_remedy(tmp_path: Path) -> None:
+def test_missing_folder_is_reported_with_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="does not exist") as caught:
         RecordingWriter(tmp_path / "gone" / "r.mcap", start_ns=0)
     assert "mkdir -p" in caught.value.remedy
 
 
-def test_deleting_the_directory_under_the_recorder_is_told(tmp_path: Path) -> None:
+def test_deleted_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "d").mkdir()
     writer = RecordingWriter(tmp_path / "d" / "r.mcap", start_ns=0)
     writer.path.unlink()
@@ -152,7 +153,7 @@ def test_deleting_the_directory_under_the_recorder_is_told(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("half_written", [0, 1, 40, 1000])
-def test_a_full_disk_is_told_and_the_written_part_stays_clean(
+def test_full_disk_is_reported_and_the_file_stays_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, half_written: int
 ) -> None:
     items = some_items()
@@ -189,7 +190,7 @@ def test_a_full_disk_is_told_and_the_written_part_stays_clean(
     assert reader.damage is None
 
 
-def test_truncation_anywhere_yields_what_is_there(tmp_path: Path) -> None:
+def test_truncated_file_yields_the_present_part(tmp_path: Path) -> None:
     items = some_items(120)
     path = streams.write(tmp_path / "r.mcap", items).path
     whole = path.read_bytes()
@@ -209,7 +210,7 @@ def test_truncation_anywhere_yields_what_is_there(tmp_path: Path) -> None:
     assert damaged > len(range(700, data_end, 97)) + 200
 
 
-def test_a_flipped_bit_is_found_and_costs_one_chunk(tmp_path: Path) -> None:
+def test_flipped_bit_loses_one_chunk(tmp_path: Path) -> None:
     items = some_items(600)
     path = streams.write(tmp_path / "r.mcap", items).path
     data = bytearray(path.read_bytes())
@@ -218,21 +219,21 @@ def test_a_flipped_bit_is_found_and_costs_one_chunk(tmp_path: Path) -> None:
     reader = RecordingReader(path)
     got = list(reader.items())
     assert reader.damage is not None
-    assert "treadlink repair" in reader.damage
+    assert "treadlink repair" in text(reader.damage)
     assert len(items) * 0.6 < len(got) < len(items)
     assert all(item in items for item in got)
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\x89MCAP", b"x" * 5000])
-def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_other_files_are_rejected(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "r.mcap"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="is not a recording"):
         RecordingReader(path)
 
 
-def test_a_missing_recording_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"no recording '.*nope\.mcap'"):
+def test_missing_recording_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"recording '.*nope\.mcap' does not exist"):
         RecordingReader(tmp_path / "nope.mcap")
 
 
@@ -248,7 +249,7 @@ def test_numbers_that_are_not_finite_are_left_out(tmp_path: Path) -> None:
     assert messages["/wheel/FL/waveform"] == {"index": 4, "radial_mps2": [1.0, None]}
 
 
-def test_unknown_topics_and_missing_fields_are_mistakes(tmp_path: Path) -> None:
+def test_unknown_topics_and_missing_fields_are_errors(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
     with pytest.raises(ValueError, match="no schema for topic '/wheel/FL/wear'"):
         writer.write_topic("/wheel/FL/wear", 0, {})

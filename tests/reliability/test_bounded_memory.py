@@ -14,7 +14,7 @@ from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
 from gateway.io.source import Chunk
-from gateway.recording.chunk_index import PackedIndexes
+from gateway.recording.container import PackedIndexes
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from tools.reliability.soak import _TimeErrors

@@ -9,7 +9,7 @@ import pytest
 
 from firmware_protocol.codec import encode_raw
 from firmware_protocol.messages import MessageType
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.reader import RecordingReader

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from gateway.clock import SystemClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import open_source
 from gateway.reasons import Code, Notice
 from gateway.session.live import LiveSession
 from gateway.views.session_summary import ResultSummary
 from gateway.views.wording import notice_text
-from tests.io.hub_ends import PtyPort
 from tests.reliability.streams import chunks_of, simulated
+from tests.testkit.hub_ends import PtyPort
 
 TIMEOUT_S = 20.0
 

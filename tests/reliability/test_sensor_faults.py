@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.estimators.base import Status
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file

@@ -8,7 +8,7 @@ from collections import Counter
 import pytest
 
 from gateway.cli.session_setup import RunningSession, end_session, run_plain
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.io.source import Chunk
 from gateway.reasons import Code, Notice

@@ -183,7 +183,7 @@ def test_extreme_times_are_harmless(tmp_path: Path) -> None:
 
 
 def test_recorded_configuration_is_validated(tmp_path: Path) -> None:
-    from gateway.config.vehicle_file import parse_vehicle
+    from gateway.config.vehicle import parse_vehicle
 
     with pytest.raises(ConfigError):
         parse_vehicle('[[wheel]]\nposition="../../x"\nhub=0\nwheel=0\n[tire]\nradius_mm=300.0\n', "recording")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.clock import ManualClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import open_source
 
 

@@ -8,13 +8,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from gateway.cli import treadlink
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, RecordingError
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
 from gateway.session.wheel_identity import misplaced_sensor
-from tests.closure.campaign_recordings import write_recording
+from tests.testkit.campaign_recordings import write_recording
 
 CONFIGURED = {"FL": "0000a001", "FR": "0000a002"}
 

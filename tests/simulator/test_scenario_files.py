@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, SourceError
 from gateway.simulator.scenario import builtin_scenarios, load_scenario, parse_scenario, vehicle_toml
 
@@ -94,15 +94,15 @@ drum_radius_mm = -100.0
         "scenario.seed: -1 found",
         "flip: rate = 0 to 1",
         "motion.speed_kmh",
-        "must end at the speed it begins with",
+        "must end at the value it starts with",
         "tire.wear_mm: 14.0 found, allowed: up to 0.8 of ring_thickness_mm, 12",
-        "tire.speling: 1 found, there is no such key",
-        "sensor.rate_hz: 100.0 found, allowed: a number 2000 to 25600",
+        "tire.speling: 1 found, unknown key",
+        "sensor.rate_hz: 100.0 found, allowed: a number from 2000 to 25600",
         "noise_mg_rthz: a list of 2 found",
         "the times do not increase",
         'pressure_kpa: "high" found',
         "hub[#2].hub: 3 found",
-        "another wheel has it already",
+        "another wheel has the same",
         "drum_radius_mm: -100.0 found",
     ):
         assert expected in told, expected

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Environment, HubStatus, SampleBlock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
 from gateway.simulator.disturbances import EdgeJitter

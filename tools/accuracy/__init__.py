@@ -1,4 +1,4 @@
-"""Signals with a known truth, the real signal path, and statistics: what tools/bench_accuracy.py is made of."""
+"""Parts of tools/bench_accuracy.py: signals with known truth, the gateway's signal path, statistics and tables."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""What is measured: tires, loads, speeds, sensors, disturbances, and tires whose law the estimators are not told."""
+"""Test cases: tires, loads, speeds, sensors, disturbances, and tires with properties unknown to the estimators."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOISE_MG_RTHZ = (0.125, 5.0, 15.0, 70.0)
 
 # What the forward fit finds on the measured inner-liner recording (docs/accuracy.md): the packet after the contact.
 MEASURED_WAVES = EdgeWaves(amplitude=0.12, order_before=30.0, order_after=52.0, decay_rad=0.9, phase_rad=-1.5)
-# A second pair, which the forward estimator has no place for.
+# A second pair, which the forward estimator does not model.
 MORE_WAVES = EdgeWaves(amplitude=0.06, order_before=22.0, order_after=37.0, decay_rad=0.6, phase_rad=0.8)
 
 
@@ -46,7 +46,7 @@ class Case:
         hub_rms_mps2: vertical shaking of the hub between 8 and 16 Hz.
         waves: locked to the tire.
         jitter_m: standard deviation of the leading edge from revolution to revolution.
-        offset_m: of the sensor below the neutral layer; the estimators are told none.
+        offset_m: of the sensor below the neutral layer; the estimators assume none.
         torque_nm: driving torque; the road's friction carries it as shear in the contact.
     """
 
@@ -98,7 +98,7 @@ def sampling_cases() -> Iterator[Case]:
 
 
 def noise_cases() -> Iterator[Case]:
-    """Noise densities, and what is not the sensor's."""
+    """Noise densities of the sensor, and disturbances by road and hub."""
     for noise in NOISE_MG_RTHZ:
         yield Case("noise", f"{noise:g} mg/rtHz", noise_mg_rthz=noise)
     yield Case("noise", "road 2 m/s2", road_rms_mps2=2.0)
@@ -109,7 +109,7 @@ def noise_cases() -> Iterator[Case]:
 
 
 def variant_cases() -> Iterator[Case]:
-    """Tires whose law the estimators are not told."""
+    """Tires with properties unknown to the estimators."""
     base = Case("variants", "none")
     yield base
     for name, change in (
@@ -136,7 +136,7 @@ def all_cases() -> list[Case]:
 
 
 def quick_cases() -> list[Case]:
-    """Some of each, for a look within a minute."""
+    """A selection of all cases that runs within a minute."""
     grid = [case for case in grid_cases() if case.pressure_pa == REFERENCE_PA and case.wear_mm in (0.0, 6.4)]
     sampling = [case for case in sampling_cases() if case.name == "65 km/h, 2000 Hz"]
     noise = [case for case in noise_cases() if case.name in ("5 mg/rtHz", "road 2, hub 1 m/s2")]

@@ -1,4 +1,4 @@
-"""Samples through the gateway's own pipeline: segmentation, resampling, gravity, edges. Out come revolutions."""
+"""Revolutions from samples by the gateway's own pipeline: segmentation, resampling, gravity, edges."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling, Hello
-from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.estimators.base import AngleAverage, Revolution, TireConditions
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
@@ -20,10 +20,10 @@ _BLOCK = 36
 
 
 class Turn(NamedTuple):
-    """A revolution as the pipeline gave it, with the conditions that held."""
+    """A revolution from the pipeline, with its conditions."""
 
     revolution: Revolution
-    conditions: Conditions
+    conditions: TireConditions
 
 
 def hello_of(rate_hz: float, range_mps2: float, axes: int, coupling: Coupling = Coupling.DC) -> Hello:
@@ -82,7 +82,7 @@ def turns_of(
 
 
 def take(average: RunningAverage, revolution: Revolution) -> AngleAverage:
-    """Take a revolution into an average, as the pipeline does."""
+    """Add a revolution to an average, as the pipeline does."""
     return average.update(
         revolution.radial_mps2,
         revolution.orders_mps2,

@@ -1,4 +1,4 @@
-"""Bias and spread of every estimator in one case, beside the Cramer-Rao bound."""
+"""Bias and standard deviation of every estimator in one case, with the Cramer-Rao bound."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, wavef
 from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
 from accuracy.chain import Turn, hello_of, take, turns_of
 from accuracy.signals import samples_of, truth_of
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Estimate, Status
 from gateway.estimators.registry import make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
@@ -33,7 +33,7 @@ ABSOLUTE = {"wear_mm": 1.0, "sensor_offset_m": 1e3}
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is measured.
+    """Number of revolutions and runs of a measurement.
 
     Attributes:
         clean: revolutions averaged without noise, for the bias of the method.
@@ -50,7 +50,7 @@ class Effort:
 
 @dataclass(slots=True)
 class Sample:
-    """Errors of one quantity from one estimator, and how it judged itself.
+    """Errors of one quantity from one estimator, with the stated standard errors.
 
     Attributes:
         errors: estimate over truth minus 1, of the estimates that were given at all.
@@ -65,7 +65,7 @@ class Sample:
     asked: int = 0
 
     def add(self, estimate: Estimate, truth: float) -> None:
-        """Take an estimate in; of ABSOLUTE quantities the error is in mm."""
+        """Add an estimate; the error of ABSOLUTE quantities is in mm."""
         self.asked += 1
         self.valid += estimate.status is Status.VALID
         if math.isfinite(estimate.value):
@@ -80,7 +80,7 @@ class Sample:
 
     @property
     def std(self) -> float:
-        """Spread, NaN of fewer than three."""
+        """Standard deviation; NaN for fewer than three estimates."""
         return float(np.std(self.errors, ddof=1)) if len(self.errors) > 2 else math.nan
 
     @property
@@ -90,14 +90,14 @@ class Sample:
 
     @property
     def worth(self) -> float:
-        """Rms of the errors in units of their stated standard errors: 1 when they are what they say."""
+        """Rms of the errors over their stated standard errors; 1 when these are right."""
         known = [(e / s) ** 2 for e, s in zip(self.errors, self.stated, strict=True) if s > 0.0]
         return math.sqrt(sum(known) / len(known)) if known else math.nan
 
 
 @dataclass(slots=True)
 class Outcome:
-    """What came out of a case. Keys are (estimator, quantity).
+    """Results of one case. Keys are (estimator, quantity).
 
     Attributes:
         case: the case.
@@ -137,7 +137,7 @@ def truths(case: Case) -> dict[str, float]:
 
 
 def bounds(case: Case) -> dict[str, float]:
-    """Return the relative Cramer-Rao bound of one revolution; of the base law, tread stiffness not known."""
+    """Return the relative Cramer-Rao bound of one revolution, for the base tire with unknown tread stiffness."""
     sensitivity = waveform_sensitivity(
         case.ring, case.load_n, case.pressure_pa, case.omega_radps, parameters=DEFAULT_PARAMETERS, nodes=960
     )
@@ -150,7 +150,7 @@ def bounds(case: Case) -> dict[str, float]:
     )
     bound = cramer_rao(sensitivity, variance)
     half = 0.5 * float(sensitivity.edges_rad[1] - sensitivity.edges_rad[0])
-    result = {name: bound.std(name) for name in ("Bs", "Cw", "Rs", "Ts")}
+    result = {name: bound.std(name) for name in RING_NUMBERS}
     result |= {f"{name}/Cw": bound.ratio_std(name, "Cw") for name in ("Bs", "Rs", "Ts")}
     # b known in place of the load gives it with the error of Cw; thickness goes with the cube root of Bs.
     result["load_by_width_n"] = result["Cw"]
@@ -161,7 +161,7 @@ def bounds(case: Case) -> dict[str, float]:
 
 
 def measure(case: Case, estimators: Sequence[str], effort: Effort) -> Outcome:
-    """Return what the estimators make of a case."""
+    """Return the results of the estimators in one case."""
     outcome = Outcome(case, bound=bounds(case))
     truth = truths(case)
     if case.acceleration_mps2:
@@ -201,7 +201,7 @@ def _turns(case: Case, revolutions: int, rng: np.random.Generator, *, noise: boo
 
 
 def _after(names: Sequence[str], turns: Sequence[Turn]) -> dict[str, tuple[Estimate, ...]]:
-    """Return what estimators say after these revolutions, run as the pipeline runs them."""
+    """Return the estimates after these revolutions, made in the same way as by the pipeline."""
     estimators = [make_estimator(name) for name in names]
     average = RunningAverage(horizon_revolutions=LONG)
     history: dict[str, list[tuple[Estimate, ...]]] = {name: [] for name in names}
@@ -234,7 +234,7 @@ def _with_half_angle(estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
 
 
 def _mean(history: list[tuple[Estimate, ...]]) -> tuple[Estimate, ...]:
-    """Return the mean over revolutions of estimates that do not average by themselves."""
+    """Return the mean over revolutions of estimates that are made from single revolutions."""
     rows = []
     for column in zip(*history, strict=True):
         values = [estimate.value for estimate in column if math.isfinite(estimate.value)]

@@ -22,7 +22,7 @@ ROAD_HZ = 500.0
 HUB_HZ = (8.0, 16.0)
 NODES = 2400
 _FULL_SCALE = 32767
-# A leading edge that jitters takes its surroundings along, this far.
+# Region around a jittering leading edge that moves with it.
 _JITTER_REACH_RAD = 0.2
 
 
@@ -53,18 +53,18 @@ class Samples(NamedTuple):
 
 
 def samples_of(case: Case, revolutions: int, rng: np.random.Generator, *, noise: bool = True) -> Samples:
-    """Return samples that hold at least so many whole revolutions.
+    """Return samples of at least `revolutions` whole revolutions.
 
     Args:
         case: the condition.
-        revolutions: how many.
-        rng: of phase, noise and disturbances.
-        noise: False leaves out everything random but the phase of the sampling, and 16 bit are made fine: a sensor of
-            +-2000 g without noise would read in steps of 0.6 m/s2, which do not average out.
+        revolutions: number of revolutions.
+        rng: generator of phase, noise and disturbances.
+        noise: False omits everything random except the phase of the sampling, and scales 16 bit to the signal: a sensor
+            of +-2000 g without noise would read in steps of 0.6 m/s2, which do not average out.
     """
     ring = truth_of(case)
     omega, spin = case.omega_radps, case.acceleration_mps2 / RADIUS_M
-    # Two revolutions more than wanted: the first contact may be cut, the last needs its surroundings.
+    # Two additional revolutions: the first contact may be cut, and the last one needs samples around it.
     angle_end = 2.0 * math.pi * (revolutions + 2.2)
     duration = 2.0 * angle_end / (omega + math.sqrt(omega**2 + 2.0 * spin * angle_end))
     t = np.arange(math.ceil(duration * case.rate_hz)) / case.rate_hz
@@ -100,7 +100,7 @@ def samples_of(case: Case, revolutions: int, rng: np.random.Generator, *, noise:
 
 
 def _jittered(phase: FloatArray, ring: RingSolution, std_rad: float, rng: np.random.Generator) -> FloatArray:
-    """Shift the surroundings of the leading edge by another angle in every revolution."""
+    """Shift the region around the leading edge by a random angle in every revolution."""
     turn = np.floor((phase + math.pi) / (2.0 * math.pi)).astype(np.int64)
     shift = rng.normal(0.0, std_rad, int(turn[-1]) + 1)[turn]
     distance = np.mod(phase + math.pi, 2.0 * math.pi) - math.pi - ring.leading_edge_rad
@@ -112,7 +112,7 @@ def _jittered(phase: FloatArray, ring: RingSolution, std_rad: float, rng: np.ran
 
 
 def _disturbances(case: Case, curve: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Return what road and hub add, (n, 3)."""
+    """Return the disturbances by road and hub, (n, 3)."""
     samples = len(curve)
     force = np.zeros((samples, 3))
     if case.road_rms_mps2:

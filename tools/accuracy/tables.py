@@ -1,4 +1,4 @@
-"""Tables of what was measured: text for a terminal, or Markdown."""
+"""Tables of the results, as text for a terminal or as Markdown."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 
 from accuracy.cases import REFERENCE_PA, Case
 from accuracy.measure import ABSOLUTE, LONG, Outcome
+from gateway.constants import RING_NUMBERS
 
 QUANTITIES = ("speed_mps", "half_angle_rad", "Bs", "Cw", "Rs", "Ts")
 HEADS = ("speed", "half angle", "Bs", "Cw", "Rs", "Ts")
 # What the numbers are used for, one estimator each; the last two in mm.
 USES = (("load", "load_by_width_n"), ("wear", "wear_mm"), ("self-calibration", "sensor_offset_m"))
 USE_HEADS = ("load by belt width, %", "wear, mm", "sensor offset, mm")
-NUMBERS = ("Bs", "Cw", "Rs", "Ts")
 RATIOS = ("Bs/Cw", "Rs/Cw", "Ts/Cw")
 CONTACT, CONTACT_HEADS = QUANTITIES[:2], HEADS[:2]
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A title, heads and rows of text; `note` says how to read it."""
+    """A table of text: title, column heads and rows; `note` explains how to read it."""
 
     title: str
     note: str
@@ -31,7 +31,7 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
 
     def text(self, *, markdown: bool) -> str:
-        """Return it laid out in columns."""
+        """Return the table as text."""
         lines = [self.heads, *self.rows]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.heads))]
         if not markdown:
@@ -43,7 +43,7 @@ class Table:
 
 
 def percent(value: float, digits: int = 3) -> str:
-    """Return a share in percent, so many digits; a dash when there is none."""
+    """Return a share in percent with `digits` significant digits; a dash when it is not finite."""
     if not math.isfinite(value):
         return "-"
     size = abs(100.0 * value)
@@ -53,7 +53,7 @@ def percent(value: float, digits: int = 3) -> str:
 
 
 def grid_tables(outcomes: Sequence[Outcome], estimators: Sequence[str]) -> Iterable[Table]:
-    """Yield what holds over all conditions of the ring paper's Table 1."""
+    """Yield statistics over all conditions of the ring paper's Table 1."""
     grid = [outcome for outcome in outcomes if outcome.case.group == "grid"]
     if not grid:
         return
@@ -95,7 +95,7 @@ def grid_tables(outcomes: Sequence[Outcome], estimators: Sequence[str]) -> Itera
 
 
 def case_tables(outcomes: Sequence[Outcome], estimators: Sequence[str], group: str) -> Iterable[Table]:
-    """Yield one group's conditions, each by itself, estimators side by side."""
+    """Yield the tables of one group: a row for each condition, estimators side by side in the columns."""
     chosen = [outcome for outcome in outcomes if outcome.case.group == group]
     if not chosen:
         return
@@ -122,7 +122,7 @@ def case_tables(outcomes: Sequence[Outcome], estimators: Sequence[str], group: s
         f"After {LONG} revolutions, {group}",
         "mean error +- spread of Bs, Cw, Rs, Ts, %; in brackets what the estimator itself does not call valid",
         heads,
-        tuple((o.case.name, *(_long_cell(o, name, NUMBERS) for name in fitters)) for o in chosen),
+        tuple((o.case.name, *(_long_cell(o, name, RING_NUMBERS) for name in fitters)) for o in chosen),
     )
     if group == "variants":
         yield Table(
@@ -142,11 +142,11 @@ def _contact_cell(outcome: Outcome, name: str, quantity: str) -> str:
 
 
 def _single_cell(outcome: Outcome, name: str) -> str:
-    samples = {number: outcome.single.get((name, number)) for number in NUMBERS}
+    samples = {number: outcome.single.get((name, number)) for number in RING_NUMBERS}
     stds = {number: sample.std if sample is not None else math.nan for number, sample in samples.items()}
     if not any(map(math.isfinite, stds.values())):
         return "-"
-    times = " ".join(f"{stds[number] / outcome.bound[number]:.2g}" for number in NUMBERS)
+    times = " ".join(f"{stds[number] / outcome.bound[number]:.2g}" for number in RING_NUMBERS)
     return f"{' '.join(percent(std, 2) for std in stds.values())} ({times}x)"
 
 
@@ -187,7 +187,7 @@ def _use_cell(outcome: Outcome, key: tuple[str, str]) -> str:
 
 
 def plain(value: float) -> str:
-    """Return a value with three digits; a dash when there is none."""
+    """Return a value with three digits; a dash when it is not finite."""
     return f"{value:.3g}" if math.isfinite(value) else "-"
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.clock import ManualClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkItem, open_source
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording

@@ -21,7 +21,7 @@ from firmware_protocol.codec import encode_frame, encode_raw
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock
 from gateway.clock import ManualClock
-from gateway.config.vehicle_file import load_vehicle
+from gateway.config.vehicle import load_vehicle
 from gateway.errors import TreadlinkError
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file

@@ -12,7 +12,7 @@ from firmware_protocol.codec import encode_raw
 from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import MessageType
 from gateway.clock import ManualClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
 from gateway.reasons import Code, Notice
 from gateway.session.core import SessionCore

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gateway.clock import ManualClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.estimators.base import Estimate
 from gateway.io.source import open_source
 from gateway.session.core import SessionCore

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.clock import SystemClock
-from gateway.config.vehicle_file import parse_vehicle
+from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkItem
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.writer import RecordingWriter

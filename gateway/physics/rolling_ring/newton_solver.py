@@ -115,7 +115,7 @@ def folded_band(nodes: int, dof: int, reach: int) -> FoldedBand:
 def solve_bordered(
     blocks: FloatArray, columns: FloatArray, rows: FloatArray, corner: FloatArray, right: FloatArray, below: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Solve [[A, B], [C, D]] [x, y] = [right, below] with A a cyclic block band.
+    """Solve `[[A, B], [C, D]] (x, y) = (right, below)` with A a cyclic block band.
 
     Args:
         blocks: (2 r + 1, N, d, d) blocks of A; [o, i] couples node i to node i + o - r.

@@ -1,0 +1,50 @@
+"""Command-line options that several commands share, each declared once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS
+
+config_option = click.option(
+    "--config",
+    "config_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Vehicle configuration (TOML).  [default: the one in the recording or scenario]",
+)
+duration_option = click.option(
+    "--duration",
+    "duration_s",
+    type=click.FloatRange(min=0.1),
+    metavar="SECONDS",
+    help="Stop after this many seconds.",
+)
+effects_option = click.option(
+    "--effects",
+    "effects_paths",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Subtract the effects found by `treadlink diagnose --save-effects`; repeat for several wheels.",
+)
+estimator_option = click.option(
+    "--estimator",
+    "estimators",
+    multiple=True,
+    type=click.Choice(list(ESTIMATORS)),
+    help=f"Estimator to run; repeat for several.  [default: {', '.join(DEFAULT_ESTIMATORS)}]",
+)
+force_option = click.option("--force", is_flag=True, help="Overwrite existing output files.")
+keys_option = click.option(
+    "--keys",
+    "key_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Sensor signing keys.  [default: the key file of `treadlink keys`]",
+)
+plain_option = click.option(
+    "--plain", is_flag=True, help="Print one line per revolution instead of the screen; the default without a terminal."
+)

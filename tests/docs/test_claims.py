@@ -1,0 +1,100 @@
+"""Claims of README.md and the contributing pages that code can check: paths, names, layers, shared equations."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from gateway.estimators.registry import ESTIMATORS
+from tests.test_import_rules import ALLOWED, FOUNDATION, imports
+from tools.docs_site.staging import ROOT
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs" / "contributing").glob("*.md"))]
+SOLVER = "gateway.physics.rolling_ring"
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_named_paths_exist(page):
+    paths = re.findall(
+        r"`((?:gateway|firmware_protocol|tests|tools|docs|examples)/[\w./*-]*)`", page.read_text("utf-8")
+    )
+    assert [path for path in paths if not list(ROOT.glob(path.rstrip("/")))] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_named_modules_and_attributes_exist(page):
+    names = re.findall(r"`((?:gateway|firmware_protocol)(?:\.\w+)+)`", page.read_text("utf-8"))
+    assert [name for name in names if not resolves(name)] == []
+
+
+def test_new_names_in_the_changelog_exist():
+    page = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    names = re.findall(r"^ *\| `gateway.* \| `(gateway[\w.]+)` \|$", page, re.MULTILINE)
+    assert names
+    assert [name for name in names if not resolves(name)] == []
+
+
+def resolves(name: str) -> bool:
+    """Return whether a dotted name is a module or an attribute of one."""
+    try:
+        importlib.import_module(name)
+    except ImportError:
+        module, _, attribute = name.rpartition(".")
+        return bool(module) and resolves(module) and hasattr(importlib.import_module(module), attribute)
+    return True
+
+
+def test_the_architecture_page_draws_the_import_rules():
+    page = (ROOT / "docs" / "contributing" / "architecture.md").read_text("utf-8")
+    drawn = {}
+    for row in re.findall(r"^\| (`.*) \| (.*) \|$", page, re.MULTILINE):
+        allowed = set(re.findall(r"`([\w.]+)`", row[1])) or {"everything": {"*"}, "nothing": set()}[row[1]]
+        drawn |= dict.fromkeys(re.findall(r"`([\w.]+)`", row[0]), allowed)
+    assert drawn == ALLOWED
+    assert all(f"`{module}`" in page for module in FOUNDATION)
+
+
+def test_the_picture_of_the_layers_puts_each_above_what_it_imports():
+    page = (ROOT / "docs" / "contributing" / "architecture.md").read_text("utf-8")
+    rows = re.findall(r"^ (\d) {2}(.*)$", page, re.MULTILINE)
+    level = {name: int(number) for number, names in rows for name in names.split()}
+    layers = {layer.removeprefix("gateway."): allowed for layer, allowed in ALLOWED.items()}
+    assert set(level) == set(layers) | {module.removeprefix("gateway.") for module in FOUNDATION - {"gateway"}}
+    for layer, allowed in layers.items():
+        for below in (set(layers) - {layer}) if allowed == {"*"} else allowed:
+            assert level[below.removeprefix("gateway.")] < level[layer]
+
+
+@cache
+def imported(module: str) -> frozenset[str]:
+    """Return the modules of the project that a module imports, directly or not."""
+    path = ROOT / module.replace(".", "/")
+    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    found: set[str] = set()
+    if file.is_file():
+        for name in imports(file):
+            if name.startswith("gateway"):
+                found |= {name, *imported(name)}
+    return frozenset(found)
+
+
+def uses_solver(module: str) -> bool:
+    return any(name == SOLVER or name.startswith(f"{SOLVER}.") for name in imported(module))
+
+
+def test_only_the_forward_estimator_shares_the_simulators_solver():
+    sharing = {name for name, place in ESTIMATORS.items() if uses_solver(place.partition(":")[0])}
+    assert sharing == {"forward"}
+
+
+@pytest.mark.parametrize("module", ["gateway.simulator.tire_model", "gateway.closure.exact_core"])
+def test_simulator_and_exact_model_share_one_solver(module):
+    assert uses_solver(module)

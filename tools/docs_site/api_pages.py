@@ -1,0 +1,50 @@
+"""API reference: one page per package, filled from docstrings when the site is built."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from tools.docs_site.markdown import sentence
+
+# Package -> what a reader finds in it. The commands and the views have references of their own.
+PACKAGES: Final[dict[str, str]] = {
+    "firmware_protocol": "wire protocol: messages, encoder, stream decoder",
+    "gateway": "types, constants, errors, clock and reasons that every layer shares",
+    "gateway.physics": "belt, contact, laminate and tread models",
+    "gateway.signal": "signal processing: contacts, angle resampling, averages, spectra",
+    "gateway.estimators": "estimators, one interface",
+    "gateway.pipeline": "from samples of one wheel to revolutions and estimates",
+    "gateway.closure": "diagnosis of model error: effects, fits, acceptance tests",
+    "gateway.config": "vehicle configuration and effects files",
+    "gateway.io": "byte sources: serial, TCP, Bluetooth LE",
+    "gateway.security": "signed frames and their keys",
+    "gateway.recording": "recordings: writer, reader, replay, repair",
+    "gateway.simulator": "simulated tires, hubs and link faults",
+    "gateway.importing": "import of foreign measurements",
+    "gateway.session": "live, batch and campaign sessions",
+}
+
+_ROOT: Final = Path(__file__).parents[2]
+
+
+def api_markdown() -> dict[str, str]:
+    """Return file name -> page for every package, and an index."""
+    index = ["# API", "", "Python modules by package. Types are part of every signature; units are in the names.", ""]
+    pages = {}
+    for package, meaning in PACKAGES.items():
+        name = f"{package.replace('.', '-')}.md"
+        index.append(f"- [`{package}`]({name}): {meaning}")
+        lines = [f"# {package}", "", sentence(meaning), ""]
+        for module in _modules(package):
+            lines += [f"::: {module}", ""]
+        pages[name] = "\n".join(lines)
+    return {"index.md": "\n".join(index) + "\n", **pages}
+
+
+def _modules(package: str) -> list[str]:
+    """Return the public modules of a package, those of its subpackages included, except for the top package's."""
+    folder = _ROOT / package.replace(".", "/")
+    paths = sorted(folder.glob("*.py") if package == "gateway" else folder.rglob("*.py"))
+    modules = [str(path.relative_to(_ROOT).with_suffix("")).replace("/", ".") for path in paths]
+    return [name for name in modules if not name.rpartition(".")[2].startswith("_")]
