@@ -1,4 +1,4 @@
-"""Claims of README.md and the contributing pages that code can check: paths, names, layers, shared equations."""
+"""Claims of README.md and the documentation that code can check: paths, names, layers, shared equations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gateway.estimators.registry import ESTIMATORS
 from tests.test_import_rules import ALLOWED, FOUNDATION, imports
 from tools.docs_site.staging import ROOT
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs" / "contributing").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SOLVER = "gateway.physics.rolling_ring"
 
 
