@@ -1,14 +1,16 @@
-"""The one clock. No other module reads time; tests inject a manual clock."""
+"""Clocks, and waiting on them. No other module reads time; tests inject a manual clock."""
 
 from __future__ import annotations
 
 import threading
 import time
-from typing import Protocol
+from typing import Final, Protocol
+
+_WAIT_SLICE_NS: Final = 100_000_000
 
 
 class Clock(Protocol):
-    """Time as the gateway sees it: nanoseconds since the Unix epoch, never going backwards."""
+    """Time in ns since the Unix epoch, which never runs backwards."""
 
     def now_ns(self) -> int:
         """Return the present time in ns since the epoch."""
@@ -26,7 +28,7 @@ class SystemClock:
         self._epoch_minus_monotonic_ns = time.time_ns() - time.monotonic_ns()
 
     def now_ns(self) -> int:
-        """Return ns since the epoch, as the system clock stood at start plus the monotonic time since."""
+        """Return ns since the epoch: the system time at start plus the monotonic time since."""
         return time.monotonic_ns() + self._epoch_minus_monotonic_ns
 
     def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
@@ -41,7 +43,7 @@ class SystemClock:
 
 
 class ManualClock:
-    """A clock that moves only when told to, or when somebody sleeps on it. For tests and for running at full speed."""
+    """A clock that moves only by `advance_ns`, or when something sleeps on it. For tests and for full speed."""
 
     def __init__(self, start_ns: int = 1_700_000_000_000_000_000) -> None:
         self._now_ns = start_ns
@@ -58,3 +60,14 @@ class ManualClock:
         """Jump to `deadline_ns` at once; return True when `stop` is set."""
         self._now_ns = max(self._now_ns, deadline_ns)
         return stop is not None and stop.is_set()
+
+
+def wait_until(clock: Clock, deadline_ns: int, stop: threading.Event, closed: threading.Event) -> bool:
+    """Sleep until `deadline_ns`; return False when `stop` or, within 0.1 s, `closed` is set before it."""
+    while not stop.is_set() and not closed.is_set():
+        now_ns = clock.now_ns()
+        if now_ns >= deadline_ns:
+            return True
+        if clock.sleep_until_ns(min(deadline_ns, now_ns + _WAIT_SLICE_NS), stop):
+            return False
+    return False

@@ -1,4 +1,4 @@
-"""Errors the user is meant to read: each names the thing that failed and the remedy."""
+"""Errors for the user: each names the thing that failed and the remedy."""
 
 from typing import Final
 
@@ -13,16 +13,16 @@ class TreadlinkError(Exception):
     """
 
     def __init__(self, message: str, remedy: str = "") -> None:
-        """Keep the message and the remedy apart so that views can lay them out.
+        """Store message and remedy separately, so that views can lay them out.
 
-        Both may quote what a file or a device says, so they are made fit for a terminal here.
+        Both may quote a file or a device, so characters that a terminal would act on are escaped here.
         """
         super().__init__(_presentable(message))
         self.remedy = _presentable(remedy)
 
 
 def _presentable(text: str) -> str:
-    """Return text with control characters written out and endless lines cut."""
+    """Return text with control characters escaped and very long lines shortened."""
     if len(text) <= _LONGEST_LINE and text.replace("\n", "").isprintable():
         return text
     lines = []
@@ -39,7 +39,7 @@ class SourceError(TreadlinkError):
 
 
 class LinkLostError(TreadlinkError):
-    """A link that was open broke; the reconnecting source retries it."""
+    """An open link broke; the reconnecting source opens it again."""
 
 
 class RecordingError(TreadlinkError):
@@ -47,7 +47,7 @@ class RecordingError(TreadlinkError):
 
 
 class ConfigError(TreadlinkError):
-    """A configuration, scenario or import map has faults; the message lists all of them."""
+    """A configuration, scenario or import map has errors; the message lists all of them."""
 
 
 class ImportDataError(TreadlinkError):

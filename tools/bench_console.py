@@ -22,7 +22,7 @@ import numpy as np
 
 from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
-from gateway.reasons import Code, Reason
+from gateway.reasons import Code, Notice, Reason
 
 RADIUS_M = 0.32
 SAMPLES = 1024
@@ -84,7 +84,9 @@ class FakeSession:
 
     def __init__(self) -> None:
         rng = np.random.default_rng(7)
-        link = LinkSnapshot("sim:demo", True, "connected", 0, 1, 2, 0, 3, 0, 0, 0, 0.012, {"ring": 0}, 87, -61, 0.43)
+        connected = Reason(Code.LINK_CONNECTED)
+        notice = Notice("sim:demo", connected)
+        link = LinkSnapshot("sim:demo", True, connected, 0, 1, 2, 0, 3, 0, 0, 0, 0.012, {"ring": 0}, 87, -61, 0.43)
         self.snapshots = []
         for index in range(DISTINCT):
             wheels = []
@@ -94,9 +96,7 @@ class FakeSession:
                 wheels.append(
                     WheelSnapshot(position, "a001", 9600.0, WheelState.ROLLING, last, average, 210e3, 31.5, 5000.0)
                 )
-            self.snapshots.append(
-                SessionSnapshot(0.0, tuple(wheels), (link,), (), ("a notice",), "drive.mcap", 0, False)
-            )
+            self.snapshots.append(SessionSnapshot(0.0, tuple(wheels), (link,), (), (notice,), "drive.mcap", 0, False))
         self.start_s = time.monotonic()
         self.calls: list[tuple[float, float]] = []
 

@@ -9,7 +9,7 @@ from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
 from gateway.clock import SystemClock
 from gateway.errors import SourceError
 from gateway.io.source import open_source
-from gateway.session.commands import TwoWaySource, carry_out
+from gateway.session.commands import TwoWaySource, execute
 
 _clock = SystemClock()
 
@@ -63,6 +63,6 @@ def _send(uri: str, what: Command) -> None:
     try:
         if not isinstance(opened, TwoWaySource):
             raise SourceError(f"'{uri}' does not accept commands", "Give a hub on Bluetooth: ble://NAME.")
-        click.echo(carry_out(opened, what))
+        click.echo(f"hub {execute(opened, what)} executed the command")
     finally:
         opened.close()

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import open_source, parse_source_uri
+from gateway.views.wording import notice_text
 
 PYTHON_MIN: Final = (3, 11)
 TERMINAL_MIN_COLUMNS: Final = 80
@@ -112,9 +113,9 @@ def check_ports() -> Iterator[Check]:
 
 def check_bluetooth() -> Iterator[Check]:
     """Check adapter, service and permissions of Bluetooth LE."""
-    from gateway.io.ble import scan
+    from gateway.io.ble_source import scan_devices
 
-    fault = scan(_LISTEN_S).fault
+    fault = scan_devices(_LISTEN_S).fault
     if fault is None:
         yield Check("bluetooth", Level.OK, "available; `treadlink scan` lists the hubs in range")
     else:
@@ -211,7 +212,7 @@ def check_config(path: Path) -> Iterator[Check]:
             text = f"{what} of {', '.join(unknown)} is unknown: only ratios of the numbers can be estimated"
             yield Check(name, Level.WARNING, text, f"State {key} if possible{rest}.")
     yield from (
-        Check(name, Level.WARNING, notice, "Measure it and state it in the configuration.")
+        Check(name, Level.WARNING, notice_text(notice), "Measure it and state it in the configuration.")
         for notice in config.notices()
     )
 

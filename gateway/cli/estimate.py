@@ -17,8 +17,7 @@ from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.recording.reader import RecordingReader
-from gateway.security.guard import Guard
-from gateway.security.guard_setup import open_guard
+from gateway.security.guard import Guard, open_guard
 from gateway.security.key_file import default_key_file
 from gateway.session.batch import estimate_items
 from gateway.session.wheel_identity import SensorsHeard
@@ -26,7 +25,7 @@ from gateway.views.output_file import check_outputs
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables.result_table import TableFormat, open_table
 from gateway.views.text import clean
-from gateway.views.wording import text
+from gateway.views.wording import notice_text, text
 
 
 def _output_option(name: TableFormat, help_text: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -127,10 +126,10 @@ def _estimate_one(
         + ("" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)")
     )
     wheels = summary.wheels()
-    findings = guard.findings() if guard is not None else []
-    # With signatures required, the guard reports unexpected sensors too.
-    for finding in findings or sensors.strangers(vehicle, [wheel.position for wheel in wheels]):
-        click.echo(f"  {clean(finding)}")
+    notices = guard.take_notices() if guard is not None else []
+    # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
+    for notice in notices or sensors.mismatches(vehicle, [wheel.position for wheel in wheels]):
+        click.echo(f"  {clean(notice_text(notice))}")
     for table in effects:
         for wheel in wheels:
             if wheel.position == table.position:

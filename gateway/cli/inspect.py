@@ -63,11 +63,8 @@ def _lines(found: Inspection) -> Iterator[str]:
         yield "  events"
         for event in found.events[:_EVENTS_SHOWN]:
             at = (event.host_ns - begin) * 1e-9
-            what = (
-                f"mark: {event.text}"
-                if event.kind is LinkEventKind.MARK
-                else f"{event.link} {event.kind}: {event.text}"
-            )
+            words = text(event.reason)
+            what = words if event.kind is LinkEventKind.MARK else f"{event.link}: {words}"
             yield f"    {at:9.2f} s  {what}"
         if len(found.events) > _EVENTS_SHOWN:
             yield f"    ... and {len(found.events) - _EVENTS_SHOWN} more (--json prints all)"
@@ -151,7 +148,13 @@ def _as_json(found: Inspection) -> dict[str, Any]:
         "duration_s": (end - begin) * 1e-9,
         "links": {name: _link_json(link) for name, link in found.links.items()},
         "events": [
-            {"host_ns": event.host_ns, "link": event.link, "kind": str(event.kind), "text": event.text}
+            {
+                "host_ns": event.host_ns,
+                "link": event.link,
+                "kind": str(event.kind),
+                "text": event.text,
+                "reason": as_json(event.reason),
+            }
             for event in found.events
         ],
         "topics": found.topics,

@@ -12,6 +12,7 @@ from gateway.cli.options import config_option, duration_option, effects_option, 
 from gateway.cli.session_setup import RunningSession, end_session, start_session
 from gateway.errors import RecordingError
 from gateway.views.text import clean
+from gateway.views.wording import notice_text
 
 _REPORT_S: Final = 1.0
 
@@ -55,8 +56,8 @@ def record(
     )
     _watch(session, duration_s)
     end_session(session, click.echo)
-    if session.core.recording_fault is not None:
-        raise RecordingError(session.core.recording_fault, "The part written before is readable.")
+    if session.live.core.recording_fault is not None:
+        raise RecordingError(session.live.core.recording_fault, "The part written before is readable.")
 
 
 def _watch(session: RunningSession, duration_s: float | None) -> None:
@@ -69,7 +70,7 @@ def _watch(session: RunningSession, duration_s: float | None) -> None:
             ended = live.wait(0.1)
             live.results()
             for notice in live.notices():
-                click.echo(f"* {clean(notice)}", err=True)
+                click.echo(f"* {clean(notice_text(notice))}", err=True)
             snapshot = live.snapshot()
             if on_terminal and snapshot.elapsed_s >= shown_s:
                 shown_s = snapshot.elapsed_s + _REPORT_S

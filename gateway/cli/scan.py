@@ -11,8 +11,8 @@ import click
 from gateway.cli.doctor_checks import Level, check_device
 
 if TYPE_CHECKING:
-    from gateway.io.ble import Around
     from gateway.io.ble_hub import Sighting
+    from gateway.io.ble_source import ScanResult
 
 
 @click.command()
@@ -35,9 +35,9 @@ def scan(seconds: float, adapter: str, everything: bool, as_json: bool) -> None:
 
     Without Bluetooth only serial ports are listed, with advice on what is missing.
     """
-    from gateway.io.ble import scan as listen
+    from gateway.io.ble_source import scan_devices
 
-    around = listen(seconds, adapter)
+    around = scan_devices(seconds, adapter)
     hubs = [sighting for sighting in around.sightings if sighting.is_hub or everything]
     ports = _ports()
     if as_json:
@@ -65,7 +65,7 @@ def _ports() -> list[dict[str, Any]]:
     return found
 
 
-def _report(around: Around, hubs: list[Sighting], ports: list[dict[str, Any]]) -> dict[str, Any]:
+def _report(around: ScanResult, hubs: list[Sighting], ports: list[dict[str, Any]]) -> dict[str, Any]:
     fault = around.fault
     return {
         "bluetooth_fault": None if fault is None else {"text": str(fault), "remedy": fault.remedy},
@@ -84,7 +84,7 @@ def _report(around: Around, hubs: list[Sighting], ports: list[dict[str, Any]]) -
     }
 
 
-def _print(around: Around, hubs: list[Sighting], ports: list[dict[str, Any]], seconds: float) -> None:
+def _print(around: ScanResult, hubs: list[Sighting], ports: list[dict[str, Any]], seconds: float) -> None:
     if around.fault is not None:
         click.secho(f"Bluetooth: {around.fault}", fg="yellow")
         click.echo(f"  {around.fault.remedy}")

@@ -17,9 +17,8 @@ from gateway.io.source import Source, open_source, parse_source_uri
 from gateway.pipeline.results import SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.recording.writer import RecordingWriter
-from gateway.security.guard_setup import open_guard
+from gateway.security.guard import open_guard
 from gateway.session.commands import with_commands
-from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.views.plain import PlainView
 from gateway.views.session_summary import ResultSummary, summary_lines
@@ -37,7 +36,6 @@ class RunningSession:
     live: LiveSession
     summary: ResultSummary
     recorder: RecordingWriter | None
-    core: SessionCore
 
 
 def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
@@ -89,13 +87,19 @@ def start_session(
             source.close()
         raise
     summary = ResultSummary()
-    core = SessionCore(
-        vehicle, recorder=recorder, estimators=estimators or DEFAULT_ESTIMATORS, guard=guard, effects=effects
+    live = LiveSession(
+        sources,
+        vehicle,
+        clock,
+        patient=[parse_source_uri(uri).scheme in _PATIENT_SCHEMES for uri in uris],
+        summary=summary,
+        recorder=recorder,
+        estimators=estimators or DEFAULT_ESTIMATORS,
+        guard=guard,
+        effects=effects,
     )
-    patient = [parse_source_uri(uri).scheme in _PATIENT_SCHEMES for uri in uris]
-    live = LiveSession(sources, core, clock, patient=patient, summary=summary)
     live.start()
-    return RunningSession(live, summary, recorder, core)
+    return RunningSession(live, summary, recorder)
 
 
 def _open_recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, uris: Sequence[str]) -> RecordingWriter:
@@ -148,11 +152,11 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> Sessio
     if snapshot.recording:
         write("")
         write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB)")
-        if session.core.recording_fault is None:
+        if session.live.core.recording_fault is None:
             write(f"  show its content: treadlink inspect {snapshot.recording}")
             write(f"  replay it: treadlink replay {snapshot.recording}")
         else:
-            write(f"  INCOMPLETE: {session.core.recording_fault}")
+            write(f"  INCOMPLETE: {session.live.core.recording_fault}")
     return snapshot
 
 

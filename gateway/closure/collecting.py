@@ -116,12 +116,9 @@ class RevolutionStore:
         """Count revolutions that are left out."""
         self.rejected[reason] = self.rejected.get(reason, 0) + count
 
-    def notes(self) -> list[str]:
-        """Return what the user must know of the sensor."""
-        return [
-            f"the {name} axis reads the same value throughout in {count} revolutions, dead or stuck: left out"
-            for name, count in self._dead.items()
-        ]
+    def notes(self) -> list[Reason]:
+        """Return a reason for each axis that does not measure."""
+        return [Reason(Code.AXIS_CONSTANT, axis=name, count=count) for name, count in self._dead.items()]
 
     def _keep_waveform(self, place: int, revolution: Revolution, axes: FloatArray) -> None:
         speed = round(math.log(revolution.omega_radps) / _SPEED_STEP)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -16,6 +16,7 @@ from gateway.config.validation import Section, read_text
 from gateway.config.vehicle import POSITION_PATTERN, VehicleConfig
 from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter, WheelSetup
+from gateway.reasons import Code, Notice, Reason
 
 VERSION: Final = 1
 
@@ -216,20 +217,28 @@ def with_effects(setups: Iterable[WheelSetup], tables: Sequence[CorrectionTable]
     return tuple(replace(setup, correction=known.get(setup.position)) for setup in setups)
 
 
-def effects_notices(tables: Sequence[CorrectionTable]) -> list[str]:
-    """Return a line for each wheel that effects are known of: which, and where they hold and are taken off."""
+def effects_notices(tables: Sequence[CorrectionTable]) -> list[Notice]:
+    """Return a notice for each wheel with known effects: which are subtracted, and under which conditions."""
     return [
-        f"{table.position}: taken off its axes at {_range_text(table)}: "
-        f"{', '.join(effect.name for effect in table.effects)}"
+        Notice(
+            table.position,
+            Reason(
+                Code.EFFECTS_SUBTRACTED,
+                effects=tuple(effect.name for effect in table.effects),
+                ranges=tuple(_ranges(table)),
+            ),
+        )
         for table in tables
     ]
 
 
-def _range_text(table: CorrectionTable) -> str:
-    ranges = [(table.omega_range_radps, 3.6 * table.radius_m, "km/h")]
-    ranges += [(table.load_range_n, 1.0, "N")] if table.load_range_n is not None else []
-    ranges += [(table.pressure_range_pa, 1e-3, "kPa")] if table.pressure_range_pa is not None else []
-    return ", ".join(f"{low * factor:.0f} to {high * factor:.0f} {unit}" for (low, high), factor, unit in ranges)
+def _ranges(table: CorrectionTable) -> Iterator[Reason]:
+    low, high = (omega_radps * table.radius_m for omega_radps in table.omega_range_radps)
+    yield Reason(Code.SPEED_RANGE, low_mps=low, high_mps=high)
+    if table.load_range_n is not None:
+        yield Reason(Code.LOAD_RANGE, low_n=table.load_range_n[0], high_n=table.load_range_n[1])
+    if table.pressure_range_pa is not None:
+        yield Reason(Code.PRESSURE_RANGE, low_pa=table.pressure_range_pa[0], high_pa=table.pressure_range_pa[1])
 
 
 def _version(text: str, path: Path) -> object:

@@ -16,6 +16,7 @@ from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.pipeline.wheel_setup import LoadCalibration, ReferenceNumbers, TireData, WheelSetup
+from gateway.reasons import Code, Notice, Reason
 
 _logger = logging.getLogger(__name__)
 
@@ -339,9 +340,9 @@ class VehicleConfig(Section):
             tire=tire.data(),
         )
 
-    def notices(self) -> tuple[str, ...]:
-        """Return one line for each thing that was assumed, for the user to read."""
-        return tuple(f"assumed, not measured: {text}" for text in self.vehicle.assumed)
+    def notices(self) -> tuple[Notice, ...]:
+        """Return a notice for each assumption."""
+        return tuple(Notice("", Reason(Code.ASSUMED_NOT_MEASURED, text=text)) for text in self.vehicle.assumed)
 
     def to_toml(self) -> str:
         """Return the configuration as TOML that reads back equal, defaults written out."""

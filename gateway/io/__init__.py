@@ -1,1 +1,1 @@
-"""Byte sources: serial, TCP, replay, simulator, behind one registry of URIs."""
+"""Byte sources: serial ports, TCP and Bluetooth LE, behind one registry of URIs."""

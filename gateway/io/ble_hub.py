@@ -1,4 +1,4 @@
-"""What a hub is on Bluetooth LE: its service and characteristics, and how one of several is picked."""
+"""Hubs on Bluetooth LE: their services and characteristics, and picking one of several."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bleak.backends.service import BleakGATTServiceCollection
 
 from gateway.errors import SourceError
 
-# The layout of Nordic's UART service; the hub's receive characteristic is where the gateway writes.
+# Nordic's UART service; the gateway writes to the hub's receive characteristic.
 UART_SERVICE: Final = "6e400001-b5a3-f393-e0a9-e50e24dcca9e"
 UART_TO_HUB: Final = "6e400002-b5a3-f393-e0a9-e50e24dcca9e"
 UART_FROM_HUB: Final = "6e400003-b5a3-f393-e0a9-e50e24dcca9e"
@@ -23,13 +23,13 @@ _ADDRESS: Final = re.compile(r"([0-9A-F]{2}:){5}[0-9A-F]{2}|[0-9A-F]{8}(-[0-9A-F
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """A device that was heard, or that is connected to this computer already.
+    """A device that advertises, or that is already connected to this computer.
 
     Attributes:
         address: six bytes in hex; on macOS an identifier that only this computer uses.
-        name: as advertised, empty when it tells none.
-        rssi_dbm: signal strength of the advertisement, None when it did not come by one.
-        battery_percent: from the advertisement, None when it tells none.
+        name: as advertised, empty when it is not.
+        rssi_dbm: signal strength of the advertisement, None without one.
+        battery_percent: from the advertisement, None when not given.
         is_hub: whether it advertises the UART service.
         device: bleak's handle.
     """
@@ -48,18 +48,18 @@ class Sighting:
 
 
 def is_address(text: str) -> bool:
-    """Return whether a target is an address and not a name."""
+    """Return whether a target is an address rather than a name."""
     return _ADDRESS.fullmatch(text) is not None
 
 
 def is_meant(sighting: Sighting, target: str) -> bool:
-    """Return whether `target`, an address or a name, means this device; letter case does not matter."""
+    """Return whether `target`, an address or a name, names this device; case is ignored."""
     found = sighting.address if is_address(target) else sighting.name
     return found.casefold() == target.casefold()
 
 
 def pick(sightings: Iterable[Sighting], target: str) -> Sighting:
-    """Return the one device that `target` means.
+    """Return the device that `target` names.
 
     Raises:
         SourceError: it is not among them, or several have its name.
@@ -76,7 +76,7 @@ def pick(sightings: Iterable[Sighting], target: str) -> Sighting:
         around = f"Hubs in range: {_listed(hubs)}." if hubs else "No hub is in range."
         raise SourceError(
             f"no hub {'at' if is_address(target) else 'named'} {target} answers",
-            f"{around} Is it on, near, and not connected to another computer? `treadlink scan` looks around.",
+            f"{around} Is it on, near, and not connected to another computer? `treadlink scan` lists what is in range.",
         )
     return meant[0]
 
@@ -84,12 +84,12 @@ def pick(sightings: Iterable[Sighting], target: str) -> Sighting:
 def uart_characteristics(
     services: BleakGATTServiceCollection, who: str
 ) -> tuple[BleakGATTCharacteristic, BleakGATTCharacteristic | None]:
-    """Return the characteristic that notifies and the one to write to, None when the hub takes nothing.
+    """Return the characteristic that notifies and the one to write to, None when the hub takes no data.
 
-    Both UUID and property must fit: hubs are around whose firmware took the two UUIDs the wrong way round.
+    Both UUID and property must match: the firmware of some hubs has the two UUIDs swapped.
 
     Raises:
-        SourceError: nothing there notifies; it is no hub.
+        SourceError: no characteristic notifies, so it is not a hub.
     """
     found = [c for c in services.characteristics.values() if c.service_uuid == UART_SERVICE]
     by_uuid = {uuid: [c for c in found if c.uuid == uuid] for uuid in (UART_FROM_HUB, UART_TO_HUB)}
@@ -98,7 +98,7 @@ def uart_characteristics(
     writable = [c for c in reversed(ordered) if {"write", "write-without-response"} & set(c.properties)]
     if not notifying:
         raise SourceError(
-            f"{who} is no treadlink hub: it has no UART service that notifies", "Choose another: `treadlink scan`."
+            f"{who} is not a treadlink hub: it has no UART service that notifies", "Choose another: `treadlink scan`."
         )
     return notifying[0], writable[0] if writable else None
 

@@ -1,8 +1,9 @@
-"""One Bluetooth LE connection to a hub: found by a scan, subscribed, read until it breaks."""
+"""One Bluetooth LE connection to a hub: found by a scan, subscribed to, read until it breaks."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,17 +15,19 @@ from bleak.backends.device import BLEDevice
 
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
-from gateway.io.ble_errors import BLE_ERRORS, explain
 from gateway.io.ble_hub import Sighting, is_address, is_meant, pick, uart_characteristics
-from gateway.io.ble_radio import radio
+from gateway.io.ble_radio import BLE_ERRORS, explain, radio
+from gateway.reasons import Code, Reason
+
+_logger = logging.getLogger(__name__)
 
 FRAME_MTU: Final = 247
 """ATT MTU that a frame of 244 bytes needs."""
 
-_SETTLE_SHARE: Final = 0.2  # of the time for scanning, for a second hub of the same name to show up
+_SETTLE_SHARE: Final = 0.2  # of the scan time, for a second hub of the same name to appear
 _CONNECT_TIMEOUT_S: Final = 10.0
 _ATTEMPTS: Final = 3
-_PAUSE_S: Final = 0.25
+_RETRY_PAUSE_S: Final = 0.25
 _CLOSE_TIMEOUT_S: Final = 12.0
 _WRITE_TIMEOUT_S: Final = 5.0
 _MTU_POLLS: Final = 5
@@ -36,14 +39,14 @@ _PENDING_BYTES: Final = 16 << 20
 
 @dataclass(slots=True)
 class BleSettings:
-    """How to find and to treat a hub.
+    """Settings of a connection to a hub.
 
     Attributes:
         target: name or address.
-        adapter: of this computer, as `hci0`; empty for the system's first.
-        scan_s: how long to look for it.
-        silence_s: a connection without a byte for so long counts as lost; 0 for never.
-        by_socket: take notifications by a socket of their own (Linux) instead of by D-Bus signals.
+        adapter: of this computer, such as `hci0`; empty for the system's first.
+        scan_s: time to search for it.
+        silence_s: a connection without a byte for this long counts as lost; 0 for never.
+        by_socket: receive notifications through a socket of their own (Linux) instead of D-Bus signals.
     """
 
     target: str
@@ -54,11 +57,11 @@ class BleSettings:
 
 
 async def find(settings: BleSettings) -> Sighting:
-    """Look for the hub; a name is listened for a while longer, in case that another hub has it too.
+    """Search for the hub; for a name somewhat longer, in case another hub has the same one.
 
     Raises:
         SourceError: not found, or several have the name.
-        BleakError: Bluetooth fails; BLE_ERRORS has all of it.
+        BleakError: Bluetooth fails; BLE_ERRORS lists all errors.
     """
     seen: dict[str, Sighting] = {}
     found = asyncio.Event()
@@ -68,7 +71,7 @@ async def find(settings: BleSettings) -> Sighting:
         if is_meant(sighting, settings.target):
             found.set()
 
-    async with radio().air(settings.adapter).listen(hear):
+    async with radio().scanner(settings.adapter).listen(hear):
         with suppress(TimeoutError):
             await asyncio.wait_for(found.wait(), settings.scan_s)
             if not is_address(settings.target):
@@ -81,15 +84,15 @@ class BleLink:
 
     Attributes:
         sighting: the hub it is connected to, None before.
-        mtu: ATT MTU of the connection, None when the system does not tell.
+        mtu: ATT MTU of the connection, None when the system does not report it.
     """
 
     def __init__(self, settings: BleSettings, clock: Clock) -> None:
         """Describe the connection.
 
         Args:
-            settings: which hub, and how.
-            clock: tells how long the hub has been silent.
+            settings: of the connection.
+            clock: measures how long the hub has been silent.
         """
         self.sighting: Sighting | None = None
         self.mtu: int | None = None
@@ -118,7 +121,7 @@ class BleLink:
         self._heard_ns = self._clock.now_ns()
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, or wait for the first notification; empty after `timeout_s`.
+        """Return the bytes that have arrived, or wait for the first notification; empty after `timeout_s`.
 
         Raises:
             LinkLostError: the connection broke, or nothing came for too long.
@@ -135,21 +138,21 @@ class BleLink:
             self._heard_ns = now_ns
         elif lost:
             raise LinkLostError(
-                f"{self._name()} was lost unexpectedly", "Out of range, or without power? It is searched for."
+                f"{self._name()} was lost unexpectedly", "Out of range, or without power? Searching for it."
             )
         elif 0 < self._settings.silence_s <= (now_ns - self._heard_ns) * 1e-9:
             raise LinkLostError(
                 f"{self._name()} is connected, but silent for {self._settings.silence_s:g} s",
-                "Does its firmware hang? It is connected anew.",
+                "Does its firmware hang? Connecting again.",
             )
         return data
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the hub, a frame at a time.
+        """Write one frame to the hub.
 
         Raises:
-            SourceError: the hub has nothing to write to.
-            LinkLostError: they did not go out.
+            SourceError: the hub has no characteristic to write to.
+            LinkLostError: the write failed.
         """
         client, target = self._client, self._write_to
         if client is None or self._lost:
@@ -172,21 +175,22 @@ class BleLink:
                 radio().run(_leave(client))
 
     def take_dropped(self) -> int:
-        """Return how many notifications found no room since the last call."""
+        """Return how many notifications were dropped since the last call."""
         with self._arrival:
             dropped, self._dropped = self._dropped, 0
         return dropped
 
-    def details(self) -> str:
-        """Return in words what is connected."""
+    def details(self) -> tuple[Reason, ...]:
+        """Return what is connected: device, MTU and, where known, battery."""
         if self.mtu is None:
-            mtu = f"MTU not told (frames need {FRAME_MTU})"
+            mtu = Reason(Code.MTU_UNKNOWN, needed=FRAME_MTU)
         elif self.mtu < FRAME_MTU:
-            mtu = f"MTU {self.mtu} is less than the {FRAME_MTU} that frames need: expect losses"
+            mtu = Reason(Code.MTU_TOO_SMALL, mtu=self.mtu, needed=FRAME_MTU)
         else:
-            mtu = f"MTU {self.mtu}"
+            mtu = Reason(Code.MTU, mtu=self.mtu)
+        device = Reason(Code.BLE_DEVICE, device=str(self.sighting))
         battery = self.sighting.battery_percent if self.sighting is not None else None
-        return f"{self.sighting}, {mtu}" + (f", battery {battery} %" if battery is not None else "")
+        return (device, mtu) if battery is None else (device, mtu, Reason(Code.BATTERY_LEVEL, level=battery / 100.0))
 
     def _name(self) -> str:
         return f"{self.sighting.name} ({self.sighting.address})" if self.sighting else self._settings.target
@@ -199,12 +203,13 @@ class BleLink:
             try:
                 async with radio().connecting:
                     await self._connect(self.sighting.device)
-            except BLE_ERRORS:
+            except BLE_ERRORS as error:
+                _logger.debug("attempt %d to connect to %s: %r", attempt, self.sighting, error)
                 if attempt == _ATTEMPTS:
                     raise
-                # What failed once mostly works the second time, after a new scan: the system may have dropped the
-                # device that the first one found.
-                await asyncio.sleep(_PAUSE_S * attempt)
+                # A second attempt after a new scan mostly works: the system may have dropped the device that the first
+                # scan found.
+                await asyncio.sleep(_RETRY_PAUSE_S * attempt)
             else:
                 return
 
@@ -244,14 +249,14 @@ class BleLink:
 
 
 async def _leave(client: BleakClient) -> None:
-    """Disconnect: also after the hub has left, or bleak keeps a D-Bus connection open for good."""
+    """Disconnect, also after the hub has left: otherwise bleak keeps a D-Bus connection open for good."""
     with suppress(*BLE_ERRORS, AssertionError):
         async with asyncio.timeout(_CLOSE_TIMEOUT_S):
             await client.disconnect()
 
 
 async def _mtu(characteristic: BleakGATTCharacteristic) -> int | None:
-    """Return the ATT MTU once it is known: Windows may tell it a moment after connecting, an old BlueZ never."""
+    """Return the ATT MTU once it is known: Windows may report it a moment after connecting, an old BlueZ never."""
     for poll in range(_MTU_POLLS + 1):
         room: Any = characteristic.max_write_without_response_size
         if room > _LEAST_WRITE_BYTES:

@@ -1,13 +1,14 @@
-"""Bluetooth in one thread for the whole process: its event loop, its scanner, its turn to connect.
+"""This computer's Bluetooth: one thread with its event loop, one scanner per adapter, and its errors.
 
-One loop and not one a hub: on Linux every loop with bleak in it holds a D-Bus connection that is sent the notifications
-of every hub, so that n loops would read everything n times; and an adapter sets up one connection at a time.
+There is one loop for all hubs: on Linux every loop with bleak holds a D-Bus connection that receives the notifications
+of every hub, so that n loops would read everything n times. An adapter also sets up one connection at a time.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import sys
 import threading
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager, suppress
@@ -17,31 +18,91 @@ from typing import Any, Final, TypeVar
 from bleak import BleakAdapter, BleakScanner
 from bleak.backends.device import BLEDevice
 from bleak.backends.scanner import AdvertisementData
+from bleak.exc import (
+    BleakBluetoothNotAvailableError,
+    BleakBluetoothNotAvailableReason,
+    BleakDBusError,
+    BleakError,
+)
 
-from gateway.io.ble_errors import BLE_ERRORS
+from gateway.errors import SourceError
 from gateway.io.ble_hub import BATTERY_SERVICE, UART_SERVICE, Sighting
+
+_logger = logging.getLogger(__name__)
 
 _T = TypeVar("_T")
 _NO_RSSI_DBM: Final = -127
-_ENTER_TIMEOUT_S: Final = 10.0
-_LEAVE_TIMEOUT_S: Final = 5.0
+_START_TIMEOUT_S: Final = 10.0
+_STOP_TIMEOUT_S: Final = 5.0
 Listener = Callable[[Sighting], None]
 
 
+def _library_errors() -> tuple[type[Exception], ...]:
+    if sys.platform != "linux":
+        return ()
+    from dbus_fast.errors import DBusFastError
+
+    return (DBusFastError,)
+
+
+BLE_ERRORS: Final[tuple[type[Exception], ...]] = (BleakError, TimeoutError, EOFError, OSError, *_library_errors())
+"""Errors of bleak and of the layers below it; an overloaded D-Bus gives an EOFError."""
+
+_LINUX: Final = sys.platform == "linux"
+_SERVICE: Final = "sudo apt-get install bluez; sudo systemctl start bluetooth"
+_OFF: Final = SourceError(
+    "Bluetooth is switched off",
+    "Switch it on: bluetoothctl power on (and rfkill unblock bluetooth)." if _LINUX else "Switch it on.",
+)
+_DENIED: Final = SourceError(
+    "no permission to use Bluetooth",
+    "Join its group, then log in again: sudo usermod -aG bluetooth $USER"
+    if _LINUX
+    else "Allow it for your terminal in the system's privacy settings.",
+)
+_UNAVAILABLE: Final = {
+    BleakBluetoothNotAvailableReason.NO_BLUETOOTH: SourceError(
+        "this computer has no Bluetooth adapter",
+        "Plug one in (Bluetooth LE, 4.2 or newer), or connect the hub by its serial port."
+        + (f" If there is one, its service is not running: {_SERVICE}" if _LINUX else ""),
+    ),
+    BleakBluetoothNotAvailableReason.NO_BLE_CENTRAL_ROLE: SourceError(
+        "the Bluetooth adapter does not support Bluetooth LE", "Plug in one that does (4.2 or newer)."
+    ),
+    BleakBluetoothNotAvailableReason.POWERED_OFF: _OFF,
+    BleakBluetoothNotAvailableReason.DENIED_BY_USER: _DENIED,
+    BleakBluetoothNotAvailableReason.DENIED_BY_SYSTEM: _DENIED,
+    BleakBluetoothNotAvailableReason.DENIED_BY_UNKNOWN: _DENIED,
+}
+_DBUS: Final = {
+    "org.freedesktop.DBus.Error.ServiceUnknown": SourceError("Bluetooth's service is not running", f"Run: {_SERVICE}"),
+    "org.freedesktop.DBus.Error.NoReply": SourceError("Bluetooth's service does not answer", f"Run: {_SERVICE}"),
+    "org.freedesktop.DBus.Error.AccessDenied": _DENIED,
+    "org.bluez.Error.NotReady": _OFF,
+    "org.bluez.Error.NotAuthorized": _DENIED,
+    "org.bluez.Error.InProgress": SourceError(
+        "the Bluetooth adapter is busy with another connection", "Wait a moment, or close the other program."
+    ),
+}
+
+
 class Radio:
-    """The thread with the event loop in which bleak lives; `radio()` gives the one of this process."""
+    """A thread with the event loop that bleak runs in; `radio()` returns the one of this process.
+
+    Attributes:
+        connecting: held while a connection is set up.
+    """
 
     def __init__(self) -> None:
-        # What bleak's libraries log must not end up on the console's screen.
+        # Messages of bleak's libraries must not reach the screen of the console.
         logging.getLogger("dbus_fast").addHandler(logging.NullHandler())
         self._loop = asyncio.new_event_loop()
-        self._airs: dict[str, Air] = {}
+        self._scanners: dict[str, SharedScanner] = {}
         self.connecting = asyncio.Lock()
-        """Held while a connection is set up."""
         threading.Thread(target=self._loop.run_forever, name="bluetooth", daemon=True).start()
 
     def run(self, work: Coroutine[Any, Any, _T], timeout_s: float | None = None) -> _T:
-        """Run `work` in the loop and return what it returns; from any other thread.
+        """Run `work` in the loop and return its result; callable from any other thread.
 
         Raises:
             TimeoutError: it took too long; it is cancelled.
@@ -53,9 +114,9 @@ class Radio:
             future.cancel()
             raise
 
-    def air(self, adapter: str) -> Air:
-        """Return what an adapter hears; an empty name is the system's first."""
-        return self._airs.setdefault(adapter, Air(adapter))
+    def scanner(self, adapter: str) -> SharedScanner:
+        """Return the scanner of an adapter; an empty name means the system's first."""
+        return self._scanners.setdefault(adapter, SharedScanner(adapter))
 
 
 @cache
@@ -64,8 +125,8 @@ def radio() -> Radio:
     return Radio()
 
 
-class Air:
-    """One scanner for all who listen: an adapter refuses a second."""
+class SharedScanner:
+    """The scanner of one adapter, shared by all listeners: an adapter refuses a second one."""
 
     def __init__(self, adapter: str) -> None:
         self._bluez: Any = {"adapter": adapter} if adapter else {}
@@ -75,13 +136,13 @@ class Air:
 
     @asynccontextmanager
     async def listen(self, listener: Listener) -> AsyncIterator[None]:
-        """Hand every advertisement to `listener`, hubs that hold a connection of this computer first.
+        """Pass every advertisement to `listener`, hubs already connected to this computer first.
 
         Raises:
             BleakError: the adapter cannot scan; BLE_ERRORS has all of it.
         """
         async with self._changing:
-            async with asyncio.timeout(_ENTER_TIMEOUT_S):  # a D-Bus that dies leaves its callers waiting
+            async with asyncio.timeout(_START_TIMEOUT_S):  # a D-Bus that ends leaves its callers waiting
                 await self._start(listener)
             self._listeners.append(listener)
         try:
@@ -95,8 +156,9 @@ class Air:
     async def _start(self, listener: Listener) -> None:
         for device in await self._connected():
             listener(Sighting(device.address, device.name or "", None, None, is_hub=True, device=device))
-        # Anew for everyone who joins: a scanner does not notice when Bluetooth was restarted or switched off meanwhile.
+        # Restarted for every new listener: a scanner does not notice that Bluetooth was restarted or switched off.
         await self._stop()
+        _logger.debug("scanning with %s", self._bluez or "the system's first adapter")
         scanner = BleakScanner(self._heard, bluez=self._bluez)
         await scanner.start()
         self._scanner = scanner
@@ -104,11 +166,11 @@ class Air:
     async def _stop(self) -> None:
         scanner, self._scanner = self._scanner, None
         if scanner is not None:
-            with suppress(*BLE_ERRORS, AssertionError):  # an adapter that is gone scans no more
-                await asyncio.wait_for(scanner.stop(), _LEAVE_TIMEOUT_S)
+            with suppress(*BLE_ERRORS, AssertionError):  # an adapter that is gone does not scan anymore
+                await asyncio.wait_for(scanner.stop(), _STOP_TIMEOUT_S)
 
     async def _connected(self) -> list[BLEDevice]:
-        """Return hubs connected to this computer: after a program was killed they are, and do not advertise."""
+        """Return hubs connected to this computer: after a program was killed they stay so, and do not advertise."""
         try:
             adapter = await BleakAdapter.get(bluez=self._bluez)
             return await adapter.get_connected_devices([UART_SERVICE])
@@ -128,3 +190,37 @@ class Air:
         )
         for listener in list(self._listeners):
             listener(sighting)
+
+
+def explain(error: Exception, doing: str) -> SourceError:
+    """Return the error for the user for one of BLE_ERRORS; `doing` is what failed, such as `connect to X`."""
+    known: SourceError | None = None
+    if isinstance(error, BleakBluetoothNotAvailableError):
+        known = _UNAVAILABLE.get(error.reason)
+    elif isinstance(error, BleakDBusError):
+        known = _DBUS.get(error.dbus_error)
+        if known is None and error.dbus_error.startswith("org.freedesktop.DBus.Error.Spawn."):
+            known = _DBUS["org.freedesktop.DBus.Error.ServiceUnknown"]
+    elif isinstance(error, PermissionError):
+        known = _DENIED
+    elif isinstance(error, FileNotFoundError | ConnectionRefusedError):
+        known = SourceError(
+            "there is no D-Bus here, through which Bluetooth is reached",
+            f"Run: {_SERVICE} (in a container, share the host's /run/dbus with it).",
+        )
+    elif isinstance(error, BleakError) and "adapter '" in str(error):
+        known = SourceError(f"Bluetooth {error}", "`bluetoothctl list` names the adapters; leave ?adapter= out.")
+    elif isinstance(error, TimeoutError):
+        known = SourceError(f"cannot {doing}: no answer in time", "Bring it nearer, or switch it off and on.")
+    if known is not None:
+        return SourceError(str(known), known.remedy)
+    return SourceError(
+        f"cannot {doing}: {_brief(error)}",
+        "Bring it nearer, or switch it off and on; `treadlink scan` lists what is in range.",
+    )
+
+
+def _brief(error: Exception) -> str:
+    if isinstance(error, BleakDBusError):
+        return error.dbus_error_details or error.dbus_error
+    return str(error) or type(error).__name__

@@ -1,20 +1,23 @@
-"""A link that is opened again whenever it breaks, told once in plain words each time something changes."""
+"""Links that are opened again whenever they break, with an event for each change."""
 
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final, Protocol
 
-from gateway.clock import Clock
+from gateway.clock import Clock, wait_until
 from gateway.errors import LinkLostError, SourceError, TreadlinkError
-from gateway.io.pacing import wait_until
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.reasons import Code, Reason
 
 READ_TIMEOUT_S: Final = 0.05
+
+_logger = logging.getLogger(__name__)
 
 
 class Link(Protocol):
@@ -29,7 +32,7 @@ class Link(Protocol):
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, or wait for the first bytes; empty after `timeout_s`.
+        """Return the bytes that have arrived, or wait for the first; empty after `timeout_s`.
 
         Raises:
             LinkLostError: the connection broke.
@@ -42,7 +45,7 @@ class Link(Protocol):
 
 
 class LinkState(Enum):
-    """What a reconnecting source is doing."""
+    """State of a reconnecting source."""
 
     IDLE = auto()
     OPENING = auto()
@@ -64,9 +67,9 @@ class Backoff:
 
 
 class ReconnectingSource:
-    """Makes a source of a link: chunks with arrival times, events about the link, retries for ever.
+    """A source over a link: chunks with arrival times, events of the link, unlimited retries.
 
-    Only the very first opening may fail: a port that never was there is a mistake, one that vanished is an event.
+    Only the first opening may fail: a port that was never there is a mistake, one that disappeared is an event.
     """
 
     vehicle_toml: str | None = None
@@ -76,7 +79,7 @@ class ReconnectingSource:
 
         Args:
             link: name in chunks and events.
-            make_link: gives a fresh connection for every attempt.
+            make_link: makes a new connection for every attempt.
             clock: stamps arrivals and paces the attempts.
             backoff: pauses between attempts.
         """
@@ -103,7 +106,8 @@ class ReconnectingSource:
         try:
             if not self._open(stop):
                 return
-            yield self._event(LinkEventKind.CONNECTED, f"{self._name} is open")
+            _logger.info("%s is open", self._name)
+            yield self._event(LinkEventKind.CONNECTED)
             failures = 0
             while True:
                 error: TreadlinkError
@@ -114,9 +118,10 @@ class ReconnectingSource:
                     return
                 except LinkLostError as lost:
                     error = lost
+                _logger.info("%s lost: %s", self._name, error)
                 lost_ns = self._clock.now_ns()
                 self._drop()
-                yield self._event(LinkEventKind.LOST, _sentence(error))
+                yield self._event(LinkEventKind.LOST, _message(error))
                 reason = ""
                 while True:
                     failures += 1
@@ -131,16 +136,18 @@ class ReconnectingSource:
                     except SourceError as refused:
                         if str(refused) != reason:
                             reason = str(refused)
-                            text = f"{_sentence(refused)} Retrying every {self._backoff.cap_ns * 1e-9:g} s or less."
-                            yield self._event(LinkEventKind.RETRYING, text)
+                            interval = Reason(Code.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
+                            yield self._event(LinkEventKind.RETRYING, _message(refused), (interval,))
+                        _logger.debug("%s: attempt %d failed: %s", self._name, failures, refused)
                 away_s = (self._clock.now_ns() - lost_ns) * 1e-9
-                yield self._event(LinkEventKind.RESTORED, f"{self._name} is back after {away_s:.1f} s")
+                _logger.info("%s is open again after %.1f s, %d failed attempts", self._name, away_s, failures - 1)
+                yield self._event(LinkEventKind.RESTORED, details=(Reason(Code.LINK_AWAY, away_s=away_s),))
         finally:
             self._drop()
             self.state = LinkState.CLOSED if self._closed.is_set() else LinkState.IDLE
 
     def close(self) -> None:
-        """Release the port. A read or an opening under way in another thread ends and releases it there."""
+        """Release the port. A read or an opening in progress in another thread ends and releases it there."""
         self._closed.set()
         if self._using.acquire(timeout=2 * READ_TIMEOUT_S):
             try:
@@ -159,7 +166,7 @@ class ReconnectingSource:
                 yield Chunk(self._name, self._clock.now_ns(), data)
 
     def _open(self, stop: threading.Event) -> bool:
-        """Open a fresh connection; False when stopped or closed meanwhile. Opening may block, stopping must not."""
+        """Open a new connection; False when stopped or closed meanwhile. Opening may block, stopping must not."""
         if stop.is_set() or self._closed.is_set():
             return False
         self.state = LinkState.OPENING
@@ -180,12 +187,12 @@ class ReconnectingSource:
         if current is not None:
             current.close()
 
-    def _event(self, kind: LinkEventKind, text: str) -> LinkEvent:
-        return LinkEvent(self._name, self._clock.now_ns(), kind, text)
+    def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
+        return LinkEvent(self._name, self._clock.now_ns(), kind, text, details=details)
 
 
 class _Attempt:
-    """Opens a link in a thread of its own, which closes it again when nobody waits for it any more."""
+    """Opening of a link in a thread of its own, which closes it again when the caller has given up."""
 
     def __init__(self, link: Link) -> None:
         self.done = threading.Event()
@@ -198,7 +205,7 @@ class _Attempt:
     def _run(self) -> None:
         try:
             self._link.open()
-        except Exception as error:  # handed to the thread that waits, which raises it
+        except Exception as error:  # raised by the waiting thread in `take`
             self._error = error
         with self._lock:
             self.done.set()
@@ -206,7 +213,7 @@ class _Attempt:
                 self._link.close()
 
     def take(self) -> Link | None:
-        """Return the open link, None when it is not open yet; then it will be closed.
+        """Return the open link, or None when it is not open yet; it is then closed once it opens.
 
         Raises:
             SourceError: it could not be opened.
@@ -222,5 +229,5 @@ class _Attempt:
         return self._link
 
 
-def _sentence(error: TreadlinkError) -> str:
+def _message(error: TreadlinkError) -> str:
     return f"{error}. {error.remedy}".strip()

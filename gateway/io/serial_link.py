@@ -1,4 +1,8 @@
-"""Serial ports: `serial:///dev/ttyUSB0?baudrate=921600`, `serial:COM3`."""
+"""Serial ports and TCP connections, both read with pyserial.
+
+Serial ports: `serial:///dev/ttyUSB0?baudrate=921600`, `serial:COM3`. TCP, as serial device servers and network gateways
+provide it: `tcp://host:port`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,9 @@ import contextlib
 import difflib
 import errno
 import os
+import re
+import select
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -14,17 +21,99 @@ import serial
 
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
-from gateway.io.pyserial_link import PyserialLink
 from gateway.io.reconnect import ReconnectingSource
-from gateway.io.source import Source, SourceAddress
+from gateway.io.source import DEFAULT_BAUDRATE, Source, SourceAddress
 
-DEFAULT_BAUDRATE: Final = 921600
+if sys.platform == "win32":
+    _TERMIOS_ERROR: type[Exception] = OSError
+else:
+    import termios
+
+    _TERMIOS_ERROR: type[Exception] = termios.error
+
+LINK_ERRORS: Final = (serial.SerialException, OSError, _TERMIOS_ERROR, TypeError, ValueError)
+"""What pyserial raises when a device disappears: its own error, a bare OSError, a termios error that is no OSError,
+and TypeError or ValueError when the descriptor was closed during a read."""
+
+_READ_BYTES: Final = 65536
 _MAX_BAUDRATE: Final = 20_000_000
 _YES_NO: Final = {"yes": True, "no": False}
+_TCP_TARGET: Final = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[^\[\]:/]+):(?P<port>\d{1,5})/?")
+
+
+class PyserialLink:
+    """A link over anything that pyserial opens: large reads that return as soon as there are bytes.
+
+    It waits with `select`: pyserial's own timeout holds back short chunks until it expires, and loses what it has
+    collected when the device disappears meanwhile.
+    """
+
+    def __init__(
+        self,
+        connect: Callable[[], serial.SerialBase],
+        explain_open: Callable[[Exception], SourceError],
+        lost: Callable[[Exception], LinkLostError],
+    ) -> None:
+        """Describe the connection.
+
+        Args:
+            connect: opens and returns pyserial's port.
+            explain_open: turns an error of `connect` into the error for the user.
+            lost: turns an error of a broken connection into the error for the user.
+        """
+        self._connect = connect
+        self._explain_open = explain_open
+        self._lost = lost
+        self._port: serial.SerialBase | None = None
+
+    def open(self) -> None:
+        """Connect.
+
+        Raises:
+            SourceError: it cannot be opened now.
+        """
+        try:
+            self._port = self._connect()
+            self._port.timeout = 0 if self._selectable(self._port) else 0.02
+        except LINK_ERRORS as error:
+            self.close()
+            raise self._explain_open(error) from error
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return the bytes that have arrived, or wait for the first; empty after `timeout_s`.
+
+        Raises:
+            LinkLostError: the connection broke.
+        """
+        port = self._port
+        if port is None:
+            raise self._lost(OSError("not open"))
+        try:
+            if port.timeout == 0 and not select.select([port.fileno()], [], [], timeout_s)[0]:
+                return b""
+            return bytes(port.read(_READ_BYTES))
+        except LINK_ERRORS as error:
+            raise self._lost(error) from error
+
+    def close(self) -> None:
+        """Disconnect."""
+        port, self._port = self._port, None
+        if port is not None:
+            with contextlib.suppress(*LINK_ERRORS):
+                port.close()
+
+    @staticmethod
+    def _selectable(port: serial.SerialBase) -> bool:
+        if os.name != "posix":  # pragma: no cover - Windows selects on sockets only
+            return False
+        try:
+            return int(port.fileno()) >= 0
+        except (OSError, ValueError, AttributeError):
+            return False
 
 
 def open_serial(address: SourceAddress, clock: Clock) -> Source:
-    """Make a source of a serial port; it is opened when its items are asked for.
+    """Make a source of a serial port; it is opened when its items are requested.
 
     Options: baudrate (default 921600), exclusive=yes|no, parity=none|even|odd, stopbits=1|2, rtscts=yes|no.
 
@@ -41,14 +130,44 @@ def open_serial(address: SourceAddress, clock: Clock) -> Source:
         return PyserialLink(
             connect,
             lambda error: explain_open_error(port, error, present_ports()),
-            lambda error: LinkLostError(f"{port} went away ({_brief(error)})", "Unplugged? Plug the hub in again."),
+            lambda error: LinkLostError(f"{port} disappeared ({_brief(error)})", "Unplugged? Plug the hub in again."),
         )
 
     return ReconnectingSource(f"serial:{port}", make_link, clock)
 
 
+def open_tcp(address: SourceAddress, clock: Clock) -> Source:
+    """Make a source of a TCP connection; it is opened when its items are requested.
+
+    Raises:
+        SourceError: no host and port, or an option (there are none).
+    """
+    match = _TCP_TARGET.fullmatch(address.target)
+    if match is None or not 1 <= int(match["port"]) <= 65535:
+        raise SourceError(f"'{address.uri}' is not an address", "Give tcp://host:port, port 1 to 65535.")
+    if address.options:
+        raise SourceError(f"tcp has no option '{next(iter(address.options))}'", "Give tcp://host:port only.")
+    place = f"{match['host']}:{int(match['port'])}"
+
+    def connect() -> serial.SerialBase:
+        return serial.serial_for_url(f"socket://{place}")
+
+    def explain(error: Exception) -> SourceError:
+        reason = re.sub(r"^Could not open port \S+: (\[Errno -?\d+\] )?", "", str(error))
+        return SourceError(f"cannot connect to {place}: {reason}", "Is the hub on, and are host and port right?")
+
+    def make_link() -> PyserialLink:
+        return PyserialLink(
+            connect,
+            explain,
+            lambda error: LinkLostError(f"{place} closed the connection ({error})", "Is the hub still on?"),
+        )
+
+    return ReconnectingSource(f"tcp:{place}", make_link, clock)
+
+
 def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
-    """Turn URI options into pyserial's settings.
+    """Convert URI options to the settings of pyserial.
 
     Raises:
         SourceError: an option is not known or not allowed.
@@ -71,7 +190,7 @@ def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
 
 
 def present_ports() -> list[str]:
-    """Return the serial ports of this machine, each with what is known of the device."""
+    """Return the serial ports of this machine, each with its description."""
     from serial.tools import list_ports
 
     ports = []
@@ -82,7 +201,7 @@ def present_ports() -> list[str]:
 
 
 def explain_open_error(port: str, error: Exception, present: list[str]) -> SourceError:
-    """Say in plain words why a port does not open, and what to do."""
+    """Return the error for the user: why a port does not open, and the remedy."""
     number = getattr(error, "errno", None)
     if number == errno.ENOENT or isinstance(error, FileNotFoundError) or (os.name == "posix" and not _exists(port)):
         if present:

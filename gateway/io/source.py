@@ -1,8 +1,9 @@
-"""What every byte source looks like, and the one registry that opens them by URI."""
+"""Byte sources: the protocol that all of them follow, their items, and the registry that opens them by URI."""
 
 from __future__ import annotations
 
 import importlib
+import logging
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,6 +13,9 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from gateway.clock import Clock
 from gateway.errors import SourceError
+from gateway.reasons import Code, Reason
+
+_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +34,7 @@ class Chunk:
 
 
 class LinkEventKind(StrEnum):
-    """What happened to a link."""
+    """Kind of a change of a link."""
 
     CONNECTED = "connected"
     LOST = "lost"
@@ -40,23 +44,61 @@ class LinkEventKind(StrEnum):
     MARK = "mark"
 
 
+_EVENT_CODES: Final = {
+    LinkEventKind.CONNECTED: Code.LINK_CONNECTED,
+    LinkEventKind.LOST: Code.LINK_LOST,
+    LinkEventKind.RETRYING: Code.LINK_RETRYING,
+    LinkEventKind.RESTORED: Code.LINK_RESTORED,
+    LinkEventKind.ENDED: Code.LINK_ENDED,
+}
+
+
+EVENT_DETAILS: Final[Mapping[str, Mapping[str, type]]] = {
+    Code.BATTERY_LEVEL: {"level": float},
+    Code.BLE_DEVICE: {"device": str},
+    Code.LINK_AWAY: {"away_s": float},
+    Code.LINK_DISCONNECTED: {},
+    Code.MTU: {"mtu": int},
+    Code.MTU_TOO_SMALL: {"mtu": int, "needed": int},
+    Code.MTU_UNKNOWN: {"needed": int},
+    Code.NOTIFICATIONS_DROPPED: {"count": int},
+    Code.RETRY_INTERVAL: {"interval_s": float},
+}
+"""Codes that the details of an event may have, with the types of their values; a recording is checked against them."""
+
+
 @dataclass(frozen=True, slots=True)
 class LinkEvent:
-    """Something that happened to a link, told to the user and marked in the recording.
+    """A change of a link, shown to the user and kept in the recording.
+
+    The recording keeps kind, text and details as they are here; views make the words from `reason`.
 
     Attributes:
         link: name of the link.
-        host_ns: when, ns since the epoch.
+        host_ns: time of the event, ns since the epoch.
         kind: what happened.
-        text: the same in plain words.
+        text: words from outside: those of a mark, or message and remedy of the error behind the event. Empty where
+            kind and details say everything.
         rssi_dbm: signal strength of a radio link when it was connected, None where there is none.
+        details: what else is known of the event, of the codes in EVENT_DETAILS.
     """
 
     link: str
     host_ns: int
     kind: LinkEventKind
-    text: str
+    text: str = ""
     rssi_dbm: int | None = None
+    details: tuple[Reason, ...] = ()
+
+    @property
+    def reason(self) -> Reason:
+        """Kind, text and details as one reason, for views."""
+        if self.kind is LinkEventKind.MARK:
+            return Reason(Code.MARK, text=self.text)
+        event = Reason(_EVENT_CODES[self.kind])
+        quoted = (Reason(Code.QUOTED_TEXT, text=self.text),) if self.text else ()
+        details = (*quoted, *self.details)
+        return Reason(Code.LINK_EVENT, event=event, details=details) if details else event
 
 
 LinkItem = Chunk | LinkEvent
@@ -76,7 +118,7 @@ class Source(Protocol):
         ...
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
-        """Yield items until the source ends or `stop` is set (looked at every 0.1 s at least).
+        """Yield items until the source ends or `stop` is set (checked every 0.1 s or more often).
 
         Raises:
             SourceError: the source cannot be opened; nothing was yielded.
@@ -90,7 +132,7 @@ class Source(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SourceAddress:
-    """A source URI taken apart: `scheme:target?key=value`."""
+    """The parts of a source URI, `scheme:target?key=value`."""
 
     uri: str
     scheme: str
@@ -98,18 +140,21 @@ class SourceAddress:
     options: Mapping[str, str]
 
 
+DEFAULT_BAUDRATE: Final = 921600
+"""Baud rate of a hub on a serial port unless the source says otherwise."""
+
 # scheme -> "module:factory"; factory(address: SourceAddress, clock: Clock) -> Source.
 SOURCES: Final[dict[str, str]] = {
     "serial": "gateway.io.serial_link:open_serial",
-    "tcp": "gateway.io.tcp_link:open_tcp",
-    "ble": "gateway.io.ble:open_ble",
+    "tcp": "gateway.io.serial_link:open_tcp",
+    "ble": "gateway.io.ble_source:open_ble",
     "replay": "gateway.recording.replay_source:open_replay",
     "sim": "gateway.simulator.simulator_source:open_simulator",
 }
 
 
 def parse_source_uri(uri: str) -> SourceAddress:
-    """Take `scheme:target?options` apart; `scheme://target` and `scheme:target` mean the same.
+    """Split `scheme:target?options`; `scheme://target` and `scheme:target` mean the same.
 
     Raises:
         SourceError: no known scheme, or no target.
@@ -127,18 +172,19 @@ def parse_source_uri(uri: str) -> SourceAddress:
     target = unquote(parts.netloc + parts.path)
     if not target:
         raise SourceError(
-            f"source '{uri}' names nothing after '{scheme}:'", "Give a port, file, host, hub or scenario."
+            f"source '{uri}' has no target after '{scheme}:'", "Give a port, file, host, hub or scenario."
         )
     return SourceAddress(uri, scheme, target, dict(parse_qsl(parts.query, keep_blank_values=True)))
 
 
 def open_source(uri: str, clock: Clock) -> Source:
-    """Open the source that `uri` names; its module is imported only now.
+    """Open the source of a URI; its module is imported on first use.
 
     Raises:
         SourceError: the URI is wrong, or the source's optional package is missing.
     """
     address = parse_source_uri(uri)
     module_name, factory_name = SOURCES[address.scheme].split(":")
+    _logger.debug("opening %s with %s", uri, SOURCES[address.scheme])
     source: Source = getattr(importlib.import_module(module_name), factory_name)(address, clock)
     return source

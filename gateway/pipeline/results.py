@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from gateway.estimators.base import Estimate, Revolution, TireConditions
-from gateway.reasons import Reason
+from gateway.reasons import Notice, Reason
 from gateway.types import FloatArray
 
 
@@ -104,7 +104,7 @@ class LinkSnapshot:
     Attributes:
         link: name.
         connected: whether it delivers now.
-        note: last event in plain words.
+        note: the last event.
         bytes_received: since the session began.
         frames: good frames.
         crc_errors: frames with a bad CRC.
@@ -123,7 +123,7 @@ class LinkSnapshot:
 
     link: str
     connected: bool
-    note: str
+    note: Reason
     bytes_received: int
     frames: int
     crc_errors: int
@@ -142,11 +142,17 @@ class LinkSnapshot:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """A threshold of the configuration that is crossed now."""
+    """Something wrong now.
+
+    Attributes:
+        position: of the wheel, or name of the link.
+        name: kind of the alarm, one or two words: an `AlarmName` or the name of a sensor's flag.
+        reason: what is wrong.
+    """
 
     position: str
     name: str
-    text: str
+    reason: Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,8 +163,8 @@ class SessionSnapshot:
         elapsed_s: host time since the session began.
         wheels: in the order of the configuration.
         links: one per source.
-        alarms: thresholds crossed now.
-        notices: latest things to tell the user, newest last, at most 20.
+        alarms: present alarms.
+        notices: the latest notices, newest last, at most 20.
         recording: path of the recording, empty when not recording.
         recorded_bytes: its size so far.
         ended: True when every source has ended.
@@ -168,7 +174,7 @@ class SessionSnapshot:
     wheels: tuple[WheelSnapshot, ...]
     links: tuple[LinkSnapshot, ...]
     alarms: tuple[Alarm, ...]
-    notices: tuple[str, ...]
+    notices: tuple[Notice, ...]
     recording: str
     recorded_bytes: int
     ended: bool

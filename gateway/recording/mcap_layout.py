@@ -10,7 +10,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.io.source import EVENT_DETAILS, Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.reasons import Code, Reason
 
 PROFILE: Final = "treadlink"
 FORMAT_VERSION: Final = "1"
@@ -94,10 +95,24 @@ def event_topic(link: str) -> str:
     return f"/link/{link}/event"
 
 
-def event_payload(event: LinkEvent) -> dict[str, str | int]:
+def event_payload(event: LinkEvent) -> dict[str, Any]:
     """Return an event or mark as the JSON object that is recorded."""
-    payload: dict[str, str | int] = {"link": event.link, "kind": event.kind.value, "text": event.text}
-    return payload if event.rssi_dbm is None else payload | {"rssi_dbm": event.rssi_dbm}
+    payload: dict[str, Any] = {"link": event.link, "kind": event.kind.value, "text": event.text}
+    if event.rssi_dbm is not None:
+        payload["rssi_dbm"] = event.rssi_dbm
+    if event.details:
+        payload["details"] = [{"code": str(reason.code), "values": dict(reason.values)} for reason in event.details]
+    return payload
+
+
+def _event_details(recorded: list[dict[str, Any]]) -> tuple[Reason, ...]:
+    """Return the details of a recorded event; what this version does not know is left out."""
+    details = []
+    for entry in recorded:
+        values, types = entry["values"], EVENT_DETAILS.get(entry["code"])
+        if types is not None and {name: type(value) for name, value in values.items()} == types:
+            details.append(Reason(Code(entry["code"]), **values))
+    return tuple(details)
 
 
 def message_to_item(message: RecordedMessage) -> LinkItem | None:
@@ -118,8 +133,9 @@ def message_to_item(message: RecordedMessage) -> LinkItem | None:
             kind,
             str(payload["text"]),
             None if rssi_dbm is None else int(rssi_dbm),
+            _event_details(payload.get("details", [])),
         )
-    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None
 
 

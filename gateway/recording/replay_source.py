@@ -9,9 +9,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final, Protocol
 
-from gateway.clock import Clock
+from gateway.clock import Clock, wait_until
 from gateway.errors import RecordingError, SourceError
-from gateway.io.pacing import wait_until
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
@@ -100,7 +99,7 @@ class ReplaySource:
         damage = self._playable.damage
         ended_already = isinstance(last, LinkEvent) and last.kind is LinkEventKind.ENDED
         if not stop.is_set() and not self._closed.is_set() and (damage or not ended_already):
-            text = f"the recording is damaged. {REPAIR_REMEDY}" if damage else "end of the recording"
+            text = f"the recording is damaged. {REPAIR_REMEDY}" if damage else ""
             yield LinkEvent(self._link, last.host_ns if last is not None else 0, LinkEventKind.ENDED, text)
 
     def close(self) -> None:

@@ -3,7 +3,8 @@
 Only plain types are used (no unions, no null): Foxglove refuses schemas with more. A number that is not known is left
 out of the message. Fields beyond the listed ones are allowed; those of a revolution are the estimates, each as
 `<name>`, `<name>_std`, `<name>_status` and, where there are any, `<name>_reasons`; and `fault_reasons`. A reason is an
-object with `code`, `values` (SI units) and `text`.
+object with `code`, `values` (SI units) and `text`. A link event may have `details`, a list of codes with their values,
+and a line of the log the `values` of its code.
 """
 
 from __future__ import annotations
@@ -149,7 +150,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         """
         link: s: name of the link
         kind: s: connected, lost, retrying, restored or ended
-        text: s: what happened, in plain words
+        text: s: message of the error behind the event, empty without one
         rssi_dbm: i: signal strength of a radio link when it was connected
         """,
     ),
@@ -172,6 +173,8 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         text: s: the line
         hub: i: hub that wrote it
         link: s: link it came by
+        subject: s: link, hub or wheel that a line of the gateway is about
+        code: s: code of a line of the gateway
         """,
     ),
 )

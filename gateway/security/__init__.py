@@ -1,1 +1,1 @@
-"""Which frames are taken for true: keys, signatures, freshness, and the sensors that belong to a vehicle."""
+"""Verification of frames: keys, signatures, freshness, and the sensors that belong to a vehicle."""

@@ -1,12 +1,13 @@
-"""AES-128-CMAC with the optional package `cryptography`."""
+"""Signing and verifying frames with AES-128-CMAC, by the optional package `cryptography`."""
 
 from __future__ import annotations
 
 import hmac
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from firmware_protocol import wire
-from firmware_protocol.signing import freshness, signed_part, tag_of
+from firmware_protocol.signing import freshness, sign, signed_part, tag_of
 from gateway.errors import TreadlinkError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ class SecurityError(TreadlinkError):
 
 
 class Key:
-    """A secret key; never shown by accident.
+    """A secret key, which its `repr` hides.
 
     Attributes:
         secret: its 16 bytes.
@@ -31,7 +32,7 @@ class Key:
 
     def __init__(self, secret: bytes) -> None:
         if len(secret) != KEY_BYTES:
-            raise ValueError(f"a key has {KEY_BYTES} bytes, this one {len(secret)}")
+            raise ValueError(f"a key has {KEY_BYTES} bytes, this one has {len(secret)}")
         self.secret = secret
 
     def __eq__(self, other: object) -> bool:
@@ -44,12 +45,12 @@ class Key:
         return "Key(...)"
 
     def check_value(self) -> str:
-        """Return six digits by which people can compare keys without seeing them."""
+        """Return six digits by which keys can be compared without showing them."""
         return mac(self, bytes(KEY_BYTES))[:3].hex()
 
 
-def start(key: Key) -> CMAC:
-    """Return a CMAC to be copied for every message.
+def begin_mac(key: Key) -> CMAC:
+    """Return a CMAC object to be copied for every message.
 
     Raises:
         SecurityError: the package `cryptography` is missing.
@@ -68,24 +69,52 @@ def mac(key: Key, data: bytes) -> bytes:
     Raises:
         SecurityError: the package `cryptography` is missing.
     """
-    code = start(key)
+    code = begin_mac(key)
     code.update(data)
     return code.finalize()
 
 
 class Verifier:
-    """Checks tags of one sensor or hub in one start of it."""
+    """Check of the tags of one sensor or hub during one of its starts."""
 
     __slots__ = ("_begun", "boot_count")
 
     def __init__(self, key: Key, identity: int, boot_count: int) -> None:
-        """Prepare; costs what several frames do, so keep it."""
+        """Prepare; this costs as much as checking several frames, so keep the object."""
         self.boot_count = boot_count
-        self._begun = start(key)
+        self._begun = begin_mac(key)
         self._begun.update(freshness(identity, boot_count))
 
     def is_genuine(self, frame: bytes) -> bool:
-        """Tell whether the tag of a signed frame is right, in a time that does not depend on the tag."""
+        """Return whether the tag of a signed frame is right, in a time that does not depend on the tag."""
         code = self._begun.copy()
         code.update(signed_part(frame))
         return hmac.compare_digest(code.finalize()[: wire.TAG_BYTES], tag_of(frame))
+
+
+class FrameSigner:
+    """Signing of frames as sensors and hubs do it, for the simulator and for tests."""
+
+    def __init__(self, keys: Mapping[str, Key]) -> None:
+        """Prepare the keys, given by identity.
+
+        Raises:
+            SecurityError: the package `cryptography` is missing.
+        """
+        self._codes = {identity: begin_mac(key) for identity, key in keys.items()}
+
+    def __call__(self, frame: bytes, identity: str, boot_count: int) -> bytes:
+        """Return the signed form of an unsigned frame.
+
+        Raises:
+            ValueError: its payload leaves no room for a tag.
+            KeyError: there is no key for this identity.
+        """
+        begun = self._codes[identity]
+
+        def mac(data: bytes) -> bytes:
+            code = begun.copy()
+            code.update(data)
+            return code.finalize()
+
+        return sign(frame, int(identity, 16), boot_count, mac)

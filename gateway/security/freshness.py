@@ -1,4 +1,4 @@
-"""The highest counter seen of every sensor, so that what was sent once is never taken again, also after a restart."""
+"""Replay protection: the highest counter of every sensor, kept across restarts, so that no frame is accepted twice."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from gateway.security.cmac import SecurityError
 from gateway.security.private_file import read_private, write_private
 
 WINDOW: Final = 64
-"""How many counters behind the highest a frame may come late."""
+"""Counters behind the highest by which a late frame is still accepted."""
 
-_ALL: Final = (1 << WINDOW) - 1
-_HIGHEST: Final = 1 << 64
+_ALL_SEEN: Final = (1 << WINDOW) - 1
+_COUNTER_END: Final = 1 << 64
 _FORMAT: Final = 1
 _MOST_BYTES: Final = 16 << 20
-_REMEDY: Final = "Delete it if you accept that frames of former sessions could be played to you again."
+_REMEDY: Final = "Delete it if you accept that frames of former sessions could be replayed."
 
 
 class Freshness(Enum):
-    """What the full counter of a genuine frame says."""
+    """Verdict on the full counter of a genuine frame."""
 
     NEW = "new"
     LATE = "late"
@@ -31,7 +31,7 @@ class Freshness(Enum):
 
 
 class Counter:
-    """Full counters, boot_count << 32 | seq, of one sensor.
+    """Full counters of one sensor, boot_count << 32 | seq.
 
     Attributes:
         highest: so far, -1 before the first.
@@ -40,19 +40,19 @@ class Counter:
     __slots__ = ("_seen", "highest")
 
     def __init__(self, highest: int = -1) -> None:
-        """Go on from the highest counter of former sessions: everything up to it counts as seen."""
+        """Continue from the highest counter of former sessions: all up to it count as seen."""
         self.highest = highest
-        self._seen = _ALL
+        self._seen = _ALL_SEEN
 
     def take(self, counter: int) -> Freshness:
-        """Judge a counter; NEW and LATE ones are noted and never come through again."""
+        """Check a counter; NEW and LATE ones are remembered and not accepted again."""
         ahead = counter - self.highest
         if ahead > 0:
             if self.highest < 0:
-                # What came before the first frame may still be on its way.
+                # Frames sent before the first one received may still arrive.
                 self._seen = 1
             else:
-                self._seen = (self._seen << ahead | 1) & _ALL if ahead < WINDOW else 1
+                self._seen = (self._seen << ahead | 1) & _ALL_SEEN if ahead < WINDOW else 1
             self.highest = counter
             return Freshness.NEW
         if -ahead >= WINDOW:
@@ -65,20 +65,20 @@ class Counter:
 
 
 class Ledger:
-    """Counters by identity, kept in a file across sessions, or in memory alone."""
+    """Counters by identity, kept in a file across sessions, or in memory only."""
 
     def __init__(self, path: Path | None = None) -> None:
         """Read the file if there is one.
 
         Raises:
-            SecurityError: it cannot be read, is no such file, or others can change it.
+            SecurityError: it cannot be read, is not such a file, or others can change it.
         """
         self._path = path
         self._saved = _read(path) if path is not None else {}
         self._counters: dict[str, Counter] = {}
 
     def counter(self, identity: str) -> Counter:
-        """Return the counter of a sensor, a live object."""
+        """Return the counter of a sensor; changes to it are kept here."""
         found = self._counters.get(identity)
         if found is None:
             found = self._counters[identity] = Counter(self._saved.get(identity, -1))
@@ -89,10 +89,10 @@ class Ledger:
         return {name: counter.highest for name, counter in self._counters.items() if counter.highest >= 0}
 
     def save(self, current: Mapping[str, int] | None = None) -> None:
-        """Write what has changed; what another treadlink wrote meanwhile is kept where it is higher.
+        """Write what has changed; higher counters that another process wrote meanwhile are kept.
 
         Args:
-            current: what `highest` returned; with it this may run in another thread than all else, one at a time.
+            current: result of `highest`; with it this may run in another thread, one call at a time.
 
         Raises:
             SecurityError: it cannot be written.
@@ -108,7 +108,7 @@ class Ledger:
         self._saved = merged
 
     def forget(self, identity: str) -> None:
-        """Let a sensor begin anew, as with a new key.
+        """Forget the counter of a sensor, for example because it has a new key.
 
         Raises:
             SecurityError: the file cannot be written.
@@ -119,7 +119,7 @@ class Ledger:
 
 
 def _text(highest: Mapping[str, int]) -> str:
-    # As text: other JSON readers round such numbers.
+    # As text: other JSON readers would round numbers of this size.
     return json.dumps({"format": _FORMAT, "highest": {name: str(value) for name, value in sorted(highest.items())}})
 
 
@@ -132,8 +132,8 @@ def _read(path: Path) -> dict[str, int]:
         if content["format"] != _FORMAT:
             raise ValueError
         highest = {str(name): int(value) for name, value in content["highest"].items()}
-        if not all(0 <= value < _HIGHEST for value in highest.values()):
+        if not all(0 <= value < _COUNTER_END for value in highest.values()):
             raise ValueError
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise SecurityError(f"'{path}' does not hold the counters of sensors", _REMEDY) from error
+        raise SecurityError(f"'{path}' does not contain counters of sensors", _REMEDY) from error
     return highest

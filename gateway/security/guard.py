@@ -1,20 +1,29 @@
-"""The check between a link's bytes and everything else: who signed a frame, may he, and is it new."""
+"""The guard: checks every frame's signature, its sender and its freshness before anything else sees it."""
 
 from __future__ import annotations
 
 import struct
 from collections import Counter as Tally
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from enum import StrEnum
+from pathlib import Path
 from typing import Final, NamedTuple
 
 from firmware_protocol import wire
 from firmware_protocol.messages import HUB_ITSELF, MessageType
 from firmware_protocol.signing import is_of_hub, is_signed
-from gateway.security.cmac import Key, Verifier
+from gateway.config.vehicle import Policy, VehicleConfig
+from gateway.reasons import Code, Level, Notice, Reason
+from gateway.security.cmac import Key, Verifier, begin_mac
 from gateway.security.freshness import Counter, Freshness, Ledger
-from gateway.security.key_file import hub_identity, sensor_identity
-from gateway.security.words import Teller
+from gateway.security.key_file import (
+    HUB_DIGITS,
+    KeyFile,
+    counters_file,
+    default_key_file,
+    hub_identity,
+    sensor_identity,
+)
 
 _HELLO_IDS: Final = struct.Struct("<QII")
 _HELLO_IDS_AT: Final = wire.HEADER_BYTES + 8
@@ -22,9 +31,14 @@ _HELLO_BYTES: Final = 70 + wire.TAG_BYTES
 _SEQ: Final = struct.Struct("<I")
 _LAST_BOOT: Final = 0xFFFF_FFFF
 
+# A notice is repeated when its count has grown by this factor.
+_REPEAT_FACTOR: Final = 100
+# A hello comes every 2 s; this many frames of a source before a verified one are worth a notice, fewer are not.
+_EARLY_FRAMES: Final = 1000
+
 
 class Verdict(StrEnum):
-    """What the guard makes of a frame; all but the first are not let through where signatures are required."""
+    """Verdict on a frame; only VERIFIED frames pass where signatures are required."""
 
     VERIFIED = "verified"
     UNSIGNED = "unsigned"
@@ -37,7 +51,15 @@ class Verdict(StrEnum):
 
 
 SUSPICIOUS: Final = (Verdict.UNSIGNED, Verdict.FORGED, Verdict.REPLAYED, Verdict.TOO_LATE, Verdict.NOT_ADMITTED)
-"""Verdicts that somebody's bad intent could explain."""
+"""Verdicts that bad intent could explain."""
+
+_CODES: Final = {
+    Verdict.UNSIGNED: Code.FRAME_UNSIGNED,
+    Verdict.FORGED: Code.FRAME_WRONG_TAG,
+    Verdict.REPLAYED: Code.FRAME_REPLAYED,
+    Verdict.TOO_LATE: Code.FRAME_LATE,
+    Verdict.EARLY: Code.FRAME_BEFORE_HELLO,
+}
 
 
 class Place(NamedTuple):
@@ -45,15 +67,15 @@ class Place(NamedTuple):
 
     Attributes:
         position: its name.
-        sensor: identity of the sensor that belongs there, None when the configuration does not say.
+        sensor: identity of the sensor configured there, None when the configuration names none.
     """
 
     position: str
     sensor: str | None
 
 
-class _Speaker:
-    """Who speaks as one source (hub, wheel) of a link, by its last genuine hello."""
+class _Sender:
+    """Sender behind one source (hub, wheel) of a link, by its last genuine hello."""
 
     __slots__ = ("counter", "identity", "key", "number", "refused", "verifier")
 
@@ -66,7 +88,7 @@ class _Speaker:
         self.verifier = Verifier(key, self.number, boot_count)
 
     def is_genuine(self, frame: bytes) -> bool:
-        """Check a tag; the hello of the start after this one may have been lost."""
+        """Check a tag, also against the next start of the sender, whose hello may have been lost."""
         if self.verifier.is_genuine(frame):
             return True
         following = self.verifier.boot_count + 1
@@ -79,13 +101,13 @@ class _Speaker:
         return True
 
     def judge(self, frame: bytes) -> Verdict:
-        """Judge a signed frame that is no hello."""
+        """Return the verdict on a signed frame other than a hello."""
         if not self.is_genuine(frame):
             return Verdict.FORGED
         return self.refused or self.fresh(frame)
 
     def fresh(self, frame: bytes) -> Verdict:
-        """Judge the counter of a genuine frame."""
+        """Return the verdict on the counter of a genuine frame."""
         (seq,) = _SEQ.unpack_from(frame, 8)
         found = self.counter.take(self.verifier.boot_count << 32 | seq)
         if found is Freshness.SEEN:
@@ -94,10 +116,10 @@ class _Speaker:
 
 
 class Guard:
-    """Judges the frames of all links of a session; a sensor's counter is one for all links.
+    """Check of the frames of all links of a session; a sensor has one counter for all links.
 
     Attributes:
-        requires: True when only verified frames are let through; else all are, and the user is told of the others.
+        requires: True when only verified frames pass; otherwise all pass, and the others are reported.
         ledger: counters of the sensors.
     """
 
@@ -109,50 +131,47 @@ class Guard:
         *,
         requires: bool,
     ) -> None:
-        """Take what is known.
+        """Set up the checks.
 
         Args:
             places: wheels of the configuration by hub and wheel number.
             keys: by identity of sensor or hub.
-            ledger: counters; kept by the caller.
-            requires: whether to refuse what is not verified.
+            ledger: counters; saved by the caller.
+            requires: whether to refuse frames that are not verified.
         """
         self.requires = requires
         self.ledger = ledger
         self.places = places
         self.owners = {place.sensor: place.position for place in places.values() if place.sensor is not None}
         self._keys = keys
-        self._findings: list[str] = []
+        self._notices: list[Notice] = []
         self._gates: dict[str, LinkGate] = {}
+        missing = Code.KEY_MISSING_FRAMES_IGNORED if requires else Code.KEY_MISSING_FRAMES_NOT_VERIFIED
         for place in places.values():
             if place.sensor is not None and place.sensor not in keys:
-                what = "will be ignored" if requires else "cannot be verified"
-                self._findings.append(
-                    f"no key of {place.position} (sensor {place.sensor}): its frames {what}; get its key into the key "
-                    "file with `treadlink keys import`"
-                )
+                self.report(Notice(place.position, Reason(missing, sensor=place.sensor), Level.WARNING))
 
     def gate(self, link: str) -> LinkGate:
-        """Return the gate of a link, one for each name."""
+        """Return the gate of a link, one per name."""
         found = self._gates.get(link)
         if found is None:
             found = self._gates[link] = LinkGate(self, link)
         return found
 
-    def speaker(self, identity: str, boot_count: int) -> _Speaker | None:
-        """Return a sensor or hub in one of its starts, None when there is no key of it."""
+    def sender(self, identity: str, boot_count: int) -> _Sender | None:
+        """Return a sensor or hub in one of its starts, None without its key."""
         key = self._keys.get(identity)
-        return None if key is None else _Speaker(identity, key, self.ledger.counter(identity), boot_count)
+        return None if key is None else _Sender(identity, key, self.ledger.counter(identity), boot_count)
 
-    def tell(self, texts: Sequence[str]) -> None:
-        """Keep findings until somebody fetches them."""
-        self._findings += texts
+    def report(self, notice: Notice) -> None:
+        """Keep a notice until `take_notices`."""
+        self._notices.append(notice)
 
-    def findings(self) -> list[str]:
-        """Take what is to be told since the last call."""
-        if not self._findings:
+    def take_notices(self) -> list[Notice]:
+        """Return the notices since the last call."""
+        if not self._notices:
             return []
-        taken, self._findings = self._findings, []
+        taken, self._notices = self._notices, []
         return taken
 
 
@@ -168,19 +187,19 @@ class LinkGate:
     def __init__(self, guard: Guard, link: str) -> None:
         self._guard = guard
         self._requires = guard.requires
-        self._speakers: dict[bytes, _Speaker] = {}
-        self._strangers: dict[bytes, str] = {}
-        self._teller = Teller(link, guard.places, guard.owners, requires=guard.requires)
+        self._senders: dict[bytes, _Sender] = {}
+        self._unknown: dict[bytes, str] = {}
+        self._reports = _RefusalReports(link, guard)
         self.counts: Tally[Verdict] = Tally()
 
     def __call__(self, frame: bytes) -> bool:
-        """Tell whether an intact frame may pass."""
+        """Return whether an intact frame may pass."""
         verdict = self._judge(frame)
         self.counts[verdict] += 1
         if verdict is Verdict.VERIFIED:
             return True
         source = frame[wire.HUB_OFFSET : wire.WHEEL_OFFSET + 1]
-        self._guard.tell(self._teller.found(source, verdict.value, self._strangers.get(source)))
+        self._reports.count(source, verdict, self._unknown.get(source))
         return not self._requires
 
     def _judge(self, frame: bytes) -> Verdict:
@@ -189,67 +208,149 @@ class LinkGate:
             return Verdict.UNSIGNED
         if frame[wire.TYPE_OFFSET] == MessageType.HELLO and not is_of_hub(frame):
             return self._hello(source, frame)
-        speaker = self._speakers.get(source)
-        if speaker is None:
-            if source in self._strangers:
+        sender = self._senders.get(source)
+        if sender is None:
+            if source in self._unknown:
                 return Verdict.NO_KEY
-            speaker = self._presumed(source)
-            if speaker is None:
+            sender = self._presumed(source)
+            if sender is None:
                 return Verdict.EARLY
-            verdict = speaker.judge(frame)
+            verdict = sender.judge(frame)
             if verdict is Verdict.VERIFIED:
-                self._speakers[source] = speaker
-            # Before a hello the start is a guess: a tag that does not fit proves nothing yet.
+                self._senders[source] = sender
+            # Before a hello the start is a guess: a wrong tag proves nothing yet.
             return Verdict.EARLY if verdict is Verdict.FORGED else verdict
-        return speaker.judge(frame)
+        return sender.judge(frame)
 
-    def _presumed(self, source: bytes) -> _Speaker | None:
-        """Return who spoke there in former sessions, as far as the configuration tells."""
+    def _presumed(self, source: bytes) -> _Sender | None:
+        """Return the sender there in former sessions, as far as the configuration names it."""
         place = self._guard.places.get((source[0], source[1]))
         if place is None or place.sensor is None:
             return None
         highest = self._guard.ledger.counter(place.sensor).highest
-        return self._guard.speaker(place.sensor, highest >> 32) if highest >= 0 else None
+        return self._guard.sender(place.sensor, highest >> 32) if highest >= 0 else None
 
     def _hello(self, source: bytes, frame: bytes) -> Verdict:
         if frame[wire.VERSION_OFFSET] != wire.VERSION_BYTE or frame[wire.LENGTH_OFFSET] != _HELLO_BYTES:
-            # Of a layout that this version cannot read: it introduces nobody.
-            known = self._speakers.get(source)
+            # Of a layout that this version cannot read: it introduces no sender.
+            known = self._senders.get(source)
             return Verdict.EARLY if known is None else known.judge(frame)
         hub_id, sensor_id, boot_count = _HELLO_IDS.unpack_from(frame, _HELLO_IDS_AT)
         identity = sensor_identity(sensor_id)
-        speaker = self._speakers.get(source)
-        if speaker is None or speaker.identity != identity or speaker.verifier.boot_count != boot_count:
-            speaker = self._guard.speaker(identity, boot_count)
-        if speaker is None:
-            if source not in self._speakers:
-                self._strangers[source] = identity
+        sender = self._senders.get(source)
+        if sender is None or sender.identity != identity or sender.verifier.boot_count != boot_count:
+            sender = self._guard.sender(identity, boot_count)
+        if sender is None:
+            if source not in self._senders:
+                self._unknown[source] = identity
             return Verdict.NO_KEY
-        if not speaker.verifier.is_genuine(frame):
+        if not sender.verifier.is_genuine(frame):
             return Verdict.FORGED
         place = self._guard.places.get((source[0], source[1]))
         if place is None or place.sensor not in (None, identity):
-            self._strangers[source] = identity
-            speaker.refused = Verdict.NOT_ADMITTED
-            if source not in self._speakers or self._speakers[source].refused:
-                self._speakers[source] = speaker
+            self._unknown[source] = identity
+            sender.refused = Verdict.NOT_ADMITTED
+            if source not in self._senders or self._senders[source].refused:
+                self._senders[source] = sender
             return Verdict.NOT_ADMITTED
-        verdict = speaker.fresh(frame)
+        verdict = sender.fresh(frame)
         if verdict is Verdict.VERIFIED:
-            self._strangers.pop(source, None)
-            self._speakers[source] = speaker
+            self._unknown.pop(source, None)
+            self._senders[source] = sender
             self._introduce_hub(source[:1] + bytes((HUB_ITSELF,)), hub_identity(hub_id), boot_count)
         return verdict
 
     def _introduce_hub(self, source: bytes, identity: str, boot_count: int) -> None:
-        """Learn from a sensor's genuine hello whose hub it is."""
-        known = self._speakers.get(source)
+        """Learn the identity of the hub from a genuine hello of its sensor."""
+        known = self._senders.get(source)
         if known is not None and known.identity == identity and known.verifier.boot_count == boot_count:
             return
-        speaker = self._guard.speaker(identity, boot_count)
-        if speaker is None:
-            self._strangers[source] = identity
-            self._speakers.pop(source, None)
+        sender = self._guard.sender(identity, boot_count)
+        if sender is None:
+            self._unknown[source] = identity
+            self._senders.pop(source, None)
         else:
-            self._strangers.pop(source, None)
-            self._speakers[source] = speaker
+            self._unknown.pop(source, None)
+            self._senders[source] = sender
+
+
+class _RefusalReports:
+    """Notices of the frames of one link that were not verified: each once, and again at a hundred times as many."""
+
+    def __init__(self, link: str, guard: Guard) -> None:
+        self._link = link
+        self._guard = guard
+        self._counts: dict[tuple[bytes, Verdict, str | None], int] = {}
+        self._due: dict[tuple[bytes, Verdict, str | None], int] = {}
+
+    def count(self, source: bytes, verdict: Verdict, claimed: str | None) -> None:
+        """Count a frame, and report it when that is due.
+
+        Args:
+            source: hub and wheel number.
+            verdict: on the frame.
+            claimed: identity that the source claims and that is not verified or does not belong there.
+        """
+        # The sender can claim any number of identities, so that what is kept must not grow with them.
+        key = (source, verdict, claimed if claimed in self._guard.owners else None)
+        number = self._counts[key] = self._counts.get(key, 0) + 1
+        if number < self._due.get(key, _EARLY_FRAMES if verdict is Verdict.EARLY else 1):
+            return
+        self._due[key] = number * _REPEAT_FACTOR
+        hub, wheel = source
+        place = self._guard.places.get((hub, wheel))
+        at = place.position if place else f"hub {hub}" + ("" if wheel == HUB_ITSELF else f" wheel {wheel}")
+        reason = self._reason(place, verdict, claimed, number)
+        self._guard.report(Notice(f"{self._link}, {at}", reason, Level.SECURITY))
+
+    def _reason(self, place: Place | None, verdict: Verdict, claimed: str | None, count: int) -> Reason:
+        consequence = Reason(Code.FRAMES_IGNORED if self._guard.requires else Code.FRAMES_USED)
+        if verdict is Verdict.NO_KEY:
+            return Reason(Code.FRAME_NO_KEY, signer=_signer(claimed), count=count, consequence=consequence)
+        if verdict is not Verdict.NOT_ADMITTED:
+            return Reason(_CODES[verdict], count=count, consequence=consequence)
+        sensor = claimed or ""
+        owner = self._guard.owners.get(sensor)
+        if owner is not None:
+            return Reason(
+                Code.SENSOR_NOT_ADMITTED_SWAPPED, sensor=sensor, owner=owner, count=count, consequence=consequence
+            )
+        if place is None or place.sensor is None:
+            return Reason(Code.SENSOR_NOT_ADMITTED_UNCONFIGURED, sensor=sensor, count=count, consequence=consequence)
+        return Reason(
+            Code.SENSOR_NOT_ADMITTED, sensor=sensor, expected=place.sensor, count=count, consequence=consequence
+        )
+
+
+def _signer(identity: str | None) -> Reason:
+    if identity is None:
+        return Reason(Code.SIGNER_UNKNOWN)
+    return Reason(Code.SIGNER_HUB if len(identity) == HUB_DIGITS else Code.SIGNER_SENSOR, identity=identity)
+
+
+def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remembers: bool) -> Guard | None:
+    """Return the guard that the policy of a vehicle requires, None for policy `off`.
+
+    Args:
+        vehicle: configuration.
+        key_file: keys; the user's own file when None.
+        remembers: whether counters are kept across sessions: yes for a link, no for a recording, whose frames are old.
+
+    Raises:
+        SecurityError: keys or counters cannot be read, or the package `cryptography` is missing.
+    """
+    if vehicle is None or vehicle.security.policy is Policy.OFF:
+        return None
+    path = default_key_file() if key_file is None else key_file
+    keys = KeyFile(path).keys
+    for key in keys.values():
+        begin_mac(key)  # raises now, rather than at the first frame, when the package is missing
+        break
+    places = {
+        (wheel.hub, wheel.wheel): Place(
+            wheel.position, None if wheel.sensor_number is None else sensor_identity(wheel.sensor_number)
+        )
+        for wheel in vehicle.wheel
+    }
+    ledger = Ledger(counters_file(path) if remembers else None)
+    return Guard(places, keys, ledger, requires=vehicle.security.policy is Policy.REQUIRE)

@@ -1,21 +1,21 @@
-"""Keys of sensors and hubs in a private text file, one line each: identity and key in hexadecimal digits."""
+"""Keys of sensors and hubs in a private text file: one line each, identity and key in hexadecimal digits."""
 
 from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from gateway.security.cmac import KEY_BYTES, Key, SecurityError
+from gateway.security.cmac import KEY_BYTES, FrameSigner, Key, SecurityError
 from gateway.security.private_file import read_private, write_private
 
 SENSOR_DIGITS: Final = 8
 HUB_DIGITS: Final = 16
 _LINE: Final = re.compile(r"([0-9a-fA-F]+)[ \t]+([0-9a-fA-F]{32})")
 _MOST_BYTES: Final = 16 << 20
-_HEADER: Final = "# Keys of treadlink: serial number of a sensor (8 digits) or hub (16), key. Keep from others.\n"
+_HEADER: Final = "# Keys of treadlink: serial number of a sensor (8 digits) or hub (16), key. Keep it secret.\n"
 
 
 def default_key_file() -> Path:
@@ -41,21 +41,21 @@ def hub_identity(number: int) -> str:
 
 
 def parse_identity(text: str) -> str:
-    """Return an identity as it is kept: up to 8 hexadecimal digits are a sensor, 16 a hub.
+    """Return an identity as it is stored: up to 8 hexadecimal digits are a sensor, 16 a hub.
 
     Raises:
-        SecurityError: neither.
+        SecurityError: it is neither.
     """
     if not re.fullmatch(r"[0-9a-fA-F]{1,8}|[0-9a-fA-F]{16}", text):
         raise SecurityError(
-            f"'{text[:40]}' is no serial number of a sensor or hub",
-            "Give up to 8 hexadecimal digits for a sensor, as 0000a001, or 16 for a hub; `treadlink inspect` tells.",
+            f"'{text[:40]}' is not a serial number of a sensor or hub",
+            "Give up to 8 hexadecimal digits for a sensor, such as 0000a001, or 16 for a hub; see `treadlink inspect`.",
         )
     return text.lower().rjust(SENSOR_DIGITS, "0")
 
 
 class KeyFile:
-    """Keys by identity, and the file that they are in.
+    """Keys by identity, and their file.
 
     Attributes:
         path: the file.
@@ -63,45 +63,45 @@ class KeyFile:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read the file; one that does not exist holds no key.
+        """Read the file; one that does not exist contains no key.
 
         Raises:
-            SecurityError: it cannot be read, is not private, or holds anything else.
+            SecurityError: it cannot be read, is not private, or contains anything else.
         """
         self.path = path
         text = read_private(path, _MOST_BYTES)
         self.keys: dict[str, Key] = dict(parse_keys(text, str(path))) if text is not None else {}
 
     def make(self, identity: str, *, replace: bool = False) -> Key:
-        """Make a key; `save` keeps it.
+        """Make a key; `save` stores it.
 
         Raises:
-            SecurityError: there is one, and it is not to be replaced.
+            SecurityError: there is one already and `replace` is not set.
         """
         self._refuse_known([identity], replace=replace)
         key = self.keys[identity] = Key(secrets.token_bytes(KEY_BYTES))
         return key
 
     def add(self, keys: Mapping[str, Key], *, replace: bool = False) -> None:
-        """Take keys from elsewhere; `save` keeps them.
+        """Add keys from elsewhere; `save` stores them.
 
         Raises:
-            SecurityError: one is known with another key, and it is not to be replaced.
+            SecurityError: an identity has another key already and `replace` is not set.
         """
         self._refuse_known([name for name, key in keys.items() if self.keys.get(name, key) != key], replace=replace)
         self.keys.update(keys)
 
     def remove(self, identity: str) -> None:
-        """Forget a key; `save` makes it last.
+        """Remove a key; `save` stores the change.
 
         Raises:
-            SecurityError: there is none.
+            SecurityError: there is no such key.
         """
         if self.keys.pop(identity, None) is None:
-            raise SecurityError(f"there is no key of {identity} in '{self.path}'", "See `treadlink keys list`.")
+            raise SecurityError(f"there is no key for {identity} in '{self.path}'", "See `treadlink keys list`.")
 
     def save(self) -> None:
-        """Write the file, for its owner alone.
+        """Write the file, readable by its owner only.
 
         Raises:
             SecurityError: it cannot be written.
@@ -113,8 +113,8 @@ class KeyFile:
         known = [identity for identity in identities if identity in self.keys]
         if known and not replace:
             raise SecurityError(
-                f"'{self.path}' has a key of {', '.join(known)} already",
-                "Nothing was changed. --replace takes the new key in its place; then the old one is lost.",
+                f"'{self.path}' already has a key for {', '.join(known)}",
+                "Nothing was changed. --replace stores the new key instead; the old one is then lost.",
             )
 
 
@@ -122,7 +122,7 @@ def parse_keys(text: str, origin: str) -> Iterator[tuple[str, Key]]:
     """Yield identity and key of every line of a key file.
 
     Raises:
-        SecurityError: naming the first line that is none; its content is not told, it may be a key.
+        SecurityError: it names the first invalid line, but not its content, which may be a key.
     """
     known: set[str] = set()
     for number, line in enumerate(text.splitlines(), 1):
@@ -132,7 +132,7 @@ def parse_keys(text: str, origin: str) -> Iterator[tuple[str, Key]]:
         match = _LINE.fullmatch(content)
         if match is None:
             raise SecurityError(
-                f"{origin}, line {number} is no identity and key",
+                f"{origin}, line {number} is not an identity and a key",
                 "A line is the serial number of a sensor (up to 8 hexadecimal digits) or hub (16), and its key (32).",
             )
         identity = parse_identity(match[1])
@@ -140,3 +140,19 @@ def parse_keys(text: str, origin: str) -> Iterator[tuple[str, Key]]:
             raise SecurityError(f"{origin}, line {number}: {identity} has a key already", "Keep one of them.")
         known.add(identity)
         yield identity, Key(bytes.fromhex(match[2]))
+
+
+def open_signer(key_file: Path, identities: Iterable[str]) -> FrameSigner:
+    """Return a signer for these sensors and hubs.
+
+    Raises:
+        SecurityError: a key is missing, or the file cannot be used.
+    """
+    keys = KeyFile(key_file).keys
+    missing = [identity for identity in identities if identity not in keys]
+    if missing:
+        raise SecurityError(
+            f"'{key_file}' has no key for {', '.join(missing)}",
+            f"Make them: treadlink keys new {' '.join(missing)} --file '{key_file}'.",
+        )
+    return FrameSigner(keys)

@@ -17,10 +17,10 @@ def read_private(path: Path, most_bytes: int) -> str | None:
     """Return the text of a private file, None when there is no such file.
 
     Raises:
-        SecurityError: it cannot be read, is no regular file or too long, or is not private.
+        SecurityError: it cannot be read, is not a regular file, is too long, or is not private.
     """
     try:
-        # Opened first and looked at then, so that what is checked is what is read; a pipe must not block.
+        # Opened first and checked then, so that the file checked is the file read; a pipe must not block.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     except FileNotFoundError:
         return None
@@ -35,16 +35,16 @@ def read_private(path: Path, most_bytes: int) -> str | None:
     finally:
         os.close(descriptor)
     if len(data) > most_bytes:
-        raise SecurityError(f"'{path}' is larger than any such file", "Name the right file.")
+        raise SecurityError(f"'{path}' is too large", "Give the right file.")
     try:
         return data.decode()
     except UnicodeDecodeError as error:
-        raise SecurityError(f"'{path}' is not UTF-8 text", "Name the right file.") from error
+        raise SecurityError(f"'{path}' is not UTF-8 text", "Give the right file.") from error
 
 
 def _check(path: Path, status: os.stat_result) -> None:
     if not stat.S_ISREG(status.st_mode):
-        raise SecurityError(f"'{path}' is no file", "Name a file of keys, or a new one.")
+        raise SecurityError(f"'{path}' is not a regular file", "Give a key file, or the name of a new one.")
     if _HAS_MODES and status.st_mode & 0o077:
         raise SecurityError(
             f"'{path}' can be read or changed by others (mode {stat.S_IMODE(status.st_mode):04o})",
@@ -55,7 +55,7 @@ def _check(path: Path, status: os.stat_result) -> None:
 
 
 def write_private(path: Path, text: str) -> None:
-    """Replace a private file; a crash leaves the old or the new one, whole.
+    """Replace a private file; a crash leaves either the old or the new one complete.
 
     Raises:
         SecurityError: it cannot be written.

@@ -1,1 +1,1 @@
-"""The composition root: sources, recorder, decoder, pipeline and views, put together."""
+"""Sessions: sources, recorder, decoder, pipeline and views, put together."""

@@ -1,4 +1,4 @@
-"""Recordings through the batch decoder and the pipeline in one pass: the same results as live, memory flat."""
+"""Estimation of a whole recording in one pass, in constant memory, with the same results as live."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gateway.security.guard import Guard
 
 
 class Items(Protocol):
-    """Anything that yields link items, such as a recording."""
+    """Source of link items, such as a recording."""
 
     def items(self) -> Iterator[LinkItem]:
         """Yield items in the order of arrival."""
@@ -40,17 +40,17 @@ def estimate_items(
     on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
 ) -> dict[str, LinkCounters]:
-    """Estimate everything that `source` yields.
+    """Run the estimators on all items of a source.
 
     Args:
         source: a recording.
         vehicle: configuration, None for an assumed belt radius.
-        on_result: called for every completed revolution; each wheel's in order, wheels interleaved by block.
+        on_result: called for every completed revolution, in order per wheel, wheels interleaved by block.
         estimators: names from the registry.
-        guard: judges every frame first; None when signatures do not matter.
-        on_bytes: called with the number of link bytes taken in, for a progress bar.
-        on_batch: called with the link, a block of its frames and their arrival times before its revolutions are made.
-        effects: known effects to take off, a table a wheel.
+        guard: verifies every frame first; None when signatures are not checked.
+        on_bytes: called with the number of link bytes of each chunk, for a progress bar.
+        on_batch: called with the link, a block of its frames and their arrival times, before its revolutions.
+        effects: known effects to subtract, one table per wheel.
 
     Returns:
         the decoder's counters per link.

@@ -1,4 +1,4 @@
-"""A bounded hand-over between two threads: full means full, nobody waits unless he asks to."""
+"""A bounded buffer between two threads; `put` does not block unless given a timeout."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Final, Generic, TypeVar
 
 Item = TypeVar("Item")
 
-# What an item takes beside its bytes, generously.
+# Memory of an item besides its bytes, with a margin.
 _ITEM_BYTES: Final = 256
 
 
 class Buffer(Generic[Item]):
-    """Items in order, bounded in number and in bytes, so that memory is bounded whatever the size of the items.
+    """Items in order, bounded in number and in bytes, so that large items do not exhaust memory.
 
     Attributes:
-        dropped: items that were refused because it was full and nobody waited.
+        dropped: items refused because the buffer was full and no timeout was given.
     """
 
-    def __init__(self, most_items: int, most_bytes: int) -> None:
-        """Hold at most so many items and so many bytes."""
+    def __init__(self, max_items: int, max_bytes: int) -> None:
+        """Hold at most this many items and bytes."""
         self.dropped = 0
-        self._most_items = most_items
-        self._most_bytes = most_bytes
+        self._max_items = max_items
+        self._max_bytes = max_bytes
         self._items: deque[tuple[Item, int]] = deque()
         self._bytes = 0
         self._changed = threading.Condition()
@@ -32,20 +32,15 @@ class Buffer(Generic[Item]):
         """Return the number of items waiting."""
         return len(self._items)
 
-    @property
-    def filled(self) -> float:
-        """Share of the room that is taken, 0 to 1."""
-        return max(len(self._items) / self._most_items, self._bytes / self._most_bytes)
-
     def put(self, item: Item, size: int, *, timeout_s: float = 0.0, below: float = 1.0, wake: bool = True) -> bool:
-        """Append an item; return False when there is no room for it.
+        """Append an item; return False when there is no room.
 
         Args:
-            item: what to hand over.
-            size: its bytes.
-            timeout_s: wait so long for room; with 0 a refused item counts as dropped.
-            below: refuse when more than this share of the room is taken: items of less worth leave room for others.
-            wake: wake a waiting `get`; without it the item is found at the next look.
+            item: to append.
+            size: of the item in bytes.
+            timeout_s: time to wait for room; with 0 a refused item counts as dropped.
+            below: refuse above this share of the capacity, so that less important items leave room for others.
+            wake: wake a waiting `get`; without it the next call finds the item.
         """
         cost = size + _ITEM_BYTES
         with self._changed:
@@ -61,7 +56,7 @@ class Buffer(Generic[Item]):
             return True
 
     def get(self, timeout_s: float = 0.0) -> Item | None:
-        """Take the oldest item; None when none comes within `timeout_s`."""
+        """Return the oldest item, None when none arrives within `timeout_s`."""
         with self._changed:
             if not self._items and (timeout_s <= 0.0 or not self._changed.wait_for(lambda: self._items, timeout_s)):
                 return None
@@ -71,7 +66,7 @@ class Buffer(Generic[Item]):
             return item
 
     def _is_full(self, cost: int, below: float) -> bool:
-        # One item always fits, however big.
+        # A single item always fits, whatever its size.
         return bool(self._items) and (
-            len(self._items) >= self._most_items * below or self._bytes + cost > self._most_bytes * below
+            len(self._items) >= self._max_items * below or self._bytes + cost > self._max_bytes * below
         )

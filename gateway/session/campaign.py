@@ -1,9 +1,9 @@
-"""Recordings to the data of a diagnosis: read side by side, grouped by conditions, put on one time axis."""
+"""Campaigns: recordings read in parallel, grouped by conditions and put on one time axis for a diagnosis."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, MutableSequence, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, MutableSequence, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
 from itertools import pairwise
@@ -16,27 +16,30 @@ import numpy as np
 from gateway.closure.effects.base import GroupConditions
 from gateway.closure.group_making import FEW, label
 from gateway.closure.grouping import telling, tire_states
-from gateway.closure.observation import Campaign, Group
+from gateway.closure.observation import Campaign, Group, Remark
 from gateway.closure.processes import Processes
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import RecordingError
+from gateway.reasons import Code, Reason
+from gateway.recording.inspection import inspect_recording
 from gateway.session.campaign_clock import combined
 from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_recording
-from gateway.session.campaign_wheel import the_wheel
 from gateway.types import IntArray
-from gateway.views import wording
+from gateway.views.wording import notice_text
 
-LEAST_REVOLUTIONS: Final = 4
-"""Groups of fewer are left out, unless there is nothing else."""
+MIN_REVOLUTIONS: Final = 4
+"""Smaller groups are left out, unless all are smaller."""
 
-MOST_GROUPS: Final = 12
-"""Of a campaign, unless there are more recordings: what a diagnosis takes goes with their number."""
+MAX_GROUPS: Final = 12
+"""Groups of a campaign, unless there are more recordings: the time of a diagnosis grows with their number."""
 
-SPARE: Final = f"at speeds between those of {MOST_GROUPS} groups that tell the most"
+SPARE: Final = f"at speeds between those of the {MAX_GROUPS} most informative groups"
 
 _POLL_S: Final = 0.1
-# Stated where no recording knows any temperature; all are the same then, and nothing follows from the value.
-_SOME_DEGC: Final = 20.0
+# Used where no recording knows any temperature: it is then the same for all, and its value has no effect.
+_PLACEHOLDER_DEGC: Final = 20.0
+# Within this time even a wheel at walking speed turns more than once.
+_ONE_TURN_S: Final = 5.0
 
 
 def read_campaign(
@@ -52,32 +55,48 @@ def read_campaign(
 ) -> Campaign:
     """Read recordings and group one wheel's revolutions by their conditions.
 
-    Several recordings are read in processes of their own. But for rounding, the result is the same whatever `jobs` is.
+    Several recordings are read in separate processes. Except for rounding, the result does not depend on `jobs`.
 
     Args:
         paths: recordings.
-        vehicle: configuration for all of them; None for the one that each was recorded with.
-        wheel: position; None when the recordings hold one wheel only.
-        folds: blocks of a group with revolutions enough, 2 at least.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        wheel: position; None when the recordings contain one wheel only.
+        folds: blocks of a group with enough revolutions, at least 2.
         on_bytes: called with the number of bytes of the files read, for a progress bar.
-        jobs: processes at most.
-        reverse: those of `paths` that were made rolling the other way round, or with the tire turned on the rim.
+        jobs: maximum number of processes.
+        reverse: those of `paths` recorded in the opposite direction, or with the tire turned on the rim.
         key_file: keys of signed frames, where the configuration asks for them.
 
     Raises:
-        TreadlinkError: a recording cannot be read, holds nothing to use, or holds several wheels and none was chosen.
+        TreadlinkError: a recording cannot be read, contains nothing usable, or contains several wheels and none was
+            chosen.
         ValueError: fewer than two folds, or no path.
     """
     if folds < 2 or not paths:
-        raise ValueError("a campaign needs a recording and two folds at least")
-    places, turned = {path.resolve() for path in paths}, {path.resolve() for path in reverse}
-    strangers = [path for path in reverse if path.resolve() not in places]
-    if strangers:
+        raise ValueError("a campaign needs at least one recording and two folds")
+    orders = _orders(paths, vehicle, wheel, folds, reverse, key_file)
+    report = on_bytes or (lambda _: None)
+    parallel = jobs > 1 and len(orders) > 1
+    reads = _in_parallel(orders, report, min(jobs, len(orders))) if parallel else _one_by_one(orders, report)
+    return _assemble(orders, reads, _chosen_wheel(orders, reads, wheel))
+
+
+def _orders(
+    paths: Sequence[Path],
+    vehicle: VehicleConfig | None,
+    wheel: str | None,
+    folds: int,
+    reverse: Collection[Path],
+    key_file: Path | None,
+) -> list[ReadOrder]:
+    given, reversed_paths = {path.resolve() for path in paths}, {path.resolve() for path in reverse}
+    unknown = [path for path in reverse if path.resolve() not in given]
+    if unknown:
         raise RecordingError(
-            f"'{strangers[0]}' is said to be reverse but is not among the recordings", "Name it as one of them too."
+            f"'{unknown[0]}' is given as reverse but is not among the recordings", "Give it as a recording too."
         )
     names = [path.name for path in paths]
-    orders = [
+    return [
         ReadOrder(
             path=path,
             index=index,
@@ -85,15 +104,11 @@ def read_campaign(
             vehicle=vehicle,
             wheel=wheel,
             folds=folds,
-            reverse=path.resolve() in turned,
+            reverse=path.resolve() in reversed_paths,
             key_file=key_file,
         )
         for index, path in enumerate(paths)
     ]
-    told = on_bytes or (lambda _: None)
-    parallel = jobs > 1 and len(orders) > 1
-    reads = _side_by_side(orders, told, min(jobs, len(orders))) if parallel else _one_by_one(orders, told)
-    return _assemble(orders, reads, the_wheel(orders, reads, wheel))
 
 
 def _one_by_one(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None]) -> list[RecordingRead]:
@@ -106,15 +121,16 @@ def _one_by_one(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None]) ->
             on_bytes(position - done)
             done = position
 
-        reads.append(_of_one_wheel(order, read_recording(order, on_position)))
+        reads.append(_checked_for_one_wheel(order, read_recording(order, on_position)))
     return reads
 
 
-def _of_one_wheel(order: ReadOrder, read: RecordingRead) -> RecordingRead:
-    """Return what was read, before the others are read in vain."""
+def _checked_for_one_wheel(order: ReadOrder, read: RecordingRead) -> RecordingRead:
+    """Raise as soon as a wheel must be chosen, before other recordings are read."""
     if order.wheel is None and len(read.wheels) > 1:
         raise RecordingError(
-            f"'{order.path}' holds several wheels: {', '.join(read.wheels)}", f"Choose one: --wheel {read.wheels[0]}."
+            f"'{order.path}' contains several wheels: {', '.join(read.wheels)}",
+            f"Choose one: --wheel {read.wheels[0]}.",
         )
     return read
 
@@ -123,12 +139,12 @@ _positions: MutableSequence[int] | None = None
 
 
 def _share_positions(positions: MutableSequence[int]) -> None:
-    """Run in a fresh process: keep the shared memory in which it tells how far it is."""
+    """Set, in a new process, the shared memory for its progress."""
     global _positions
     _positions = positions
 
 
-def _read_apart(order: ReadOrder) -> RecordingRead:
+def _read_in_process(order: ReadOrder) -> RecordingRead:
     def on_position(position: int) -> None:
         assert _positions is not None
         _positions[order.index] = position
@@ -136,62 +152,30 @@ def _read_apart(order: ReadOrder) -> RecordingRead:
     return read_recording(order, on_position)
 
 
-def _side_by_side(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None], jobs: int) -> list[RecordingRead]:
-    # Plain shared memory: a process says how far it is without a word on the queue.
+def _in_parallel(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None], jobs: int) -> list[RecordingRead]:
+    # Shared memory carries the progress of each process without messages on a queue.
     positions = get_context("spawn").RawArray("q", len(orders))
     done = 0
     with Processes(jobs, _share_positions, (positions,)) as pool:
-        futures: list[Future[RecordingRead]] = [pool.submit(_read_apart, order) for order in orders]
+        futures: list[Future[RecordingRead]] = [pool.submit(_read_in_process, order) for order in orders]
         waiting = set(futures)
         while waiting:
             finished, waiting = wait(waiting, _POLL_S, FIRST_COMPLETED)
             now = sum(positions)
             on_bytes(now - done)
             done = now
-            for future in finished:
-                _of_one_wheel(orders[futures.index(future)], future.result())  # the first fault ends it all
+            for future in finished:  # the first failure ends the campaign
+                _checked_for_one_wheel(orders[futures.index(future)], future.result())
         return [future.result() for future in futures]
 
 
 def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str) -> Campaign:
-    rejected: dict[str, int] = {}
-    for read in reads:
-        for reason, count in (read.rejected or {}).items():
-            rejected[reason] = rejected.get(reason, 0) + count
-    groups = [group for read in reads for group in read.groups]
-    if not groups:
-        raise RecordingError(
-            f"none of {sum(rejected.values())} revolutions of wheel {wheel} can be used: "
-            + "; ".join(f"{count} x {reason}" for reason, count in rejected.items()),
-            "At least two revolutions at the same speed are needed, a minute of steady rolling is better.",
-        )
-    notes = [f"{wording.text(read.damage)}. The readable part is used." for read in reads if read.damage]
-    notes += [f"{order.name}: {note}" for order, read in zip(orders, reads, strict=True) for note in read.notes]
-    notes += [
-        f"{order.name} gave nothing to use"
-        for order, read in zip(orders, reads, strict=True)
-        if not read.groups and len(orders) > 1
-    ]
-    big = [group for group in groups if _count(group) >= LEAST_REVOLUTIONS]
-    if big and len(big) < len(groups):
-        small = [group for group in groups if _count(group) < LEAST_REVOLUTIONS]
-        rejected[FEW] = rejected.get(FEW, 0) + sum(map(_count, small))
-        groups = big
-    groups, spare = _telling(groups)
-    if spare:
-        rejected[SPARE] = spare
-        notes.append(f"{spare} revolutions left out: {SPARE}")
-    if FEW in rejected:
-        notes.append(f"{rejected[FEW]} revolutions left out: {FEW}")
-    sensors = {read.sensor_id for read in reads if read.groups}
-    if len(sensors) > 1:
-        names = ", ".join(sorted("several" if sensor is None else f"{sensor:08x}" for sensor in sensors))
-        notes.append(f"the recordings are of different sensors: {names}")
-    begin_s, told = _begins(orders, reads)
-    notes += told
-    known = [(c.temperature_degc, _count(g)) for g in groups if math.isfinite((c := g.conditions).temperature_degc)]
-    degc = sum(value * count for value, count in known) / sum(count for _, count in known) if known else _SOME_DEGC
+    rejected = _rejected(reads)
+    groups = _usable_groups(reads, wheel, rejected)
+    begin_s, order_remarks = _begins(orders, reads)
+    degc = _reference_degc(groups)
     states = _states(groups).tolist()
+    sensors = {read.sensor_id for read in reads if read.groups}
     return Campaign(
         wheel=wheel,
         recordings=tuple(str(order.path) for order in orders),
@@ -204,9 +188,85 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         clock_error=combined([read.clock_error for read in reads]),
         assumed=_merged(orders, [read.assumed for read in reads]),
         stated=_merged(orders, [read.stated for read in reads]),
-        notes=tuple(notes),
+        notes=(
+            *_recording_remarks(orders, reads),
+            *_left_out_remarks(rejected),
+            *_sensor_remarks(sensors),
+            *order_remarks,
+        ),
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
     )
+
+
+def _rejected(reads: Sequence[RecordingRead]) -> dict[str, int]:
+    """Return reason -> revolutions left out, over all recordings."""
+    rejected: dict[str, int] = {}
+    for read in reads:
+        for reason, count in (read.rejected or {}).items():
+            rejected[reason] = rejected.get(reason, 0) + count
+    return rejected
+
+
+def _usable_groups(reads: Sequence[RecordingRead], wheel: str, rejected: dict[str, int]) -> list[Group]:
+    """Return the groups to use; revolutions of the others are added to `rejected`.
+
+    Raises:
+        RecordingError: there is no group.
+    """
+    groups = [group for read in reads for group in read.groups]
+    if not groups:
+        raise RecordingError(
+            f"none of {sum(rejected.values())} revolutions of wheel {wheel} can be used: "
+            + "; ".join(f"{count} x {reason}" for reason, count in rejected.items()),
+            "At least two revolutions at the same speed are needed; a minute of steady rolling is better.",
+        )
+    large = [group for group in groups if _count(group) >= MIN_REVOLUTIONS]
+    if large and len(large) < len(groups):
+        small = [group for group in groups if _count(group) < MIN_REVOLUTIONS]
+        rejected[FEW] = rejected.get(FEW, 0) + sum(map(_count, small))
+        groups = large
+    groups, spare = _most_informative(groups)
+    if spare:
+        rejected[SPARE] = spare
+    return groups
+
+
+def _reference_degc(groups: Sequence[Group]) -> float:
+    """Return the mean of the known temperatures, weighted by revolutions."""
+    known = [(c.temperature_degc, _count(g)) for g in groups if math.isfinite((c := g.conditions).temperature_degc)]
+    if not known:
+        return _PLACEHOLDER_DEGC
+    return sum(value * count for value, count in known) / sum(count for _, count in known)
+
+
+def _recording_remarks(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> Iterator[Reason]:
+    """Yield the remarks on single recordings."""
+    for read in reads:
+        if read.damage:
+            yield Reason(Code.RECORDING_DAMAGED, damage=read.damage)
+    for order, read in zip(orders, reads, strict=True):
+        for notice in read.notices:
+            subject = f"{order.name}, {notice.subject}" if notice.subject else order.name
+            yield Reason(Code.ABOUT_RECORDING, recording=subject, reason=notice.reason)
+        for remark in read.remarks:
+            yield Reason(Code.ABOUT_RECORDING, recording=order.name, reason=remark)
+    for order, read in zip(orders, reads, strict=True):
+        if not read.groups and len(orders) > 1:
+            yield Reason(Code.ABOUT_RECORDING, recording=order.name, reason=Reason(Code.RECORDING_WITHOUT_DATA))
+
+
+def _left_out_remarks(rejected: Mapping[str, int]) -> Iterator[Reason]:
+    for reason in (SPARE, FEW):
+        if reason in rejected:
+            yield Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=rejected[reason], reason=reason)
+
+
+def _sensor_remarks(sensors: Collection[int | None]) -> Iterator[Reason]:
+    if len(sensors) > 1:
+        several = any(sensor is None for sensor in sensors)
+        names = sorted(f"{sensor:08x}" for sensor in sensors if sensor is not None)
+        more = (Reason(Code.SEVERAL_SENSORS),) if several else ()
+        yield Reason(Code.DIFFERENT_SENSORS, sensors=(*names, *more))
 
 
 def _states(groups: Sequence[Group]) -> IntArray:
@@ -218,14 +278,14 @@ def _states(groups: Sequence[Group]) -> IntArray:
     )
 
 
-def _telling(groups: list[Group]) -> tuple[list[Group], int]:
-    """Return the groups to use, and the revolutions of those that are left out as there are more than it takes."""
+def _most_informative(groups: list[Group]) -> tuple[list[Group], int]:
+    """Return the groups that inform the diagnosis most, and the number of revolutions in the others."""
     kept = telling(
         np.array([group.recording for group in groups]),
         _states(groups),
         np.array([group.conditions.omega_radps for group in groups]),
         np.array([_count(group) for group in groups], dtype=np.float64),
-        MOST_GROUPS,
+        MAX_GROUPS,
     ).tolist()
     return [groups[place] for place in kept], sum(map(_count, groups)) - sum(_count(groups[place]) for place in kept)
 
@@ -234,11 +294,10 @@ def _count(group: Group) -> int:
     return sum(block.count for block in group.blocks)
 
 
-def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tuple[list[float], list[str]]:
-    """Return what is to be taken off each recording's times, so that they count from the first revolution of all.
+def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tuple[list[float], list[Reason]]:
+    """Return the time to subtract from each recording's times, so that they count from the first revolution of all.
 
-    Recordings whose times are not the host's, or that seem to have been made at the same time, are put one after
-    another in the order given.
+    Recordings without times of the host, or whose times overlap, are placed one after another in the order given.
     """
     used = [(read.first_s, read.last_s) for read in sorted(reads, key=lambda read: read.first_s) if read.groups]
     apart = all(later[0] >= earlier[1] for earlier, later in pairwise(used))
@@ -248,7 +307,7 @@ def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tupl
     for read in reads:
         begins.append(read.first_s - elapsed_s)
         elapsed_s += read.last_s - read.first_s
-    return begins, ["the recordings' times say nothing of their order: taken one after another, as named"]
+    return begins, [Reason(Code.RECORDING_ORDER_UNKNOWN)]
 
 
 def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) -> Group:
@@ -266,10 +325,74 @@ def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) ->
     return replace(group, state=state, blocks=blocks, conditions=conditions, label=label(name, group.conditions))
 
 
-def _merged(orders: Sequence[ReadOrder], told: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return what was told of each recording once, with the recordings that it was told of where these are not all."""
-    of: dict[str, list[str]] = {}
-    for order, texts in zip(orders, told, strict=True):
-        for text in dict.fromkeys(texts):
-            of.setdefault(text, []).append(order.name)
-    return tuple(text if len(names) == len(orders) else f"{text}: {', '.join(names)}" for text, names in of.items())
+def _merged(orders: Sequence[ReadOrder], remarks: Sequence[tuple[Remark, ...]]) -> tuple[Remark, ...]:
+    """Return the remarks of all recordings, each once, with its recordings unless it holds for all."""
+    recordings: dict[Remark, list[str]] = {}
+    for order, own in zip(orders, remarks, strict=True):
+        for remark in dict.fromkeys(own):
+            recordings.setdefault(remark, []).append(order.name)
+    return tuple(
+        remark if len(names) == len(orders) else Reason(Code.OF_RECORDINGS, statement=remark, recordings=tuple(names))
+        for remark, names in recordings.items()
+    )
+
+
+def _chosen_wheel(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str | None) -> str:
+    """Return the position of the wheel: the chosen one, or the only one.
+
+    Raises:
+        RecordingError: there is no revolution, none of the chosen wheel, or there are several wheels to choose from.
+    """
+    seen = list(dict.fromkeys(name for read in reads for name in read.wheels))
+    if not seen:
+        raise _no_revolution(orders, reads)
+    if wheel is None:
+        if len(seen) > 1:
+            raise RecordingError(
+                f"the recordings are of several wheels: {', '.join(seen)}", f"Choose one: --wheel {seen[0]}."
+            )
+        return seen[0]
+    for order, read in zip(orders, reads, strict=True):
+        if wheel not in read.wheels:
+            raise _wheel_missing(order, read, reads, wheel)
+    return wheel
+
+
+def _wheel_missing(order: ReadOrder, read: RecordingRead, reads: Sequence[RecordingRead], wheel: str) -> RecordingError:
+    shared = [name for name in read.wheels if all(name in other.wheels for other in reads)]
+    choices = [f"Choose another wheel: {' or '.join(f'--wheel {name}' for name in shared)}."] if shared else []
+    if any(wheel in other.wheels for other in reads):
+        choices.append("Or leave this recording out." if choices else "Leave this recording out.")
+    elif not choices:
+        choices.append("Give recordings of one wheel.")
+    found = f"it contains {', '.join(read.wheels)}" if read.wheels else "it contains no wheel"
+    message = f"'{order.path}' contains no revolution of wheel {wheel}; {found}"
+    return RecordingError("; ".join((message, *map(notice_text, read.notices))), " ".join(choices))
+
+
+def _no_revolution(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> RecordingError:
+    found = [_samples_s(order.path) for order in orders]
+    messages = [
+        "; ".join((f"no whole revolution in '{order.path}': {_samples_text(seconds)}", *map(notice_text, read.notices)))
+        for order, read, seconds in zip(orders, reads, found, strict=True)
+    ]
+    if not any(found):
+        remedy = "`treadlink inspect` shows what was recorded."
+    elif max(seconds or 0.0 for seconds in found) < _ONE_TURN_S:
+        remedy = "Record longer: half a minute of rolling at a steady speed is enough."
+    else:
+        remedy = "Did the wheel roll? `treadlink inspect` shows what was recorded."
+    return RecordingError("\n".join(messages), remedy)
+
+
+def _samples_text(seconds: float | None) -> str:
+    if seconds is None:
+        return "samples, but no hello with their rate"
+    return f"{seconds:.1f} s of samples" if seconds else "no sample"
+
+
+def _samples_s(path: Path) -> float | None:
+    """Return the duration of samples of the wheel with the most; None when their rate is unknown."""
+    wheels = [wheel for link in inspect_recording(path).links.values() for wheel in link.wheels.values()]
+    known = [wheel.samples / wheel.hello.rate_hz for wheel in wheels if wheel.samples and wheel.hello is not None]
+    return max(known) if known else None if any(wheel.samples for wheel in wheels) else 0.0

@@ -1,4 +1,4 @@
-"""How fast a hub's clock runs against the host's, from when frames arrived: a link only ever adds delay."""
+"""Rate error of a hub's clock against the host's, from arrival times, to which a link can only add delay."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from gateway.types import FloatArray
 UNKNOWN: Final = (math.nan, math.nan)
 
 _WINDOW_S: Final = 1.0
-_LEAST_WINDOWS: Final = 6
-# A step of the two clocks against each other that is no delay: the hub has started again.
+_MIN_WINDOWS: Final = 6
+# A larger step of the delay is not a delay but a restart of the hub.
 _RESTART_S: Final = 5.0
-_ROUNDS: Final = 4
-# Frames at the beginning from which slots of the link are told, and the share that arrives together where it has any.
-_LOOKED_AT: Final = 1000
-_TOGETHER: Final = 0.3
+_FIT_ROUNDS: Final = 4
+# Frames at the beginning that are searched for slots of the link, and the share that arrives together if it has slots.
+_SLOT_FRAMES: Final = 1000
+_SLOT_SHARE: Final = 0.3
 
 
 class HubClockError:
-    """Watches the frames of all hubs of one recording."""
+    """Clock error of every hub of a recording, from its frames."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
+        """Start without frames."""
         # (link, hub) -> unwrapped hub time and delay of the last frame, s
         self._last: dict[tuple[str, int], tuple[int, float]] = {}
         # (link, hub, start) -> window -> (hub time, delay) of its earliest arrival
@@ -37,7 +37,7 @@ class HubClockError:
         self._first: dict[tuple[str, int], list[FloatArray]] = {}
 
     def take(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
-        """Look at a block of frames and when they arrived."""
+        """Take a block of frames and their arrival times."""
         hubs = np.asarray(batch.hub)
         for number in np.unique(hubs).tolist():
             own = np.flatnonzero(hubs == number)
@@ -52,7 +52,7 @@ class HubClockError:
             ticks += before + step - int(tick_us[0])
         hub_s = ticks * 1e-6
         begun = self._first.setdefault(key, [])
-        if sum(part.shape[1] for part in begun) < _LOOKED_AT:
+        if sum(part.shape[1] for part in begun) < _SLOT_FRAMES:
             begun.append(np.stack((hub_s - ticks[0] * 1e-6, (arrivals_ns - arrivals_ns[0]) * 1e-9)))
         delay_s = (arrivals_ns - ticks * 1000) * 1e-9
         previous = self._last[key][1] if key in self._last else float(delay_s[0])
@@ -70,26 +70,26 @@ class HubClockError:
                 known[window] = float(hub_s[at]), float(delay_s[at])
 
     def error(self, hub: int) -> tuple[float, float]:
-        """Return the share by which a hub's clock runs fast, and its standard error; NaN when not known."""
+        """Return the share by which a hub's clock runs fast, and its standard error; NaN when unknown."""
         found = []
         for (link, number, _), known in self._earliest.items():
             if number == hub and (line := _line(known)) is not None:
-                # Clocks that part by less than a slot's step leave no trace.
+                # Clocks that drift apart by less than the step of a slot leave no trace.
                 span_s = _WINDOW_S * (len(known) - 2)
                 found.append((line[0], math.hypot(line[1], _slot_step_s(self._first[link, number]) / span_s)))
         return combined(found)
 
 
 def _slot_step_s(parts: list[FloatArray]) -> float:
-    """Return by how much the clocks must part until another frame is the last to reach its slot of the link.
+    """Return the drift between the clocks, s, at which another frame becomes the last to reach its slot of the link.
 
-    A link that hands its frames over in slots of host time tells no arrivals but those. How close to the end of a slot
-    frames come is the same again and again where frames and slots have a common measure, and then tells nothing of a
-    clock that is a little off. 0 for a link without slots.
+    A link that delivers in slots of host time shows no arrivals between them. Where the periods of frames and slots are
+    commensurate, the distance of frames from the end of a slot repeats, and a small clock error changes nothing. 0 for
+    a link without slots.
     """
     hub_s, arrival_s = max(parts, key=lambda part: part.shape[1])
     slots = np.unique(arrival_s)
-    if len(slots) < _LEAST_WINDOWS or 1.0 - len(slots) / len(arrival_s) < _TOGETHER:
+    if len(slots) < _MIN_WINDOWS or 1.0 - len(slots) / len(arrival_s) < _SLOT_SHARE:
         return 0.0
     steps = np.diff(slots)
     slot_s = float(np.median(steps))
@@ -100,7 +100,7 @@ def _slot_step_s(parts: list[FloatArray]) -> float:
 
 
 def combined(errors: list[tuple[float, float]]) -> tuple[float, float]:
-    """Return the weighted mean of clock errors (value, std); the larger of both errors, NaN of none."""
+    """Return the weighted mean of clock errors (value, std), std being the larger of both estimates; NaN for none."""
     known = [(value, std) for value, std in errors if math.isfinite(value) and std > 0.0]
     if not known:
         return UNKNOWN
@@ -115,28 +115,28 @@ def combined(errors: list[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _line(known: dict[int, tuple[float, float]]) -> tuple[float, float] | None:
-    """Return the clock error that a line along the earliest arrivals tells, and its standard error."""
-    if len(known) < _LEAST_WINDOWS:
+    """Return the clock error from a line fitted to the earliest arrivals, and its standard error; None if unknown."""
+    if len(known) < _MIN_WINDOWS:
         return None
-    # The first and the last window may hold few frames.
+    # The first and the last window may contain few frames.
     hub_s, delay_s = np.array([known[window] for window in sorted(known)][1:-1]).T
     delay_s = delay_s - delay_s[0]
     early = np.ones(len(hub_s), dtype=bool)
     slope = offset = 0.0
     residual = delay_s
-    for _ in range(_ROUNDS):
+    for _ in range(_FIT_ROUNDS):
         slope, offset = (float(value) for value in np.polyfit(hub_s[early], delay_s[early], 1))
         residual = delay_s - (offset + slope * hub_s)
         limit = float(np.median(residual)) + 3.0 * float(np.median(np.abs(residual - np.median(residual))))
         fresh = residual <= max(limit, 1e-9)
-        if fresh.sum() < _LEAST_WINDOWS // 2 or (fresh == early).all():
+        if fresh.sum() < _MIN_WINDOWS // 2 or (fresh == early).all():
             break
         early = fresh
     number = int(early.sum())
     spread = math.sqrt(float(np.square(hub_s[early] - hub_s[early].mean()).sum()))
-    # What a microsecond of the hub's stamps leaves, at the least.
+    # At least the resolution of the hub's time stamps.
     scatter = max(1e-6, math.sqrt(float(np.square(residual[early]).sum()) / max(number - 2, 1)))
-    # Delays of neighbouring seconds are not independent where a link is busy for a while.
+    # Delays of neighbouring seconds are correlated while a link is busy.
     centred = residual[early] - residual[early].mean()
     power = float(np.square(centred).sum())
     lag = float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0

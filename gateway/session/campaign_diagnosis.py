@@ -1,4 +1,4 @@
-"""Recordings in, a diagnosis out: reading and closing the loop, with one progress for both."""
+"""Diagnosis of recordings: reading and closing the loop, with one progress for both."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gateway.closure.effects.base import BaselineModel
 from gateway.config.vehicle import VehicleConfig
 from gateway.session.campaign import read_campaign
 
-# Share of the time that reading takes.
-_READING: Final = 0.15
+# Share of reading in the total time.
+_READING_SHARE: Final = 0.15
 
 Progress = Callable[[float, str], None]
 
@@ -32,31 +32,31 @@ def diagnose_recordings(
     key_file: Path | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
-    """Diagnose one wheel of some recordings.
+    """Diagnose one wheel of one or more recordings.
 
     Args:
         paths: recordings.
-        vehicle: configuration for all of them; None for the one that each was recorded with.
-        wheel: position; None when the recordings hold one wheel only.
-        model: where to start.
-        empirical: whether to fit a correction to what no effect explains.
-        folds: blocks of revolutions under the same conditions, for held-out figures.
-        jobs: processes at most.
-        reverse: those of `paths` that were made rolling the other way round.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        wheel: position; None when the recordings contain one wheel only.
+        model: baseline model.
+        empirical: whether to fit an empirical correction to the unexplained residual.
+        folds: blocks of revolutions under the same conditions, for held-out errors.
+        jobs: maximum number of processes.
+        reverse: those of `paths` recorded in the opposite direction.
         key_file: keys of signed frames, where the configuration asks for them.
-        on_progress: called with the share that is done, 0 to 1, and what is being done.
+        on_progress: called with the share done, 0 to 1, and the present step.
 
     Raises:
-        TreadlinkError: nothing can be read, or not be used.
+        TreadlinkError: a recording cannot be read, or contains nothing usable.
     """
-    told = on_progress or (lambda _share, _text: None)
+    report = on_progress or (lambda _share, _text: None)
     total = sum(path.stat().st_size for path in paths if path.is_file())
     read = 0
 
     def on_bytes(count: int) -> None:
         nonlocal read
         read += count
-        told(_READING * min(1.0, read / max(total, 1)), "reading")
+        report(_READING_SHARE * min(1.0, read / max(total, 1)), "reading")
 
     campaign = read_campaign(
         paths,
@@ -72,7 +72,7 @@ def diagnose_recordings(
         campaign,
         model=model,
         empirical=empirical,
-        on_progress=lambda share, text: told(_READING + (1.0 - _READING) * share, text),
+        on_progress=lambda share, text: report(_READING_SHARE + (1.0 - _READING_SHARE) * share, text),
         jobs=jobs,
     )
     notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))

@@ -1,4 +1,4 @@
-"""One recording of a campaign: through the pipeline without estimators, and down to groups."""
+"""One recording of a campaign, read through the pipeline without estimators and reduced to groups."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from numpy.typing import NDArray
 from firmware_protocol.batch import FrameBatch
 from gateway.closure.collecting import RevolutionStore
 from gateway.closure.group_making import Declared, make_groups
-from gateway.closure.observation import Group
-from gateway.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.closure.observation import Group, Remark
+from gateway.config.vehicle import VehicleConfig, Wheel, parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
-from gateway.reasons import Reason
+from gateway.reasons import Code, Notice, Reason
 from gateway.recording.reader import RecordingReader
-from gateway.security.guard_setup import open_guard
+from gateway.security.guard import open_guard
 from gateway.session.batch import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
-from gateway.session.provenance import GIVEN, RECORDED, assumed, stated
-from gateway.session.wheel_identity import SensorsHeard, address, configured
-from gateway.views import wording
+from gateway.session.provenance import assumed_conditions, stated_conditions
+from gateway.session.wheel_identity import SensorsHeard, configured, wheel_address
+from gateway.views.wording import notice_text, text
 
-# With several wheels and none chosen, so many more revolutions are looked at to name the wheels.
-_LOOK_ON: Final = 200
-# Links whose arrival times are made up from the samples' own.
+# With several wheels and none chosen, revolutions read on to learn the names of all wheels.
+_NAMING_REVOLUTIONS: Final = 200
+# Links whose arrival times are derived from the times of the samples.
 _WITHOUT_HOST_TIME: Final = ("import:", "dump:")
 
 
 @dataclass(frozen=True, slots=True)
 class ReadOrder:
-    """What is to be read.
+    """Order to read one recording.
 
     Attributes:
         path: the recording.
         index: in the campaign.
         name: for labels.
-        vehicle: instead of the recorded configuration, None for that.
-        wheel: position, None when there is to be one only.
+        vehicle: replaces the recorded configuration, None to use that.
+        wheel: position, None when there must be one wheel only.
         folds: blocks of a group.
-        reverse: the tire rolled the other way round.
+        reverse: the tire rolled in the opposite direction.
         key_file: keys of signed frames.
     """
 
@@ -59,21 +59,22 @@ class ReadOrder:
 
 @dataclass(frozen=True, slots=True)
 class RecordingRead:
-    """What one recording gave.
+    """Content of one recording.
 
     Attributes:
-        wheels: positions that were seen; all of them, unless there are several and none was chosen.
-        groups: of the chosen or only wheel; times are the host's.
+        wheels: positions found; all of them, except when there are several and none was chosen.
+        groups: of the chosen or only wheel; times are those of the host.
         first_s: host time of the first revolution used.
         last_s: of the last.
-        host_times: whether these are real.
+        host_times: whether these are real arrival times.
         rejected: reason -> revolutions.
-        clock_error: of the wheel's hub.
-        assumed: what nobody stated.
-        stated: what somebody stated or measured, and who.
-        damage: what could not be read.
-        sensor_id: serial number of the wheel's sensor, None when several took turns.
-        notes: what the user must know of it.
+        clock_error: of the hub of the wheel.
+        assumed: conditions that are assumed.
+        stated: conditions that are stated or measured, with their source.
+        damage: unreadable parts, None without any.
+        sensor_id: serial number of the sensor of the wheel, None when there were several.
+        notices: of wheels, sensors and signatures.
+        remarks: on the signals.
     """
 
     wheels: tuple[str, ...]
@@ -83,43 +84,56 @@ class RecordingRead:
     host_times: bool = False
     rejected: dict[str, int] | None = None
     clock_error: tuple[float, float] = UNKNOWN
-    assumed: tuple[str, ...] = ()
-    stated: tuple[str, ...] = ()
+    assumed: tuple[Remark, ...] = ()
+    stated: tuple[Remark, ...] = ()
     damage: Reason | None = None
     sensor_id: int | None = None
-    notes: tuple[str, ...] = ()
+    notices: tuple[Notice, ...] = ()
+    remarks: tuple[Reason, ...] = ()
 
 
 class _SeveralWheelsError(Exception):
-    """There is no point in reading on."""
+    """Reading on is pointless, as a wheel must be chosen first."""
 
 
-class _Taker:
-    """Takes results and keeps those of one wheel."""
+class _Collector:
+    """Collects the revolutions of one wheel, and what the frames say of sensors and clocks."""
 
     def __init__(self, order: ReadOrder) -> None:
         self.wheels: dict[str, int] = {}
         self.store = RevolutionStore(order.reverse)
         self.last: RevolutionResult | None = None
+        self.clock = HubClockError()
+        self.sensors = SensorsHeard()
+        self.links: set[str] = set()
         self._wheel = order.wheel
-        self._more = _LOOK_ON
+        self._naming = _NAMING_REVOLUTIONS
 
-    def __call__(self, result: RevolutionResult) -> None:
+    def result(self, result: RevolutionResult) -> None:
         self.wheels[result.position] = self.wheels.get(result.position, 0) + 1
         if self._wheel is None and len(self.wheels) > 1:
-            self._more -= 1
-            if self._more < 0:
+            self._naming -= 1
+            if self._naming < 0:
                 raise _SeveralWheelsError
         if result.position == (self._wheel or next(iter(self.wheels))):
             self.store.take(result.revolution, result.conditions, result.host_ns)
             self.last = result
+
+    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+        self.links.add(link)
+        self.clock.take(link, batch, arrivals_ns)
+        self.sensors.take(batch)
+
+    @property
+    def has_host_times(self) -> bool:
+        return bool(self.links) and not any(link.startswith(_WITHOUT_HOST_TIME) for link in self.links)
 
 
 def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None = None) -> RecordingRead:
     """Read one recording.
 
     Args:
-        order: what is to be read.
+        order: recording and settings.
         on_position: called with the bytes of the file read so far.
 
     Raises:
@@ -129,76 +143,104 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     vehicle = order.vehicle
     if vehicle is None and reader.vehicle_toml:
         vehicle = parse_vehicle(reader.vehicle_toml, str(order.path))
-    taker, clock = _Taker(order), HubClockError()
-    links: set[str] = set()
-    sensors = SensorsHeard()
-
-    def on_bytes(_: int) -> None:
-        if on_position is not None:
-            on_position(reader.position)
-
-    def on_batch(link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
-        links.add(link)
-        clock.take(link, batch, arrivals_ns)
-        sensors.take(batch)
-
+    collected = _Collector(order)
+    report = on_position or (lambda _: None)
     guard = open_guard(vehicle, order.key_file, remembers=False)
     try:
-        estimate_items(reader, vehicle, taker, estimators=(), on_bytes=on_bytes, guard=guard, on_batch=on_batch)
-    except _SeveralWheelsError:
-        return RecordingRead(tuple(taker.wheels))
-    if on_position is not None:
-        on_position(reader.info.size_bytes)
-    wheels = tuple(taker.wheels)
-    told = tuple(guard.findings()) if guard is not None else ()
-    if taker.last is None or (order.wheel is None and len(wheels) > 1):
-        return RecordingRead(wheels, damage=reader.damage, notes=(*told, *sensors.strangers(vehicle, wheels)))
-    position = taker.last.position
-    seen = sensors.at(vehicle, position)
-    strangers = tuple(sensors.strangers(vehicle, [position]))
-    wheel = configured(vehicle, position)
-    if order.vehicle is not None and wheel is not None and strangers and wheel.sensor_number not in seen:
-        raise ConfigError(
-            f"'{order.path}' is not of the configuration given: {'; '.join(strangers)}",
-            "Give the configuration of this wheel, or correct the sensor_id in it."
-            + (" Without --config the recording's own is used." if reader.vehicle_toml else ""),
+        estimate_items(
+            reader,
+            vehicle,
+            collected.result,
+            estimators=(),
+            on_bytes=lambda _: report(reader.position),
+            guard=guard,
+            on_batch=collected.batch,
         )
-    table = taker.store.table()
-    declared = Declared(
-        name=order.name,
-        recording=order.index,
-        radius_m=taker.last.conditions.radius_m,
-        offset_m=wheel.mounting.offset_m if wheel is not None else 0.0,
-        roll_rad=wheel.mounting.roll_rad if wheel is not None else 0.0,
-        pitch_rad=wheel.mounting.pitch_rad if wheel is not None else 0.0,
-        reverse=order.reverse,
-        ac_coupled=taker.store.ac_coupled,
+    except _SeveralWheelsError:
+        return RecordingRead(tuple(collected.wheels))
+    report(reader.info.size_bytes)
+    wheels = tuple(collected.wheels)
+    of_guard = tuple(guard.take_notices()) if guard is not None else ()
+    last = collected.last
+    if last is None or (order.wheel is None and len(wheels) > 1):
+        notices = (*of_guard, *collected.sensors.mismatches(vehicle, wheels))
+        return RecordingRead(wheels, damage=reader.damage, notices=notices)
+    mismatches = tuple(collected.sensors.mismatches(vehicle, [last.position]))
+    wheel = configured(vehicle, last.position)
+    if order.vehicle is not None:
+        sensors = collected.sensors.at(vehicle, last.position)
+        _check_sensor(order, wheel, sensors, mismatches, has_own=bool(reader.vehicle_toml))
+    return _reduced(order, collected, last, vehicle, damage=reader.damage, notices=of_guard or mismatches)
+
+
+def _check_sensor(
+    order: ReadOrder, wheel: Wheel | None, sensors: frozenset[int], mismatches: tuple[Notice, ...], *, has_own: bool
+) -> None:
+    """Raise ConfigError when the given configuration names another sensor than the recording is of."""
+    if wheel is None or not mismatches or wheel.sensor_number in sensors:
+        return
+    found = "; ".join(map(notice_text, mismatches))
+    remedy = "Give the configuration of this wheel, or correct the sensor_id in it."
+    raise ConfigError(
+        f"the configuration does not belong to '{order.path}': {found}",
+        f"{remedy} Without --config the recording's own is used." if has_own else remedy,
     )
-    groups = make_groups(table, declared, order.folds, taker.store.reject) if len(table) else []
+
+
+def _reduced(
+    order: ReadOrder,
+    collected: _Collector,
+    last: RevolutionResult,
+    vehicle: VehicleConfig | None,
+    *,
+    damage: Reason | None,
+    notices: tuple[Notice, ...],
+) -> RecordingRead:
+    """Return the recording as groups; `last` is the last revolution of the wheel."""
+    position = last.position
+    wheel = configured(vehicle, position)
+    store = collected.store
+    table = store.table()
+    groups = make_groups(table, _declared(order, wheel, last, store), order.folds, store.reject) if len(table) else []
     host_s = table["host_s"]
-    real = bool(links) and not any(link.startswith(_WITHOUT_HOST_TIME) for link in links)
-    where = address(vehicle, position)
+    address = wheel_address(vehicle, position)
+    sensors = collected.sensors.at(vehicle, position)
     return RecordingRead(
-        wheels=wheels,
+        wheels=tuple(collected.wheels),
         groups=tuple(groups),
         first_s=float(host_s.min()) if len(table) else 0.0,
         last_s=float(host_s.max()) if len(table) else 0.0,
-        host_times=real,
-        rejected={_text(reason): count for reason, count in taker.store.rejected.items()},
-        clock_error=clock.error(where[0]) if real and where is not None else UNKNOWN,
-        assumed=assumed(vehicle, wheel, groups),
-        stated=stated(
+        host_times=collected.has_host_times,
+        rejected={_text(reason): count for reason, count in store.rejected.items()},
+        clock_error=collected.clock.error(address[0]) if collected.has_host_times and address else UNKNOWN,
+        assumed=assumed_conditions(vehicle, wheel, groups),
+        stated=stated_conditions(
             vehicle,
             wheel,
             groups,
-            RECORDED if order.vehicle is None else GIVEN,
-            pressure_measured=sensors.measures_pressure(vehicle, position),
+            Code.FROM_RECORDING if order.vehicle is None else Code.FROM_CONFIGURATION,
+            pressure_measured=collected.sensors.measures_pressure(vehicle, position),
         ),
-        damage=reader.damage,
-        sensor_id=next(iter(seen)) if len(seen) == 1 else None,
-        notes=(*(told or strangers), *taker.store.notes()),
+        damage=damage,
+        sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
+        notices=notices,
+        remarks=tuple(store.notes()),
+    )
+
+
+def _declared(order: ReadOrder, wheel: Wheel | None, last: RevolutionResult, store: RevolutionStore) -> Declared:
+    mounting = wheel.mounting if wheel is not None else None
+    return Declared(
+        name=order.name,
+        recording=order.index,
+        radius_m=last.conditions.radius_m,
+        offset_m=mounting.offset_m if mounting is not None else 0.0,
+        roll_rad=mounting.roll_rad if mounting is not None else 0.0,
+        pitch_rad=mounting.pitch_rad if mounting is not None else 0.0,
+        reverse=order.reverse,
+        ac_coupled=store.ac_coupled,
     )
 
 
 def _text(reason: str | Reason) -> str:
-    return wording.text(reason) if isinstance(reason, Reason) else reason
+    return text(reason) if isinstance(reason, Reason) else reason

@@ -1,4 +1,4 @@
-"""Telling a hub what to do: at every connection of a session, or once and waiting for its answer."""
+"""Commands to hubs: at every connection of a session, or a single one with its reply."""
 
 from __future__ import annotations
 
@@ -25,17 +25,19 @@ from firmware_protocol.messages import (
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.reasons import Code, Reason
+from gateway.views.wording import text
 
-ANSWER_TIMEOUT_S: Final = 5.0
-_TYPES: Final = {
+REPLY_TIMEOUT_S: Final = 5.0
+_MESSAGE_TYPES: Final = {
     SetStream: MessageType.SET_STREAM,
     SetRate: MessageType.SET_RATE,
     SetTime: MessageType.SET_TIME,
 }
 _OUTCOMES: Final = {
-    Outcome.UNKNOWN_COMMAND: "it does not know this command",
-    Outcome.VALUE_REFUSED: "it refuses the value",
-    Outcome.FAILED: "it failed",
+    Outcome.UNKNOWN_COMMAND: Code.COMMAND_UNKNOWN,
+    Outcome.VALUE_REFUSED: Code.COMMAND_VALUE_REFUSED,
+    Outcome.FAILED: Code.COMMAND_FAILED,
 }
 
 
@@ -44,7 +46,7 @@ class TwoWaySource(Source, Protocol):
     """A source that can be written to.
 
     Attributes:
-        rate_hz: sampling rate that the user wants of its hub, None to leave it.
+        rate_hz: sampling rate to set on its hub, None to leave it.
     """
 
     rate_hz: float | None
@@ -53,20 +55,20 @@ class TwoWaySource(Source, Protocol):
         """Write a frame.
 
         Raises:
-            LinkLostError: it did not go out.
-            SourceError: the hub takes none.
+            LinkLostError: the write failed.
+            SourceError: the hub takes no data.
         """
         ...
 
 
 class CommandedSource:
-    """A source whose hub is told the time, the rate and to start streaming whenever it is connected.
+    """A source whose hub is sent the time, the rate and a start command at every connection.
 
-    A hub that takes no commands streams of itself, so that a write that fails is no fault.
+    A hub that takes no commands streams without them, so a failed write is not a fault.
     """
 
     def __init__(self, source: TwoWaySource, clock: Clock) -> None:
-        """Wrap `source`; the clock is what the hub is told."""
+        """Wrap a source; the clock gives the time to send."""
         self._source = source
         self._clock = clock
 
@@ -77,21 +79,21 @@ class CommandedSource:
 
     @property
     def vehicle_toml(self) -> str | None:
-        """Configuration that the source brings along."""
+        """Configuration that comes with the source."""
         return self._source.vehicle_toml
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
-        """Yield the source's items, and send commands after each that says that it is connected."""
+        """Yield the items of the source, and send the commands after each connection."""
         for item in self._source.items(stop):
             yield item
             if isinstance(item, LinkEvent) and item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
-                self._greet()
+                self._send_settings()
 
     def close(self) -> None:
         """Close the source."""
         self._source.close()
 
-    def _greet(self) -> None:
+    def _send_settings(self) -> None:
         rate_hz = self._source.rate_hz
         wanted: list[Command] = [SetTime(self._clock.now_ns()), SetStream(True)]
         if rate_hz is not None:
@@ -102,52 +104,56 @@ class CommandedSource:
 
 
 def with_commands(source: Source, clock: Clock) -> Source:
-    """Return `source` so that its hub is told what it needs, or as it is where nothing can be told."""
+    """Return a source that sends its hub the settings, or the source itself when it cannot be written to."""
     return CommandedSource(source, clock) if isinstance(source, TwoWaySource) else source
 
 
 def command_frame(command: Command, seq: int) -> bytes:
     """Return the frame of a command to every wheel of every hub of the link."""
-    return encode_frame(Frame(_TYPES[type(command)], EVERY_HUB, HUB_ITSELF, seq, 0, command))
+    return encode_frame(Frame(_MESSAGE_TYPES[type(command)], EVERY_HUB, HUB_ITSELF, seq, 0, command))
 
 
-def carry_out(source: TwoWaySource, command: Command, timeout_s: float = ANSWER_TIMEOUT_S) -> str:
-    """Connect, send one command, wait for the answer and return what became of it, in words.
+def execute(source: TwoWaySource, command: Command, timeout_s: float = REPLY_TIMEOUT_S) -> int:
+    """Connect, send one command, wait for the reply and return the number of the hub that executed it.
 
     Raises:
-        SourceError: no connection, no answer, or the hub refuses.
+        SourceError: no connection, no reply, or the hub refuses.
     """
     stop, decoder = threading.Event(), FrameDecoder()
-    impatience = threading.Timer(timeout_s, stop.set)
-    answer: Frame | None = None
+    deadline = threading.Timer(timeout_s, stop.set)
+    reply: Frame | None = None
     try:
         for item in source.items(stop):
             if isinstance(item, LinkEvent):
                 if item.kind is LinkEventKind.CONNECTED:
                     source.send(command_frame(command, 0))
-                    impatience.start()
+                    deadline.start()
                 elif item.kind is LinkEventKind.LOST:
                     raise SourceError(item.text, "Try again.")
                 continue
             for frame in decoder.feed(item.data):
-                if isinstance(frame.message, CommandResult) and frame.message.command == _TYPES[type(command)]:
-                    answer = frame
+                if isinstance(frame.message, CommandResult) and frame.message.command == _MESSAGE_TYPES[type(command)]:
+                    reply = frame
                     stop.set()
     finally:
         stop.set()
-        impatience.cancel()
-    if answer is not None and isinstance(answer.message, CommandResult):
-        refused = refusal(answer.message)
-        if refused:
-            raise SourceError(f"hub {answer.hub} did not do as told: {refused}", "See docs/protocol.md, Commands.")
-        return f"hub {answer.hub} has done it"
-    raise SourceError(f"{source.link} did not answer", "Its firmware may take no commands; it streams of itself then.")
+        deadline.cancel()
+    if reply is not None and isinstance(reply.message, CommandResult):
+        refused = refusal(reply.message)
+        if refused is not None:
+            raise SourceError(f"hub {reply.hub} {text(refused)}", "See docs/protocol.md, Commands.")
+        return reply.hub
+    raise SourceError(
+        f"{source.link} did not reply", "Its firmware may take no commands; it then streams without them."
+    )
 
 
-def refusal(result: CommandResult) -> str:
-    """Return why a hub did not do as told, empty when it did."""
+def refusal(result: CommandResult) -> Reason | None:
+    """Return why a hub did not execute a command, None when it did."""
     if result.outcome == Outcome.DONE:
-        return ""
-    known = {outcome.value: text for outcome, text in _OUTCOMES.items()}
+        return None
+    known = {outcome.value: code for outcome, code in _OUTCOMES.items()}
+    code = known.get(result.outcome)
+    outcome = Reason(Code.COMMAND_OUTCOME, outcome=result.outcome) if code is None else Reason(code)
     name = MessageType(result.command).name if result.command in COMMANDS else f"command {result.command}"
-    return f"{name}: {known.get(result.outcome, f'outcome {result.outcome}')}"
+    return Reason(Code.COMMAND_REFUSED, command=name, outcome=outcome)

@@ -1,9 +1,10 @@
-"""The synchronous heart of a session: link items in, recording and results out. No threads, no clock."""
+"""The synchronous core of a session: link items in, recording and results out. No threads, no clock."""
 
 from __future__ import annotations
 
+import logging
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Final
@@ -18,55 +19,61 @@ from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
 from gateway.pipeline.wheels import Pipeline
+from gateway.reasons import Code, Level, Notice, Reason
 from gateway.security.guard import Guard
 from gateway.session.alarms import alarms, sensor_alarms
 from gateway.session.commands import refusal
-from gateway.session.link_health import LinkDiagnosis
-from gateway.session.recording_stage import Recorder
+from gateway.session.link_health import LinkHealth, hub_name
+from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
-from gateway.session.wheel_identity import sensor_ids, unconfigured
-from gateway.views.recording_topics import log_level, message_topic, revolution_payload, waveform_payload
+from gateway.session.wheel_identity import sensor_ids, unconfigured_wheel
+from gateway.views.recording_topics import (
+    log_level,
+    message_topic,
+    notice_payload,
+    revolution_payload,
+    waveform_payload,
+)
 
-_NOTICES: Final = 20
-_WAVEFORM_EVERY_NS: Final = 1_000_000_000
+_logger = logging.getLogger(__name__)
 
-# What it means when a stage first drops something, by stage.
-_BEHIND: Final = {
-    "recording": "the disk does not keep up: bytes are MISSING FROM THE RECORDING",
-    "recorded topics": "the disk does not keep up: decoded values are left out of the recording, raw bytes are kept",
-    "decoding": "this computer does not keep up with decoding and estimating; the recording is complete",
-    "view": "the screen does not keep up: lines are left out",
+_SHOWN_NOTICES: Final = 20
+# Notices waiting for `take_notices`; the oldest are dropped.
+_WAITING_NOTICES: Final = 8192
+_WAVEFORM_INTERVAL_NS: Final = 1_000_000_000
+
+_BEHIND: Final[Mapping[Stage, Code]] = {
+    Stage.RECORDING: Code.RECORDING_BEHIND,
+    Stage.TOPICS: Code.TOPICS_BEHIND,
+    Stage.DECODING: Code.DECODING_BEHIND,
+    Stage.VIEW: Code.VIEW_BEHIND,
 }
-
-Listener = Callable[[RevolutionResult], None]
-Notify = Callable[[str], None]
+_LOSSES: Final = (Stage.RECORDING, Stage.TOPICS)
 
 
 @dataclass(slots=True)
 class _Link:
-    """What the session knows of one link."""
+    """State of one link."""
 
-    diagnosis: LinkDiagnosis
+    health: LinkHealth
     decoder: FrameDecoder
     connected: bool = False
-    note: str = ""
+    note: Reason = field(default_factory=lambda: Reason(Code.LINK_NOT_OPEN))
     bytes_received: int = 0
     status: HubStatus | None = None
     connected_rssi_dbm: int | None = None
-    queue_dropped: Mapping[str, int] = field(default_factory=dict)
+    resyncs: int = 0
+    queue_dropped: Mapping[Stage, int] = field(default_factory=dict)
 
 
 class SessionCore:
-    """Records, decodes and estimates; one call per link item.
+    """Recording, decoding and estimating; one call per link item.
 
-    A recording that fails does not end the session: the user is told, and the estimates go on.
+    A failed recording does not end the session: a notice reports it, and the estimates continue.
 
     Attributes:
         recorder: the recording, None when there is none or it failed.
         recording_fault: why the recording stopped early, None when it did not.
-        records_items: False when somebody before the core records the link items already.
-        on_result: called for every completed revolution.
-        on_notice: called with everything the user should be told.
     """
 
     def __init__(
@@ -74,26 +81,27 @@ class SessionCore:
         vehicle: VehicleConfig | None,
         *,
         recorder: Recorder | None = None,
+        records_items: bool = True,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
         guard: Guard | None = None,
         effects: Sequence[CorrectionTable] = (),
     ) -> None:
-        """Put the parts together.
+        """Build the session.
 
         Args:
-            vehicle: configuration; None when nobody gave one, then the belt radius is assumed and told so.
+            vehicle: configuration; None when there is none: the belt radius is then assumed, with a notice.
             recorder: an open recording, closed by `finish`.
+            records_items: False when the link items are recorded before they reach the core.
             estimators: names from the registry.
-            guard: judges every frame before anything else looks at it; None when signatures do not matter.
-            effects: known effects to take off, a table a wheel.
+            guard: verifies every frame first; None when signatures are not checked.
+            effects: known effects to subtract, one table per wheel.
         """
         self._watch = SecurityWatch(guard)
         self.recorder = recorder
         self.recording_fault: str | None = None
-        self.records_items = True
-        self.on_result: Listener | None = None
-        self.on_notice: Notify | None = None
-        self._notices: deque[str] = deque(maxlen=_NOTICES)
+        self._records_items = records_items
+        self._notices: deque[Notice] = deque(maxlen=_SHOWN_NOTICES)
+        self._new_notices: deque[Notice] = deque(maxlen=_WAITING_NOTICES)
         self._links: dict[str, _Link] = {}
         self._newest_ns = 0
         self._waveform_due_ns: dict[str, int] = {}
@@ -106,24 +114,31 @@ class SessionCore:
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._limits = vehicle.thresholds if vehicle is not None else Thresholds()
         self._sensor_ids = sensor_ids(vehicle)
-        self._told_alarms: set[tuple[str, str]] = set()
-        self._notices.extend(vehicle.notices() if vehicle is not None else ())
-        self._notices.extend(effects_notices(effects))
-        self._notices.extend(self._watch.findings())
+        self._reported_alarms: set[tuple[str, str]] = set()
+        for notice in vehicle.notices() if vehicle is not None else ():
+            self.notify(notice)
+        for notice in (*effects_notices(effects), *self._watch.take_notices()):
+            self.notify(notice)
+        _logger.info("session with %d configured wheels, estimators %s", len(setups), ", ".join(estimators))
 
-    def notify(self, text: str) -> None:
-        """Tell the user something, once, in plain words."""
-        self._notices.append(text)
-        if self.on_notice is not None:
-            self.on_notice(text)
+    def notify(self, notice: Notice) -> None:
+        """Add a notice."""
+        self._notices.append(notice)
+        self._new_notices.append(notice)
+
+    def take_notices(self) -> list[Notice]:
+        """Return the notices since the last call, those of the start first."""
+        taken = list(self._new_notices)
+        self._new_notices.clear()
+        return taken
 
     def add_link(self, name: str) -> None:
         """Show a link before its first item."""
         self._link(name)
 
     def take(self, item: LinkItem) -> list[RevolutionResult]:
-        """Record an item, decode it and return the revolutions that it completes."""
-        if self.records_items:
+        """Record and decode an item; return the revolutions that it completes."""
+        if self._records_items:
             self._record(lambda recorder: recorder.write(item))
         self._newest_ns = max(self._newest_ns, item.host_ns)
         if isinstance(item, LinkEvent):
@@ -131,57 +146,74 @@ class SessionCore:
             return []
         link = self._link(item.link)
         if not link.connected:
-            link.connected, link.note = True, "connected"
+            link.connected, link.note = True, Reason(Code.LINK_CONNECTED)
         link.bytes_received += len(item.data)
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
-        self._diagnosed(item.link, self._watch.findings(), item.host_ns)
-        self._diagnosed(item.link, link.diagnosis.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
+        self._log_resync(item.link, link)
+        self._report(item.link, self._watch.take_notices(), item.host_ns)
+        self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
 
     def _link(self, name: str) -> _Link:
         link = self._links.get(name)
         if link is None:
-            diagnosis = LinkDiagnosis(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
-            link = self._links[name] = _Link(diagnosis, FrameDecoder(self._watch.gate(name)))
+            health = LinkHealth(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
+            link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)))
         return link
 
-    def _diagnosed(self, name: str, findings: list[str], host_ns: int) -> None:
-        """Tell what was found and keep it with the recording."""
-        for text in findings:
-            self.notify(text)
-            entry = {"level": "warning", "text": text, "link": name}
+    def _log_resync(self, name: str, link: _Link) -> None:
+        counters = link.decoder.counters
+        if link.resyncs != counters.crc_errors:
+            _logger.debug(
+                "%s: decoder resynchronised, %d CRC errors, %d noise bytes",
+                name,
+                counters.crc_errors,
+                counters.noise_bytes,
+            )
+            link.resyncs = counters.crc_errors
+
+    def _report(self, link: str, notices: Iterable[Notice], host_ns: int) -> None:
+        """Add notices and keep them with the recording."""
+        for notice in notices:
+            self.notify(notice)
+            entry = notice_payload(notice, link)
             self._record(lambda recorder, entry=entry: recorder.write_topic("/log", host_ns, entry))  # type: ignore[misc]
 
     def _event(self, event: LinkEvent) -> None:
+        reason = event.reason
         if event.kind is LinkEventKind.MARK:
-            self.notify(f"mark: {event.text}")
+            self.notify(Notice("", reason))
             return
         link = self._link(event.link)
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
         if link.connected:
-            link.diagnosis.reconnected()
+            link.health.reconnected()
         if event.rssi_dbm is not None:
             link.connected_rssi_dbm = event.rssi_dbm
-        if event.kind is not LinkEventKind.RETRYING or link.note != event.text:
-            self.notify(f"{event.link}: {event.text}" if event.text else f"{event.link}: {event.kind}")
-        link.note = event.text or str(event.kind)
+        if event.kind is not LinkEventKind.RETRYING or link.note != reason:
+            level = Level.WARNING if event.kind in (LinkEventKind.LOST, LinkEventKind.RETRYING) else Level.INFO
+            self.notify(Notice(event.link, reason, level))
+        link.note = reason
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
         for frame in frames:
             if frame.type != MessageType.SAMPLES:
-                self._slow(name, link, frame, host_ns)
+                self._slow_message(name, link, frame, host_ns)
         return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
 
-    def _slow(self, name: str, link: _Link, frame: Frame, host_ns: int) -> None:
+    def _slow_message(self, name: str, link: _Link, frame: Frame, host_ns: int) -> None:
         message = frame.message
         if isinstance(message, Hello):
-            self._diagnosed(name, link.diagnosis.hello(frame, host_ns), host_ns)
+            self._report(name, link.health.hello(frame, host_ns), host_ns)
         elif isinstance(message, HubStatus):
             link.status = message
         elif isinstance(message, LogText):
-            self.notify(f"hub {frame.hub} ({log_level(message)}): {message.text}")
-        elif isinstance(message, CommandResult) and refusal(message):
-            self.notify(f"hub {frame.hub} did not do as told: {refusal(message)}")
+            logged = Reason(Code.HUB_LOG, severity=log_level(message), text=message.text)
+            self.notify(Notice(hub_name(frame.hub), logged))
+        elif isinstance(message, CommandResult):
+            refused = refusal(message)
+            if refused is not None:
+                self.notify(Notice(hub_name(frame.hub), refused, Level.WARNING))
         if self.recorder is not None:
             entry = message_topic(frame, self._pipeline.position(name, frame.hub, frame.wheel), name)
             if entry is not None:
@@ -191,18 +223,16 @@ class SessionCore:
         for result in results:
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)
-                self.notify(unconfigured(result.position, self._vehicle))
+                self.notify(Notice(result.position, unconfigured_wheel(self._vehicle), Level.WARNING))
             if self.recorder is not None:
                 self._record_result(result, host_ns)
-            if self.on_result is not None:
-                self.on_result(result)
         return results
 
     def _record_result(self, result: RevolutionResult, host_ns: int) -> None:
         base = f"/wheel/{result.position}"
         self._record(lambda recorder: recorder.write_topic(f"{base}/revolution", host_ns, revolution_payload(result)))
         if host_ns >= self._waveform_due_ns.get(base, 0):
-            self._waveform_due_ns[base] = host_ns + _WAVEFORM_EVERY_NS
+            self._waveform_due_ns[base] = host_ns + _WAVEFORM_INTERVAL_NS
             average = self._pipeline.average_mps2(result.position)
             if average is not None:
                 payload = waveform_payload(result, average)
@@ -221,43 +251,47 @@ class SessionCore:
         self.recording_fault = str(error)
         if recorder is not None:
             self._recorded = (str(recorder.path), recorder.size_bytes)
-            with suppress(RecordingError):  # the first failure is the one the user needs
+            with suppress(RecordingError):  # the user needs the first failure
                 recorder.close()
-        self.notify(f"RECORDING STOPPED: {error}. {error.remedy}".rstrip())
+        self.notify(
+            Notice("", Reason(Code.RECORDING_STOPPED, error=str(error), remedy=error.remedy), Level.ERROR),
+        )
 
     def tick(self, now_ns: int) -> None:
-        """Let the recording reach the disk, and silence be noticed, though nothing arrives."""
+        """Flush the recording, and report silence, even when no item arrives."""
         self._record(lambda recorder: recorder.tick(now_ns))
-        self._diagnosed("", self._watch.tick(now_ns), now_ns)
+        self._report("", self._watch.tick(now_ns), now_ns)
         for name, link in self._links.items():
             if link.connected:
-                self._diagnosed(name, link.diagnosis.tick(now_ns), now_ns)
-        self.look_at_sensors()
+                self._report(name, link.health.tick(now_ns), now_ns)
+        self.check_sensors()
 
-    def dropped(self, link: str, stages: Mapping[str, int]) -> None:
-        """Note what the other stages of the session could not take; the first time is told."""
+    def dropped(self, link: str, stages: Mapping[Stage, int]) -> None:
+        """Set the number of items that the stages of the session have dropped; the first drop is reported."""
         known = self._link(link)
         for stage in stages.keys() - known.queue_dropped.keys():
-            self.notify(f"{link}: {_BEHIND.get(stage, f'{stage} falls behind')}; what is dropped is counted")
+            level = Level.ERROR if stage in _LOSSES else Level.WARNING
+            self.notify(Notice(link, Reason(_BEHIND[stage]), level))
         known.queue_dropped = stages
 
     def finish(self) -> list[RevolutionResult]:
-        """End the session: complete what can be completed, close the recording."""
+        """End the session: complete the last revolutions and close the recording."""
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
             results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
         results += self._deliver(self._pipeline.finish(), self._newest_ns)
-        self.look_at_sensors()
-        self._diagnosed("", self._watch.finish(), self._newest_ns)
+        self.check_sensors()
+        self._report("", self._watch.finish(), self._newest_ns)
         if self.recorder is not None:
             self._record(lambda recorder: recorder.close())
         if self.recorder is not None:
             self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
             self.recorder = None
+        _logger.info("session finished, %d wheels", len(self._pipeline.wheels()))
         return results
 
     def snapshot(self, elapsed_s: float, *, ended: bool = False) -> SessionSnapshot:
-        """Return the latest of everything, immutable."""
+        """Return the latest state, immutable."""
         wheels = self._pipeline.wheels()
         links = tuple(self._link_snapshot(name, link) for name, link in self._links.items())
         if self.recorder is not None:
@@ -265,13 +299,13 @@ class SessionCore:
         found = alarms(wheels, links, self._limits, self._sensor_ids) if not ended else ()
         return SessionSnapshot(elapsed_s, wheels, links, found, tuple(self._notices), *self._recorded, ended)
 
-    def look_at_sensors(self) -> None:
-        """Tell what is wrong with sensors, each thing once; `tick` and `finish` do it."""
+    def check_sensors(self) -> None:
+        """Report faults of sensors, each once; called by `tick` and `finish`."""
         wheels = self._pipeline.wheels()
         for alarm in sensor_alarms(alarms(wheels, (), self._limits, self._sensor_ids), wheels):
-            if (alarm.position, alarm.name) not in self._told_alarms:
-                self._told_alarms.add((alarm.position, alarm.name))
-                self._diagnosed("", [f"{alarm.position}: {alarm.text}"], self._newest_ns)
+            if (alarm.position, alarm.name) not in self._reported_alarms:
+                self._reported_alarms.add((alarm.position, alarm.name))
+                self._report("", [Notice(alarm.position, alarm.reason, Level.WARNING)], self._newest_ns)
 
     def _link_snapshot(self, name: str, link: _Link) -> LinkSnapshot:
         counters, status = link.decoder.counters, link.status
@@ -289,7 +323,7 @@ class SessionCore:
             reordered=counters.reordered,
             skipped=counters.skipped,
             latency_s=self._pipeline.latency_s(name),
-            queue_dropped=dict(link.queue_dropped),
+            queue_dropped={str(stage): count for stage, count in link.queue_dropped.items()},
             battery_percent=status.battery_percent if status is not None else None,
             rssi_dbm=rssi_dbm if rssi_dbm is not None else link.connected_rssi_dbm,
             supply_w=status.supply_w if status is not None else None,

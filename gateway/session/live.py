@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Final
+from typing import Final, TypeVar
 
 from gateway.clock import Clock
+from gateway.config.vehicle import VehicleConfig
 from gateway.errors import TreadlinkError
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
+from gateway.pipeline.wheel_setup import CorrectionTable
+from gateway.reasons import Notice
+from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.core import SessionCore
-from gateway.session.recording_stage import RecordingStage
+from gateway.session.recording_stage import Recorder, RecordingStage, Stage
 from gateway.views.session_summary import ResultSummary
 
-# Between the readers and the core: half a minute and more of any link.
+_logger = logging.getLogger(__name__)
+_Item = TypeVar("_Item")
+
+# Between the readers and the core: half a minute or more of any link.
 _QUEUE_ITEMS: Final = 8192
 _QUEUE_BYTES: Final = 32 << 20
-# Results that a view has not fetched yet; the oldest are dropped and counted.
+# Results and notices that a view has not fetched yet; the oldest are dropped, and dropped results counted.
 _RESULT_ITEMS: Final = 8192
-_SNAPSHOT_EVERY_NS: Final = 100_000_000
+_SNAPSHOT_INTERVAL_NS: Final = 100_000_000
 _IDLE_S: Final = 0.05
 _JOIN_S: Final = 5.0
 
@@ -30,33 +39,43 @@ _JOIN_S: Final = 5.0
 class LiveSession:
     """Runs sources through a `SessionCore` in the background.
 
-    Every item goes to the recording first, then to the core, each with a bounded queue and a thread of its own: neither
-    a slow disk nor a slow estimator nor a view that fetches nothing holds up the others. A device cannot wait, so a
-    chunk that finds a queue full is dropped there and counted by stage; a recording or the simulator can, so it waits.
-    Any thread that fails ends the session, and `check` raises its error.
+    Every item goes to the recording first, then to the core, each with a bounded queue and a thread of its own, so that
+    neither a slow disk nor a slow estimator nor a view that fetches nothing delays the others. A device cannot wait: a
+    chunk that finds a queue full is dropped there and counted by stage. A recording and the simulator can wait, and do.
+    A thread that fails ends the session, and `check` raises its error.
+
+    Attributes:
+        core: the synchronous session; only the session's own thread calls it after `start`.
     """
 
     def __init__(
         self,
         sources: Sequence[Source],
-        core: SessionCore,
+        vehicle: VehicleConfig | None,
         clock: Clock,
         *,
         patient: Sequence[bool],
         summary: ResultSummary,
+        recorder: Recorder | None = None,
+        estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+        guard: Guard | None = None,
+        effects: Sequence[CorrectionTable] = (),
     ) -> None:
-        """Prepare; `start` runs.
+        """Build the session; `start` runs it.
 
         Args:
             sources: opened sources.
-            core: the synchronous session.
-            clock: for snapshots' elapsed time and flushing.
+            vehicle: configuration, None without one.
+            clock: for the elapsed time of snapshots and for flushing.
             patient: per source, True when it can wait for a full queue.
-            summary: adds up every result, also those that no view fetched.
+            summary: counts every result, also those that no view fetched.
+            recorder: an open recording; it is closed at the end.
+            estimators: names from the registry.
+            guard: verifies every frame; None when signatures are not checked.
+            effects: known effects to subtract, one table per wheel.
         """
         self._sources = list(sources)
         self._patient = list(patient)
-        self._core = core
         self._summary = summary
         self._clock = clock
         self._stop = threading.Event()
@@ -64,72 +83,69 @@ class LiveSession:
         self._items: Buffer[LinkItem] = Buffer(_QUEUE_ITEMS, _QUEUE_BYTES)
         self._results: deque[RevolutionResult] = deque(maxlen=_RESULT_ITEMS)
         self._results_lost = 0
-        self._notices: deque[str] = deque(core.snapshot(0.0).notices, maxlen=_RESULT_ITEMS)
-        self._dropped: dict[str, Counter[str]] = {source.link: Counter() for source in sources}
+        self._notices: deque[Notice] = deque(maxlen=_RESULT_ITEMS)
+        self._dropped: dict[str, Counter[Stage]] = {source.link: Counter() for source in sources}
         self._failure: BaseException | None = None
         self._reading = len(self._sources)
         self._lock = threading.Lock()
         self._start_ns = clock.now_ns()
-        self._recording: RecordingStage | None = None
-        if core.recorder is not None:
-            self._recording = core.recorder = RecordingStage(core.recorder, clock, self._fail)
-            core.records_items = False
-        core.on_result = self._take_result
-        core.on_notice = self._notices.append
+        self._recording = RecordingStage(recorder, clock) if recorder is not None else None
+        self.core = SessionCore(
+            vehicle,
+            recorder=self._recording,
+            records_items=False,
+            estimators=estimators,
+            guard=guard,
+            effects=effects,
+        )
         for source in self._sources:
-            core.add_link(source.link)
-        self._snapshot = core.snapshot(0.0)
+            self.core.add_link(source.link)
+        self._notices.extend(self.core.take_notices())
+        self._snapshot = self.core.snapshot(0.0)
         self._threads = [
-            threading.Thread(target=self._guard, args=(self._read, source, patient), name=f"read {source.link}")
+            threading.Thread(target=self._guarded, args=(self._read, source, patient), name=f"read {source.link}")
             for source, patient in zip(self._sources, self._patient, strict=True)
         ]
-        self._threads.append(threading.Thread(target=self._guard, args=(self._run,), name="session"))
+        self._threads.append(threading.Thread(target=self._guarded, args=(self._run,), name="session"))
 
     def start(self) -> None:
-        """Begin reading."""
+        """Start reading."""
+        _logger.info("session starts with %s", ", ".join(source.link for source in self._sources))
         for thread in self._threads:
             thread.daemon = True
             thread.start()
 
-    # what views use
+    # For views
 
     def snapshot(self) -> SessionSnapshot:
         """Return the latest snapshot, made ten times a second."""
         return self._snapshot
 
     def mark(self, text: str) -> None:
-        """Mark an event in the recording, with the time of now."""
+        """Mark an event in the recording, with the present time."""
         event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text)
         self._offer(event, False, self._dropped[self._sources[0].link])
 
     def request_stop(self) -> None:
-        """Ask the sources to end; what they delivered is still processed."""
+        """Ask the sources to end; items already delivered are still processed."""
         self._stop.set()
 
     def results(self) -> list[RevolutionResult]:
-        """Take the results that came since the last call."""
-        taken: list[RevolutionResult] = []
-        with suppress(IndexError):
-            while True:
-                taken.append(self._results.popleft())
-        return taken
+        """Return the results since the last call."""
+        return _taken(self._results)
 
-    def notices(self) -> list[str]:
-        """Take the notices that came since the last call."""
-        taken: list[str] = []
-        with suppress(IndexError):
-            while True:
-                taken.append(self._notices.popleft())
-        return taken
+    def notices(self) -> list[Notice]:
+        """Return the notices since the last call."""
+        return _taken(self._notices)
 
-    # life
+    # Life cycle
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for the end of the session; True when it has ended."""
+        """Wait for the end of the session; return whether it has ended."""
         return self._done.wait(timeout_s)
 
     def close(self) -> SessionSnapshot:
-        """Stop, process what was delivered, finish the recording and return the last snapshot.
+        """Stop, process delivered items, finish the recording and return the last snapshot.
 
         Raises:
             TreadlinkError: a source or the session failed.
@@ -139,17 +155,18 @@ class LiveSession:
         for source in self._sources:
             source.close()
         waiting = -1
-        # What arrived is worth waiting for as long as it gets less, or the disk takes it.
+        # Delivered items are worth waiting for as long as their number falls or the disk accepts data.
         while not self._done.wait(_JOIN_S) and (len(self._items) != waiting or self._is_recording_ending()):
             waiting = len(self._items)
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join(_JOIN_S if self._done.is_set() else 0.0)
+        _logger.info("session closed%s", "" if self._done.is_set() else " with items left")
         self.check()
         return self._snapshot
 
     def check(self) -> None:
-        """Raise what a background thread failed of, if one did."""
+        """Raise the error of a background thread, if one failed."""
         failure = self._failure
         if isinstance(failure, TreadlinkError):
             raise failure
@@ -162,7 +179,7 @@ class LiveSession:
     def _is_recording_ending(self) -> bool:
         return self._recording is not None and self._recording.ending
 
-    def _guard(self, target: Callable[..., None], *arguments: object) -> None:
+    def _guarded(self, target: Callable[..., None], *arguments: object) -> None:
         try:
             target(*arguments)
         except BaseException as error:
@@ -172,15 +189,21 @@ class LiveSession:
                 self._done.set()
 
     def _fail(self, error: BaseException) -> None:
-        """End the session for this reason, unless it ends for another already."""
+        """End the session with this error, unless it ends with another already."""
+        _logger.debug("a thread of the session failed", exc_info=error)
         if self._failure is None:
             self._failure = error
         self._stop.set()
 
+    def _check_recording(self) -> None:
+        """End the session when the thread of the recording failed by a fault of its own."""
+        if self._recording is not None and self._recording.failure is not None and self._failure is None:
+            self._fail(self._recording.failure)
+
     def _save_recording(self) -> None:
-        """Finish the recording though the core has failed: what arrived is worth as much as ever."""
+        """Finish the recording although the core has failed."""
         if self._recording is not None:
-            with suppress(TreadlinkError):  # the failure of the core is the one to be told
+            with suppress(TreadlinkError):  # the user needs the failure of the core
                 self._recording.close()
 
     def _read(self, source: Source, patient: bool) -> None:
@@ -192,19 +215,19 @@ class LiveSession:
             with self._lock:
                 self._reading -= 1
 
-    def _offer(self, item: LinkItem, patient: bool, dropped: Counter[str]) -> None:
-        """Hand an item to the recording, then to the core; what is no chunk of a device may wait for room."""
+    def _offer(self, item: LinkItem, patient: bool, dropped: Counter[Stage]) -> None:
+        """Hand an item to the recording, then to the core; anything but a chunk of a device may wait for room."""
         is_chunk = isinstance(item, Chunk)
         size = len(item.data) if isinstance(item, Chunk) else len(item.text)
         recording = self._recording
         if recording is not None and not self._hand_over(
             lambda timeout_s: recording.offer(item, timeout_s=timeout_s), patient or not is_chunk
         ):
-            dropped["recording"] += 1
+            dropped[Stage.RECORDING] += 1
         if not self._hand_over(
             lambda timeout_s: self._items.put(item, size, timeout_s=timeout_s), patient or not is_chunk
         ):
-            dropped["decoding"] += 1
+            dropped[Stage.DECODING] += 1
 
     def _hand_over(self, put: Callable[[float], bool], patient: bool) -> bool:
         if put(0.0):
@@ -219,35 +242,49 @@ class LiveSession:
         while True:
             item = self._items.get(_IDLE_S)
             if item is not None:
-                self._core.take(item)
+                self._take_results(self.core.take(item))
             else:
                 with self._lock:
                     reading = self._reading
                 if not reading and not self._items:
                     break
+            self._check_recording()
             now_ns = self._clock.now_ns()
             if now_ns >= due_ns:
-                due_ns = now_ns + _SNAPSHOT_EVERY_NS
-                self._core.tick(now_ns)
+                due_ns = now_ns + _SNAPSHOT_INTERVAL_NS
+                self.core.tick(now_ns)
                 self._publish(now_ns, ended=False)
-        self._core.finish()
+        self._take_results(self.core.finish())
+        self._check_recording()
         self._publish(self._clock.now_ns(), ended=True)
         self._done.set()
 
-    def _take_result(self, result: RevolutionResult) -> None:
-        self._summary.add(result)
-        if len(self._results) == _RESULT_ITEMS:
-            self._results_lost += 1
-        self._results.append(result)
+    def _take_results(self, results: Sequence[RevolutionResult]) -> None:
+        for result in results:
+            self._summary.add(result)
+            if len(self._results) == _RESULT_ITEMS:
+                self._results_lost += 1
+            self._results.append(result)
+        self._notices.extend(self.core.take_notices())
 
     def _publish(self, now_ns: int, *, ended: bool) -> None:
-        # What concerns no link in particular is counted with the first.
+        # Drops that concern no link in particular are counted with the first.
         first = self._dropped[self._sources[0].link]
         if self._results_lost:
-            first["view"] = self._results_lost
+            first[Stage.VIEW] = self._results_lost
         if self._recording is not None and self._recording.topics_dropped:
-            first["recorded topics"] = self._recording.topics_dropped
+            first[Stage.TOPICS] = self._recording.topics_dropped
         for link, stages in self._dropped.items():
             if stages:
-                self._core.dropped(link, dict(stages))
-        self._snapshot = self._core.snapshot((now_ns - self._start_ns) * 1e-9, ended=ended)
+                self.core.dropped(link, dict(stages))
+        self._snapshot = self.core.snapshot((now_ns - self._start_ns) * 1e-9, ended=ended)
+        self._notices.extend(self.core.take_notices())
+
+
+def _taken(items: deque[_Item]) -> list[_Item]:
+    """Empty a queue that another thread may be filling; return its items."""
+    taken: list[_Item] = []
+    with suppress(IndexError):
+        while True:
+            taken.append(items.popleft())
+    return taken

@@ -1,70 +1,116 @@
-"""What a recording's results rest on: what was stated and by whom, and what is assumed because nobody stated it."""
+"""Provenance of a recording's conditions: which are stated, by what, and which are assumed."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
 
 from gateway.closure.group_making import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA
-from gateway.closure.observation import Group
+from gateway.closure.observation import Group, Remark
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
-
-GIVEN: Final = "--config"
-RECORDED: Final = "configuration recorded with it"
-MEASURED: Final = "measured by the sensor"
+from gateway.reasons import Code, Reason
 
 
-def stated(
-    vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence[Group], source: str, *, pressure_measured: bool
-) -> tuple[str, ...]:
-    """Return belt radius, load, pressure and how the sensor sits as stated, each with who states it.
+class Quantity(StrEnum):
+    """Quantities whose provenance is listed, as the list `assumed` of a vehicle file names them."""
+
+    RADIUS = "belt radius"
+    LOAD = "load"
+    PRESSURE = "pressure"
+    OFFSET = "mounting offset"
+    ROLL = "mounting roll"
+    PITCH = "mounting pitch"
+
+
+def stated_conditions(
+    vehicle: VehicleConfig | None,
+    wheel: Wheel | None,
+    groups: Sequence[Group],
+    source: Code,
+    *,
+    pressure_measured: bool,
+) -> tuple[Reason, ...]:
+    """Return belt radius, load, pressure and mounting of the sensor as far as they are stated, each with its source.
+
+    Quantities that the configuration gives but lists as assumed are left out.
 
     Args:
         vehicle: configuration of the recording.
-        wheel: of it; None where it has none, and nothing is stated then but what the sensor measures.
-        groups: of the recording, whose conditions are told.
-        source: of the configuration.
-        pressure_measured: whether the sensor told a pressure, which counts instead of the stated one.
+        wheel: of the configuration; without one only a measured pressure is known.
+        groups: of the recording; load and pressure are those of their conditions.
+        source: of the configuration: FROM_CONFIGURATION or FROM_RECORDING.
+        pressure_measured: whether the sensor sent a pressure, which then replaces the stated one.
     """
-    told = []
+    listed = vehicle.vehicle.assumed if vehicle is not None else ()
+    assumed = {_quantity(text) for text in listed}
+    stated = _stated(vehicle, wheel, groups, Reason(source), pressure_measured=pressure_measured)
+    return tuple(reason for quantity, reason in stated if quantity not in assumed)
+
+
+def _stated(
+    vehicle: VehicleConfig | None,
+    wheel: Wheel | None,
+    groups: Sequence[Group],
+    source: Reason,
+    *,
+    pressure_measured: bool,
+) -> Iterator[tuple[Quantity, Reason]]:
     if vehicle is not None and wheel is not None:
-        told.append(f"belt radius {vehicle.tire_of(wheel).radius_mm:g} mm ({source})")
-        known = [group.conditions.load_n for group in groups if group.load_known]
-        told += [f"load {_range(known)} N ({source})"] if known else []
-    known = [group.conditions.pressure_pa * 1e-3 for group in groups if group.pressure_known]
-    told += [f"pressure {_range(known)} kPa ({MEASURED if pressure_measured else source})"] if known else []
-    if wheel is not None:
-        here = wheel.mounting
-        left = "" if "offset_mm" in here.model_fields_set else ", which leaves it out"
-        told.append(f"mounting offset {here.offset_mm:g} mm below the neutral layer ({source}{left})")
-        for name, value_deg in (("roll", here.roll_deg), ("pitch", here.pitch_deg)):
-            told += [f"mounting {name} {value_deg:g} deg ({source})"] if value_deg else []
-    # A configuration may hold a number and say that it is assumed, as that of an imported measurement does.
-    doubted = vehicle.vehicle.assumed if vehicle is not None else ()
-    return tuple(text for text in told if not any(_quantity(text) == _quantity(other) for other in doubted))
-
-
-def assumed(vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence[Group]) -> tuple[str, ...]:
-    """Return what nobody stated of the recording, and what is taken instead."""
-    told = list(vehicle.vehicle.assumed) if vehicle is not None else []
+        radius_m = vehicle.tire_of(wheel).radius_m
+        if radius_m is not None:
+            yield Quantity.RADIUS, Reason(Code.STATED_RADIUS, radius_m=radius_m, source=source)
+        loads_n = [group.conditions.load_n for group in groups if group.load_known]
+        if loads_n:
+            yield Quantity.LOAD, _stated_load(loads_n, source)
+    pressures_pa = [group.conditions.pressure_pa for group in groups if group.pressure_known]
+    if pressures_pa:
+        by = Reason(Code.FROM_SENSOR) if pressure_measured else source
+        yield Quantity.PRESSURE, _stated_pressure(pressures_pa, by)
     if wheel is None:
-        told.append(f"belt radius {ASSUMED_RADIUS_MM:g} mm (no configuration states it)")
+        return
+    mounting = wheel.mounting
+    is_default = "offset_mm" not in mounting.model_fields_set
+    by = Reason(Code.FROM_CONFIGURATION_DEFAULT, source=source) if is_default else source
+    yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=mounting.offset_mm * 1e-3, source=by)
+    if mounting.roll_deg:
+        yield Quantity.ROLL, Reason(Code.STATED_ROLL, roll_rad=math.radians(mounting.roll_deg), source=source)
+    if mounting.pitch_deg:
+        yield Quantity.PITCH, Reason(Code.STATED_PITCH, pitch_rad=math.radians(mounting.pitch_deg), source=source)
+
+
+def _stated_load(loads_n: Sequence[float], source: Reason) -> Reason:
+    low_n, high_n = min(loads_n), max(loads_n)
+    if round(low_n) == round(high_n):
+        return Reason(Code.STATED_LOAD, load_n=low_n, source=source)
+    return Reason(Code.STATED_LOAD_RANGE, low_n=low_n, high_n=high_n, source=source)
+
+
+def _stated_pressure(pressures_pa: Sequence[float], source: Reason) -> Reason:
+    low_pa, high_pa = min(pressures_pa), max(pressures_pa)
+    if round(low_pa * 1e-3) == round(high_pa * 1e-3):
+        return Reason(Code.STATED_PRESSURE, pressure_pa=low_pa, source=source)
+    return Reason(Code.STATED_PRESSURE_RANGE, low_pa=low_pa, high_pa=high_pa, source=source)
+
+
+def assumed_conditions(
+    vehicle: VehicleConfig | None, wheel: Wheel | None, groups: Sequence[Group]
+) -> tuple[Remark, ...]:
+    """Return what is assumed of the recording: the list of its configuration, and values that nothing states."""
+    assumed: list[Remark] = list(vehicle.vehicle.assumed) if vehicle is not None else []
+    if wheel is None:
+        assumed.append(Reason(Code.ASSUMED_RADIUS, radius_m=ASSUMED_RADIUS_MM * 1e-3))
     if any(not group.load_known for group in groups):
-        told.append(f"load {ASSUMED_LOAD_N:.0f} N (nobody states it)")
+        assumed.append(Reason(Code.ASSUMED_LOAD, load_n=ASSUMED_LOAD_N))
     if any(not group.pressure_known for group in groups):
-        told.append(f"pressure {ASSUMED_PRESSURE_PA * 1e-3:.0f} kPa (neither stated nor measured)")
+        assumed.append(Reason(Code.ASSUMED_PRESSURE, pressure_pa=ASSUMED_PRESSURE_PA))
     if groups and not any(math.isfinite(group.conditions.temperature_degc) for group in groups):
-        told.append("temperature steady (neither stated nor measured)")
-    return tuple(told)
+        assumed.append(Reason(Code.ASSUMED_TEMPERATURE))
+    return tuple(assumed)
 
 
-def _quantity(text: str) -> str:
-    """Return the words before the first number, as `belt radius`."""
-    return re.split(r"[^A-Za-z ]", text, maxsplit=1)[0].strip().lower()
-
-
-def _range(values: Sequence[float]) -> str:
-    low, high = f"{min(values):.0f}", f"{max(values):.0f}"
-    return low if low == high else f"{low} to {high}"
+def _quantity(text: str) -> Quantity | None:
+    """Return the quantity that an entry of a vehicle file's list `assumed` begins with, as in `belt radius 320 mm`."""
+    name = re.split(r"[^A-Za-z ]", text, maxsplit=1)[0].strip().lower()
+    return Quantity(name) if name in set(Quantity) else None

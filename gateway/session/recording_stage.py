@@ -1,10 +1,12 @@
-"""Recording in a thread of its own: it gets every chunk first, and a slow disk holds up nobody."""
+"""Recording in a thread of its own: it receives every chunk first, and a slow disk delays nothing else."""
 
 from __future__ import annotations
 
+import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -13,20 +15,31 @@ from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkItem
 from gateway.session.bounded_buffer import Buffer
 
-# Four minutes of four wheels: a disk that is stuck for longer is told, and what does not fit is counted.
-MOST_BYTES: Final = 64 << 20
-MOST_ITEMS: Final = 1 << 19
-# Decoded topics can be computed again from the raw bytes; they leave this share of the room to them.
-_TOPICS_BELOW: Final = 0.5
-_LOOK_S: Final = 0.02
-_AT_ONCE: Final = 1024
-_SYNC_EVERY_NS: Final = 1_000_000_000
-# Ending a recording waits for the disk as long as something moves, and so long when nothing does.
+_logger = logging.getLogger(__name__)
+
+# Four minutes of four wheels: a disk that hangs for longer is reported, and dropped items are counted.
+MAX_BYTES: Final = 64 << 20
+MAX_ITEMS: Final = 1 << 19
+# Decoded topics can be computed again from the raw bytes, so they may fill this share of the buffer only.
+_TOPICS_SHARE: Final = 0.5
+_POLL_S: Final = 0.02
+_ENTRIES_PER_ROUND: Final = 1024
+_SYNC_INTERVAL_NS: Final = 1_000_000_000
+# Closing a recording waits for the disk as long as it makes progress, and this long when it makes none.
 _STUCK_S: Final = 10.0
 
 
+class Stage(StrEnum):
+    """Stages of a session that drop items when they fall behind."""
+
+    RECORDING = "recording"
+    TOPICS = "recorded topics"
+    DECODING = "decoding"
+    VIEW = "view"
+
+
 class Recorder(Protocol):
-    """What records: a `RecordingWriter`, or a stage before it."""
+    """A `RecordingWriter`, or a stage before it."""
 
     @property
     def path(self) -> Path:
@@ -47,11 +60,11 @@ class Recorder(Protocol):
         ...
 
     def tick(self, now_ns: int) -> None:
-        """Let what was written reach the operating system."""
+        """Flush to the operating system."""
         ...
 
     def sync(self) -> None:
-        """Let what was written reach the disk."""
+        """Flush to the disk."""
         ...
 
     def close(self) -> None:
@@ -68,34 +81,35 @@ class _Topic(NamedTuple):
 class RecordingStage:
     """A recorder that writes in the background.
 
-    What holds: a chunk is in here before the decoder sees it, in the order of arrival; nothing that the decoder or an
-    estimator does can lose it. While the disk keeps up it reaches the operating system within 0.12 s, where killing
-    this process cannot lose it, and the disk within a second more. While the disk does not keep up, 64 MiB wait here;
+    Guarantee: a chunk is in here before the decoder sees it, in the order of arrival, so neither the decoder nor an
+    estimator can lose it. While the disk keeps up, a chunk reaches the operating system within 0.12 s, where killing
+    this process cannot lose it, and the disk within one second more. While the disk does not keep up, 64 MiB wait here;
     beyond that decoded topics are dropped first, raw bytes last, and both are counted.
 
     Attributes:
-        topics_dropped: decoded topics that found no room.
+        topics_dropped: decoded topics dropped for lack of room.
+        failure: an error that is not a fault of the disk, None when there is none.
     """
 
-    def __init__(self, writer: Recorder, clock: Clock, on_failure: Callable[[BaseException], None]) -> None:
+    def __init__(self, writer: Recorder, clock: Clock) -> None:
         """Start writing.
 
         Args:
-            writer: does the writing; nobody else may use it from now on.
+            writer: writes the file; used by this stage only from now on.
             clock: paces flushes while nothing arrives.
-            on_failure: told of an error that is no fault of the disk.
         """
         self.topics_dropped = 0
+        self.failure: BaseException | None = None
         self._writer = writer
         self._clock = clock
-        self._on_failure = on_failure
-        self._waiting: Buffer[LinkItem | _Topic] = Buffer(MOST_ITEMS, MOST_BYTES)
+        self._waiting: Buffer[LinkItem | _Topic] = Buffer(MAX_ITEMS, MAX_BYTES)
         self._ending = threading.Event()
         self._written = 0
         self._fault: RecordingError | None = None
-        self._told = False
+        self._is_reported = False
         self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
         self._thread.start()
+        _logger.info("recording to %s", writer.path)
 
     @property
     def path(self) -> Path:
@@ -104,7 +118,7 @@ class RecordingStage:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file so far, without what waits."""
+        """Size of the file so far, without waiting items."""
         return self._writer.size_bytes
 
     @property
@@ -113,14 +127,14 @@ class RecordingStage:
         return self._ending.is_set() and self._thread.is_alive()
 
     def offer(self, item: LinkItem, *, timeout_s: float = 0.0) -> bool:
-        """Take an item of a link; False when there is no room within `timeout_s`."""
+        """Append an item of a link; return False when there is no room within `timeout_s`."""
         if self._fault is not None or self._ending.is_set():
             return True
         size = len(item.data) if isinstance(item, Chunk) else len(item.text)
         return self._waiting.put(item, size, timeout_s=timeout_s, wake=False)
 
     def write(self, item: LinkItem) -> None:
-        """Take an item; one that finds no room is dropped.
+        """Append an item; it is dropped when there is no room.
 
         Raises:
             RecordingError: the disk refused earlier.
@@ -129,33 +143,33 @@ class RecordingStage:
         self.offer(item)
 
     def write_topic(self, topic: str, host_ns: int, payload: Mapping[str, Any]) -> None:
-        """Take a decoded quantity; dropped and counted when half of the room is taken.
+        """Append a decoded quantity; it is dropped and counted when the buffer is half full.
 
         Raises:
             RecordingError: the disk refused earlier.
         """
         self._raise_fault()
         entry = _Topic(topic, host_ns, payload)
-        if not self._waiting.put(entry, 32 * len(payload), below=_TOPICS_BELOW, wake=False):
+        if not self._waiting.put(entry, 32 * len(payload), below=_TOPICS_SHARE, wake=False):
             self.topics_dropped += 1
 
     def tick(self, now_ns: int) -> None:
-        """Tell whether the disk still takes what comes; flushing goes by itself.
+        """Check the disk; flushing needs no call.
 
         Raises:
-            RecordingError: it does not.
+            RecordingError: the disk refused earlier.
         """
         del now_ns
         self._raise_fault()
 
     def sync(self) -> None:
-        """Nothing to do: syncing goes by itself."""
+        """Do nothing: the stage syncs on its own."""
 
     def close(self) -> None:
-        """Write what waits and finish the file; waits for the disk as long as it takes something.
+        """Write waiting items and finish the file; wait for the disk as long as it makes progress.
 
         Raises:
-            RecordingError: the disk refused, or takes nothing any more.
+            RecordingError: the disk refused, or makes no progress.
         """
         self._ending.set()
         progress = -1
@@ -164,14 +178,14 @@ class RecordingStage:
             self._thread.join(_STUCK_S)
         if self._thread.is_alive():
             raise RecordingError(
-                f"the disk of '{self.path}' has taken nothing for {_STUCK_S:g} s; {len(self._waiting)} items are lost",
-                "What was written before stays readable; check the disk or the network behind it.",
+                f"the disk of '{self.path}' takes no data for {_STUCK_S:g} s; {len(self._waiting)} items are lost",
+                "What was written before stays readable. Check the disk or its network connection.",
             )
         self._raise_fault()
 
     def _raise_fault(self) -> None:
-        if self._fault is not None and not self._told:
-            self._told = True
+        if self._fault is not None and not self._is_reported:
+            self._is_reported = True
             raise self._fault
 
     def _run(self) -> None:
@@ -179,15 +193,15 @@ class RecordingStage:
             self._write_until_the_end()
         except RecordingError as error:
             self._fault = error
-            self._finish_what_is_left()
-        except BaseException as error:  # handed on: a fault of our own must end the session, not the recording alone
+            self._close_and_discard()
+        except BaseException as error:  # our own fault must end the session, not only the recording
             self._fault = RecordingError(f"recording '{self.path}' stopped by an internal error: {error!r}")
-            self._told = True
-            self._finish_what_is_left()
-            self._on_failure(error)
+            self._is_reported = True
+            self._close_and_discard()
+            self.failure = error
 
     def _write_until_the_end(self) -> None:
-        sync_due_ns = self._clock.now_ns() + _SYNC_EVERY_NS
+        sync_due_ns = self._clock.now_ns() + _SYNC_INTERVAL_NS
         while True:
             ending = self._ending.is_set()
             all_written = self._write_some()
@@ -195,16 +209,17 @@ class RecordingStage:
             self._writer.tick(now_ns)
             if now_ns >= sync_due_ns:
                 self._writer.sync()
-                sync_due_ns = now_ns + _SYNC_EVERY_NS
+                sync_due_ns = now_ns + _SYNC_INTERVAL_NS
             if all_written:
                 if ending:
                     break
-                self._ending.wait(_LOOK_S)
+                self._ending.wait(_POLL_S)
         self._writer.close()
+        _logger.info("recording %s finished, %d entries, %d bytes", self.path, self._written, self.size_bytes)
 
     def _write_some(self) -> bool:
-        """Write what waits, or a good deal of it; return whether all of it was written."""
-        for _ in range(_AT_ONCE):
+        """Write a number of waiting entries; return whether none is left."""
+        for _ in range(_ENTRIES_PER_ROUND):
             entry = self._waiting.get()
             if entry is None:
                 return True
@@ -215,9 +230,9 @@ class RecordingStage:
             self._written += 1
         return False
 
-    def _finish_what_is_left(self) -> None:
-        """Close the file as it is, and give the memory back."""
-        with suppress(RecordingError):  # the first failure is the one the user needs
+    def _close_and_discard(self) -> None:
+        """Close the file as it is, and free the memory of waiting entries."""
+        with suppress(RecordingError):  # the user needs the first failure
             self._writer.close()
         while self._waiting.get() is not None:
             pass

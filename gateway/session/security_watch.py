@@ -1,4 +1,4 @@
-"""The guard's part in a session: gates for its links, what is to be told, and counters that outlive it."""
+"""The guard within a session: gates of the links, notices, and counters saved in the background."""
 
 from __future__ import annotations
 
@@ -7,40 +7,41 @@ from collections.abc import Mapping
 from typing import Final
 
 from firmware_protocol.signing import Gate
+from gateway.reasons import Code, Level, Notice, Reason
 from gateway.security.cmac import SecurityError
 from gateway.security.guard import Guard
 
-# What a crash may lose of the counters; frames of so long ago could be played to the next session.
+# A crash loses the counters of this time; frames as recent as that could be replayed to the next session.
 _SAVE_EVERY_NS: Final = 5_000_000_000
 _JOIN_S: Final = 5.0
 
 
 class SecurityWatch:
-    """A guard, or none."""
+    """Wrapper of a guard, or of none."""
 
     def __init__(self, guard: Guard | None) -> None:
         self._guard = guard
         self._due_ns = 0
         self._saving: threading.Thread | None = None
-        self._fault: str | None = None
-        self._told = False
+        self._fault: Reason | None = None
+        self._is_reported = False
 
     def gate(self, link: str) -> Gate | None:
-        """Return what judges the frames of a link."""
+        """Return the check of the frames of a link."""
         return self._guard.gate(link) if self._guard is not None else None
 
-    def findings(self) -> list[str]:
-        """Take what is to be told since the last call."""
-        return self._guard.findings() if self._guard is not None else []
+    def take_notices(self) -> list[Notice]:
+        """Return the notices since the last call."""
+        return self._guard.take_notices() if self._guard is not None else []
 
     def counts(self, link: str) -> Mapping[str, int]:
-        """Return how many frames of a link the guard judged how."""
+        """Return the number of frames of a link by verdict."""
         if self._guard is None:
             return {}
         return {verdict.value: count for verdict, count in self._guard.gate(link).counts.items()}
 
-    def tick(self, now_ns: int) -> list[str]:
-        """Keep the counters now and then, in the background for the disk may be slow; return what went wrong, once."""
+    def tick(self, now_ns: int) -> list[Notice]:
+        """Save the counters when that is due, in the background as the disk may be slow; return new notices."""
         # A clock that was set back must not stop it.
         if self._guard is None or 0 <= self._due_ns - now_ns <= _SAVE_EVERY_NS:
             return []
@@ -49,10 +50,10 @@ class SecurityWatch:
             current = self._guard.ledger.highest()
             self._saving = threading.Thread(target=self._save, args=(current,), name="save counters", daemon=True)
             self._saving.start()
-        return self._guard.findings() + self._found()
+        return [*self._guard.take_notices(), *self._new_fault()]
 
-    def finish(self) -> list[str]:
-        """Keep the counters; return what went wrong, once."""
+    def finish(self) -> list[Notice]:
+        """Save the counters; return new notices."""
         if self._guard is None:
             return []
         if self._saving is not None:
@@ -60,8 +61,8 @@ class SecurityWatch:
         if self._saving is None or not self._saving.is_alive():
             self._save(self._guard.ledger.highest())
         else:
-            self._fault = "the counters of the sensors could not be written in time"
-        return self._guard.findings() + self._found()
+            self._fault = Reason(Code.COUNTERS_SAVED_LATE)
+        return [*self._guard.take_notices(), *self._new_fault()]
 
     def _save(self, current: Mapping[str, int]) -> None:
         if self._guard is None:
@@ -69,10 +70,10 @@ class SecurityWatch:
         try:
             self._guard.ledger.save(current)
         except SecurityError as error:
-            self._fault = f"{error}. {error.remedy}"
+            self._fault = Reason(Code.COUNTERS_NOT_SAVED, error=str(error), remedy=error.remedy)
 
-    def _found(self) -> list[str]:
-        if self._fault is None or self._told:
+    def _new_fault(self) -> list[Notice]:
+        if self._fault is None or self._is_reported:
             return []
-        self._told = True
-        return [f"SECURITY: frames of this session could be played to the next one: {self._fault}"]
+        self._is_reported = True
+        return [Notice("", self._fault, Level.SECURITY)]

@@ -1,4 +1,4 @@
-"""Whether the wheels that speak are those of the configuration, told in the same words by every command."""
+"""Identity of wheels and sensors: those heard on the links against those of the configuration."""
 
 from __future__ import annotations
 
@@ -10,48 +10,51 @@ import numpy as np
 from firmware_protocol.batch import FrameBatch
 from firmware_protocol.messages import Environment, Hello, MessageType
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.reasons import Code, Level, Notice, Reason
 
 
 def sensor_ids(vehicle: VehicleConfig | None) -> dict[str, str]:
-    """Return the sensors that the configuration names, as hex text by position."""
+    """Return the configured sensors, as hex text by position."""
     wheels = vehicle.wheel if vehicle is not None else ()
     return {wheel.position: f"{wheel.sensor_number:08x}" for wheel in wheels if wheel.sensor_number is not None}
 
 
-def misplaced(position: str, sensor_id: str, wanted: Mapping[str, str]) -> str:
-    """Return what is wrong with a sensor that speaks at a wheel, empty when nothing is.
+def misplaced_sensor(position: str, sensor_id: str, configured: Mapping[str, str]) -> Reason | None:
+    """Return the fault when a wheel has another sensor than the configured one, None when it has not.
 
     Args:
         position: of the wheel.
-        sensor_id: hex text, empty when it is not known.
-        wanted: as `sensor_ids` returns.
+        sensor_id: hex text of the sensor there, empty when unknown.
+        configured: as `sensor_ids` returns.
     """
-    expected = wanted.get(position)
+    expected = configured.get(position)
     if expected is None or not sensor_id or sensor_id == expected:
-        return ""
-    owner = next((name for name, one in wanted.items() if one == sensor_id), None)
+        return None
+    owner = next((name for name, one in configured.items() if one == sensor_id), None)
     if owner is None:
-        return f"sensor {sensor_id} speaks here, the configuration names {expected}: a new sensor or tire?"
-    return f"sensor {sensor_id} of {owner} speaks here: wheels swapped? Estimates use load and tire of {position}"
+        return Reason(Code.SENSOR_REPLACED, sensor=sensor_id, expected=expected)
+    return Reason(Code.SENSOR_SWAPPED, sensor=sensor_id, owner=owner, position=position)
 
 
-def unconfigured(position: str, vehicle: VehicleConfig | None) -> str:
-    """Return what is told of a wheel that the configuration does not have."""
-    what = f"belt radius {ASSUMED_RADIUS_MM:g} mm assumed, load unknown"
+def unconfigured_wheel(vehicle: VehicleConfig | None) -> Reason:
+    """Return what is assumed of a wheel that the configuration does not have."""
+    radius_m = ASSUMED_RADIUS_MM * 1e-3
     if vehicle is None:
-        return f"{position} is not configured: {what}; give --config VEHICLE.toml"
-    there = ", ".join(f"{wheel.position} (hub {wheel.hub}, wheel {wheel.wheel})" for wheel in vehicle.wheel)
-    return f"{position} is not configured, the configuration has {there}: {what}"
+        return Reason(Code.WHEEL_NOT_CONFIGURED, radius_m=radius_m)
+    wheels = tuple(
+        Reason(Code.WHEEL_ADDRESS, position=wheel.position, hub=wheel.hub, wheel=wheel.wheel) for wheel in vehicle.wheel
+    )
+    return Reason(Code.WHEEL_NOT_IN_CONFIGURATION, configured=wheels, radius_m=radius_m)
 
 
 def configured(vehicle: VehicleConfig | None, position: str) -> Wheel | None:
-    """Return the wheel of a position, None where the configuration has none."""
+    """Return the configured wheel of a position, None when there is none."""
     wheels = vehicle.wheel if vehicle is not None else ()
     return next((wheel for wheel in wheels if wheel.position == position), None)
 
 
-def address(vehicle: VehicleConfig | None, position: str) -> tuple[int, int] | None:
-    """Return hub and number of a wheel; the pipeline calls one that is not configured `hub0.wheel2`."""
+def wheel_address(vehicle: VehicleConfig | None, position: str) -> tuple[int, int] | None:
+    """Return hub and number of a wheel; one that is not configured has a position such as `hub0.wheel2`."""
     wheel = configured(vehicle, position)
     if wheel is not None:
         return wheel.hub, wheel.wheel
@@ -60,47 +63,48 @@ def address(vehicle: VehicleConfig | None, position: str) -> tuple[int, int] | N
 
 
 class SensorsHeard:
-    """The sensors that said at which wheels they are, and whether they measure pressure."""
+    """Sensors heard at each wheel, and whether they measure pressure."""
 
     def __init__(self) -> None:
-        self._seen: dict[tuple[int, int], set[int]] = {}
-        self._pressures: set[tuple[int, int]] = set()
+        self._sensors: dict[tuple[int, int], set[int]] = {}
+        self._with_pressure: set[tuple[int, int]] = set()
 
     def take(self, batch: FrameBatch) -> None:
-        """Look for hellos and readings of pressure."""
+        """Take the hellos and the pressure readings of a batch."""
         for at in np.flatnonzero(batch.type == MessageType.HELLO).tolist():
             hello = batch.message(at)
             assert isinstance(hello, Hello)
-            self._seen.setdefault((int(batch.hub[at]), int(batch.wheel[at])), set()).add(hello.sensor_id)
+            self._sensors.setdefault((int(batch.hub[at]), int(batch.wheel[at])), set()).add(hello.sensor_id)
 
         for at in np.flatnonzero(batch.type == MessageType.ENVIRONMENT).tolist():
-            where = int(batch.hub[at]), int(batch.wheel[at])
-            if where not in self._pressures:
+            address = int(batch.hub[at]), int(batch.wheel[at])
+            if address not in self._with_pressure:
                 reading = batch.message(at)
                 assert isinstance(reading, Environment)
                 if reading.pressure_pa is not None:
-                    self._pressures.add(where)
+                    self._with_pressure.add(address)
 
     def measures_pressure(self, vehicle: VehicleConfig | None, position: str) -> bool:
-        """Return whether a wheel's sensor told a pressure."""
-        return address(vehicle, position) in self._pressures
+        """Return whether the sensor of a wheel has sent a pressure."""
+        return wheel_address(vehicle, position) in self._with_pressure
 
     def at(self, vehicle: VehicleConfig | None, position: str) -> frozenset[int]:
-        """Return the serial numbers of the sensors that were heard at a wheel."""
-        where = address(vehicle, position)
-        return frozenset(self._seen.get(where, ()) if where is not None else ())
+        """Return the serial numbers of the sensors heard at a wheel."""
+        address = wheel_address(vehicle, position)
+        return frozenset(self._sensors.get(address, ()) if address is not None else ())
 
-    def strangers(self, vehicle: VehicleConfig | None, positions: Iterable[str]) -> Iterator[str]:
-        """Yield a text for each sensor that is not where the configuration has it, and each wheel that it has not.
+    def mismatches(self, vehicle: VehicleConfig | None, positions: Iterable[str]) -> Iterator[Notice]:
+        """Yield a notice for each sensor at another wheel than configured, and for each wheel not configured.
 
-        Nothing is said where there is no configuration.
+        Without a configuration there is none.
         """
         if vehicle is None:
             return
-        wanted = sensor_ids(vehicle)
+        expected = sensor_ids(vehicle)
         for position in positions:
             if configured(vehicle, position) is None:
-                yield unconfigured(position, vehicle)
+                yield Notice(position, unconfigured_wheel(vehicle), Level.WARNING)
             for sensor in sorted(self.at(vehicle, position)):
-                if text := misplaced(position, f"{sensor:08x}", wanted):
-                    yield f"{position}: {text}"
+                reason = misplaced_sensor(position, f"{sensor:08x}", expected)
+                if reason is not None:
+                    yield Notice(position, reason, Level.WARNING)

@@ -24,8 +24,8 @@ from firmware_protocol.messages import (
     SampleBlock,
     TimeSync,
 )
+from gateway.security.cmac import FrameSigner
 from gateway.security.key_file import hub_identity, sensor_identity
-from gateway.security.signer import FrameSigner
 from gateway.simulator.scenario_tables import Hub
 from gateway.simulator.sensor import FULL_SCALE_COUNTS
 from gateway.simulator.simulated_wheel import WheelSimulator

@@ -13,7 +13,7 @@ from gateway.errors import ConfigError, SourceError
 from gateway.io.source import Chunk
 from gateway.physics.brush_tread import BrushNotConvergedError
 from gateway.physics.rolling_ring import RingNotConvergedError
-from gateway.security.signer import open_signer
+from gateway.security.key_file import open_signer
 from gateway.simulator.hub import HubSimulator, TimedFrame
 from gateway.simulator.link_faults import Fault, apply_faults, parse_faults
 from gateway.simulator.scenario_model import Scenario

@@ -7,9 +7,8 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.clock import Clock
+from gateway.clock import Clock, wait_until
 from gateway.errors import SourceError
-from gateway.io.pacing import wait_until
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
@@ -49,7 +48,7 @@ class SimulatorSource:
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the connection, the chunks, and the end when the scenario has one. A simulation runs once."""
         start_ns = last_ns = self._clock.now_ns()
-        yield LinkEvent(self._link, start_ns, LinkEventKind.CONNECTED, f"simulating {self._link}")
+        yield LinkEvent(self._link, start_ns, LinkEventKind.CONNECTED)
         for chunk in self.simulation.chunks(self._link, start_ns):
             elapsed_ns = chunk.host_ns - start_ns
             due_ns = start_ns if math.isinf(self._speed) else start_ns + round(elapsed_ns / self._speed)
@@ -57,7 +56,7 @@ class SimulatorSource:
                 return
             last_ns = self._clock.now_ns() if self._speed == 1.0 else chunk.host_ns
             yield Chunk(chunk.link, last_ns, chunk.data)
-        yield LinkEvent(self._link, last_ns, LinkEventKind.ENDED, "end of the scenario")
+        yield LinkEvent(self._link, last_ns, LinkEventKind.ENDED)
 
     def close(self) -> None:
         """End `items`."""

@@ -1,4 +1,4 @@
-"""The plain view: one line a revolution, for logs, pipes and terminals without a screen."""
+"""The plain view: one line per revolution, for logs, pipes and terminals without a screen."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import Final
 
 from gateway.estimators.base import Status
 from gateway.pipeline.results import RevolutionResult
-from gateway.reasons import Code, codes_of
+from gateway.reasons import Code, Notice, codes_of
 from gateway.views.numbers import Shown, kpa
 from gateway.views.readout import Reading, read_result
 from gateway.views.text import clean, crop, crop_middle, pad, width
+from gateway.views.wording import notice_text
 
 LINE_WIDTH: Final = 160
 HEADER_EVERY: Final = 40
@@ -28,10 +29,10 @@ def _cell(number: Shown) -> str:
 
 
 class PlainView:
-    """Writes results as aligned lines of at most LINE_WIDTH columns without escape codes."""
+    """Results as aligned lines of at most LINE_WIDTH columns, without escape codes."""
 
     def __init__(self, write: Callable[[str], None]) -> None:
-        """Take the function that writes one line (it adds the line end)."""
+        """Set the function that writes a line and adds the line end."""
         self._write = write
         self._lines_until_header = 0
         self._name_width = _NAME_WIDTH_MIN
@@ -41,10 +42,10 @@ class PlainView:
         self._noted: set[tuple[Code, ...]] = set()
 
     def result(self, result: RevolutionResult) -> None:
-        """Write one line for a revolution, and the header when it is due or a column had to grow."""
+        """Write the line of a revolution, after the header when it is due or a column has grown."""
         reading = read_result(result)
         name = crop_middle(clean(result.position), _NAME_WIDTH_MAX)
-        # One mark behind the line says it when all numbers share a status.
+        # One mark at the end of the line is enough when all numbers share a status.
         marked = any(number.status is not reading.status for number in reading.numbers)
         cells = [f"{shown.label} {shown.number.joined('±')}{shown.mark if marked else ''}" for shown in reading.numbers]
         self._make_room(width(name), cells)
@@ -62,14 +63,18 @@ class PlainView:
         if valid:
             if codes and codes not in self._noted:
                 self._noted.add(codes)
-                self.notice(note)
+                self._remark(note)
         elif codes != self._given.get(result.position, ()):
             self._given[result.position] = codes
             if width(line) + width(note) > LINE_WIDTH:
-                self.notice(f"{name} rev {result.revolution.index}: {note}")
+                self._remark(f"{name} rev {result.revolution.index}: {note}")
 
-    def notice(self, text: str) -> None:
-        """Write something the user should know, marked so that a filter can tell it from results."""
+    def notice(self, notice: Notice) -> None:
+        """Write a notice."""
+        self._remark(notice_text(notice))
+
+    def _remark(self, text: str) -> None:
+        """Write text on lines that begin with `#`, so that a filter can separate them from results."""
         for line in text.splitlines():
             self._write(f"# {clean(line)}")
 

@@ -11,9 +11,9 @@ import numpy as np
 from firmware_protocol.messages import Environment, Frame, Hello, HubStatus, LogLevel, LogText
 from gateway.estimators.base import Estimate
 from gateway.pipeline.results import RevolutionResult
-from gateway.reasons import Reason
+from gateway.reasons import Level, Notice, Reason
 from gateway.types import FloatArray
-from gateway.views.wording import as_json
+from gateway.views.wording import as_json, notice_text
 
 # The waveform topic is for plots only: the raw bytes in the same recording hold every sample.
 _WAVEFORM_POINTS: Final = 256
@@ -106,6 +106,20 @@ def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str
     if isinstance(message, LogText):
         return "/log", {"level": log_level(message), "text": message.text, "hub": frame.hub, "link": link}
     return None
+
+
+def notice_payload(notice: Notice, link: str) -> dict[str, Any]:
+    """Return a notice as an entry of the log."""
+    level = Level.WARNING if notice.level is Level.SECURITY else notice.level
+    reason = as_json(notice.reason)
+    return {
+        "level": str(level),
+        "text": notice_text(notice),
+        "link": link,
+        "subject": notice.subject,
+        "code": reason["code"],
+        "values": reason["values"],
+    }
 
 
 def log_level(message: LogText) -> str:

@@ -1,4 +1,4 @@
-"""Fixtures: a real D-Bus of one's own, BlueZ's stand-in on it, and hubs in range of the real bleak client."""
+"""Fixtures: a private D-Bus, a stand-in for BlueZ on it, and hubs in range of the bleak client."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from gateway.io.ble import scan
+from gateway.io.ble_source import scan_devices
 from gateway.io.source import Source
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PROGRAM, PrivateBus
@@ -28,7 +28,7 @@ def require_dbus_daemon() -> None:
 def settle(wanted: str | None) -> None:
     """Wait until the radio has taken in what changed on the bus: a scan gives this fault, or none."""
     for _ in range(200):
-        fault = scan(0.01).fault
+        fault = scan_devices(0.01).fault
         if (None if fault is None else str(fault)) == wanted:
             return
     pytest.fail(f"a scan says '{fault}', not '{wanted}'")

@@ -1,4 +1,4 @@
-"""The commands that deal with Bluetooth, as a user calls them."""
+"""Commands for Bluetooth, as a user calls them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_scan_lists_hubs_with_signal_and_battery(bluez: BluezStandIn, hub: Perip
 
 
 @pytest.mark.usefixtures("no_serial_ports")
-def test_scan_gives_addresses_where_names_are_not_enough(bluez: BluezStandIn, hub: Peripheral) -> None:
+def test_scan_gives_addresses_for_equal_names(bluez: BluezStandIn, hub: Peripheral) -> None:
     bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL", rssi_dbm=-70))
     output = CliRunner().invoke(scan, ["--timeout", "0.2"]).output
     assert f"ble://{ADDRESSES[0]} " in output
@@ -69,7 +69,7 @@ def test_scan_gives_addresses_where_names_are_not_enough(bluez: BluezStandIn, hu
 
 
 @pytest.mark.usefixtures("no_serial_ports")
-def test_scan_without_an_adapter_says_so_and_goes_on(bus: PrivateBus) -> None:
+def test_scan_without_adapter_continues(bus: PrivateBus) -> None:
     with BluezStandIn(bus.address, adapter=None):
         settle("this computer has no Bluetooth adapter")
         done = CliRunner().invoke(scan, ["--timeout", "0.1"])
@@ -78,7 +78,7 @@ def test_scan_without_an_adapter_says_so_and_goes_on(bus: PrivateBus) -> None:
     assert "No serial port found." in done.output
 
 
-def test_doctor_looks_at_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
+def test_doctor_checks_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:
     (found,) = check_bluetooth()
     assert found.level is Level.OK
     (seen,) = check_source("ble://Treadlink-FL?scan=0.2", ManualClock())
@@ -117,15 +117,15 @@ def demo(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], dict[str, str]
         assert process.stdout is not None
         impatience = threading.Timer(60, process.kill)
         impatience.start()
-        told = ""
-        while "Ctrl-C" not in told:
+        printed = ""
+        while "Ctrl-C" not in printed:
             line = process.stdout.readline()
-            assert line, told
-            told += line
+            assert line, printed
+            printed += line
         impatience.cancel()
-        address = re.search(r"export DBUS_SYSTEM_BUS_ADDRESS=(\S+)", told)
+        address = re.search(r"export DBUS_SYSTEM_BUS_ADDRESS=(\S+)", printed)
         assert address is not None
-        assert "treadlink live ble://Treadlink-W1 --config" in told
+        assert "treadlink live ble://Treadlink-W1 --config" in printed
         yield process, {**os.environ, "DBUS_SYSTEM_BUS_ADDRESS": address[1].strip("'")}
         if process.poll() is None:
             process.kill()
@@ -139,17 +139,15 @@ def run(environment: dict[str, str], *arguments: str) -> str:
     return done.stdout
 
 
-def test_the_simulator_as_a_hub_on_bluetooth(
-    demo: tuple[subprocess.Popen[str], dict[str, str]], tmp_path: Path
-) -> None:
+def test_simulator_as_a_hub_on_bluetooth(demo: tuple[subprocess.Popen[str], dict[str, str]], tmp_path: Path) -> None:
     process, environment = demo
     assert "ble://Treadlink-W1" in run(environment, "scan", "--timeout", "0.5")
     uri = "ble://Treadlink-W1?scan=0.5"
-    assert "hub 0 has done it" in run(environment, "command", "time", uri)
-    told = run(environment, "live", uri, "--config", str(tmp_path / "lab.toml"), "--plain", "--duration", "4")
-    assert "Treadlink-W1 at 00:00:5E:00:53:00 (-58 dBm), MTU 247" in told
-    assert re.search(r"^W1 +\d+ +[\d.]+ 6[45]\.", told, re.MULTILINE), told
-    assert re.search(r"ble:Treadlink-W1: \d+ frames, 0 lost", told)
+    assert "hub 0 executed the command" in run(environment, "command", "time", uri)
+    printed = run(environment, "live", uri, "--config", str(tmp_path / "lab.toml"), "--plain", "--duration", "4")
+    assert "Treadlink-W1 at 00:00:5E:00:53:00 (-58 dBm), MTU 247" in printed
+    assert re.search(r"^W1 +\d+ +[\d.]+ 6[45]\.", printed, re.MULTILINE), printed
+    assert re.search(r"ble:Treadlink-W1: \d+ frames, 0 lost", printed)
     process.send_signal(signal.SIGINT)
     assert process.stdout is not None
     rest = process.stdout.read()
@@ -158,5 +156,5 @@ def test_the_simulator_as_a_hub_on_bluetooth(
 
 
 @pytest.mark.parametrize("arguments", [["--ble", "--pty"], ["--ble", "--fault", "flip:rate=0.01"], []])
-def test_simulate_takes_one_way_out(arguments: list[str]) -> None:
+def test_simulate_takes_one_output(arguments: list[str]) -> None:
     assert CliRunner().invoke(simulate, ["lab", *arguments]).exit_code == 2

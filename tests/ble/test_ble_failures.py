@@ -1,4 +1,4 @@
-"""Bluetooth itself fails: said in plain words, and survived where it comes back."""
+"""Failures of Bluetooth: clear errors, and recovery when it returns."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from bleak.exc import (
 )
 
 from gateway.clock import ManualClock
-from gateway.io.ble import scan
-from gateway.io.ble_errors import BLE_ERRORS, explain
+from gateway.io.ble_radio import BLE_ERRORS, explain
+from gateway.io.ble_source import scan_devices
 from gateway.io.source import LinkEventKind, Source, open_source
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PrivateBus
@@ -65,8 +65,8 @@ def test_no_d_bus(tmp_path: Path) -> None:
     assert isinstance(found["serial_ports"], list)
 
 
-def test_an_adapter_that_is_not_there(bluez: BluezStandIn) -> None:
-    fault = scan(0.1, "hci7").fault
+def test_missing_adapter(bluez: BluezStandIn) -> None:
+    fault = scan_devices(0.1, "hci7").fault
     assert fault is not None
     assert "adapter 'hci7' not found" in str(fault)
 
@@ -85,7 +85,7 @@ def test_bluetooth_switched_off_and_on_again(bluez: BluezStandIn, hub: Periphera
     reader.event(LinkEventKind.RESTORED)
 
 
-def test_bluetooth_crashes_without_a_word_and_comes_back(bus: PrivateBus, read: Read) -> None:
+def test_bluetooth_crashes_and_returns(bus: PrivateBus, read: Read) -> None:
     clock = ManualClock()
     with BluezStandIn(bus.address, advertising_interval_s=0.02) as before:
         before.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
@@ -97,14 +97,14 @@ def test_bluetooth_crashes_without_a_word_and_comes_back(bus: PrivateBus, read: 
     assert "not running" in reader.event(LinkEventKind.RETRYING).text
     with BluezStandIn(bus.address, advertising_interval_s=0.02) as after:
         hub = after.add(Peripheral(ADDRESSES[0], "Treadlink-FL"))
-        # What it says until the adapter is back is its own; the last word counts.
+        # The messages until the adapter is back are those of the library; the last one counts.
         while (item := reader.next()) is not None and getattr(item, "kind", None) is not LinkEventKind.RESTORED:
             assert getattr(item, "kind", None) is LinkEventKind.RETRYING
         after.run(after.service.notify(hub, [b"back"]))
         assert reader.bytes(4)[0].data == b"back"
 
 
-def test_the_d_bus_dies_and_comes_back(bus: PrivateBus) -> None:
+def test_d_bus_ends_and_returns(bus: PrivateBus) -> None:
     code = (
         "import os, sys, threading\n"
         "from gateway.clock import SystemClock\n"
@@ -141,7 +141,7 @@ def test_the_d_bus_dies_and_comes_back(bus: PrivateBus) -> None:
                     process.stdin.write(next_bus.address + "\n")
                     process.stdin.flush()
                     assert process.stdout.readline().startswith("restored")
-                    assert "as asked" in process.stdout.readline()
+                    assert process.stdout.readline().startswith("ended")
 
 
 @pytest.mark.parametrize(
@@ -158,17 +158,17 @@ def test_the_d_bus_dies_and_comes_back(bus: PrivateBus) -> None:
         ),
         (
             BleakBluetoothNotAvailableError("no", BleakBluetoothNotAvailableReason.NO_BLE_CENTRAL_ROLE),
-            "the Bluetooth adapter does not speak Bluetooth LE",
+            "the Bluetooth adapter does not support Bluetooth LE",
         ),
         (BleakDBusError("org.freedesktop.DBus.Error.Spawn.ChildExited", ["x"]), "Bluetooth's service is not running"),
         (BleakDBusError("org.bluez.Error.InProgress", ["x"]), "the Bluetooth adapter is busy with another connection"),
-        (ConnectionRefusedError(111, "refused"), "there is no D-Bus here, by which Bluetooth is reached"),
+        (ConnectionRefusedError(111, "refused"), "there is no D-Bus here, through which Bluetooth is reached"),
         (TimeoutError(), "cannot connect to X: no answer in time"),
         (EOFError(), "cannot connect to X: EOFError"),
         (BleakError("strange"), "cannot connect to X: strange"),
     ],
 )
-def test_errors_in_plain_words(error: Exception, says: str) -> None:
+def test_errors_are_explained(error: Exception, says: str) -> None:
     assert isinstance(error, BLE_ERRORS)
     explained = explain(error, "connect to X")
     assert str(explained) == says

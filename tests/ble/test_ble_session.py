@@ -1,4 +1,4 @@
-"""Sessions with hubs on Bluetooth: simulated tires, over the bus, to estimates; and hubs that do as told."""
+"""Sessions with hubs on Bluetooth: from simulated tires to estimates, and commands to hubs."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ from firmware_protocol.messages import (
 from gateway.clock import ManualClock, SystemClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import SourceError
-from gateway.io.ble import BleSource
+from gateway.io.ble_source import BleSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, open_source
-from gateway.session.commands import TwoWaySource, carry_out, command_frame, refusal, with_commands
+from gateway.reasons import Code
+from gateway.session.commands import TwoWaySource, command_frame, execute, refusal, with_commands
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
@@ -40,6 +41,7 @@ from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
 from gateway.simulator.simulator_source import SimulatorSource
 from gateway.views.session_summary import ResultSummary
+from gateway.views.wording import text
 from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
 Read = Callable[[Source], Reader]
@@ -92,13 +94,13 @@ def broadcasting(bluez: BluezStandIn) -> Iterator[dict[int, BleHub]]:
         assert not thread.is_alive()
 
 
-def test_one_collector_a_wheel_from_the_air_to_estimates(bluez: BluezStandIn) -> None:
+def test_one_hub_per_wheel_gives_estimates(bluez: BluezStandIn) -> None:
     with broadcasting(bluez) as hubs:
         clock = SystemClock()
         uris = ["ble://Treadlink-FL?scan=0.3", "ble://Treadlink-FR?scan=0.3&rate=4800"]
         sources = [with_commands(open_source(uri, clock), clock) for uri in uris]
-        core = SessionCore(parse_vehicle(vehicle_toml(parse_scenario(SCENARIO, "test")), "test"))
-        live = LiveSession(sources, core, clock, patient=[False, False], summary=ResultSummary())
+        vehicle = parse_vehicle(vehicle_toml(parse_scenario(SCENARIO, "test")), "test")
+        live = LiveSession(sources, vehicle, clock, patient=[False, False], summary=ResultSummary())
         live.start()
         seen: dict[str, int] = {}
         waiting = threading.Event()
@@ -114,25 +116,25 @@ def test_one_collector_a_wheel_from_the_air_to_estimates(bluez: BluezStandIn) ->
         for link, battery in zip(snapshot.links, (61, 62), strict=True):
             assert link.frames_lost == link.crc_errors == link.noise_bytes == 0
             assert link.battery_percent == battery
-            assert link.rssi_dbm == -62  # of the sensor link, as the hub's status says
+            assert link.rssi_dbm == -62  # of the sensor link, from the hub's status
             assert not link.connected
-            assert "as asked" in link.note
+            assert Code.LINK_DISCONNECTED in [reason.code for reason in link.note]
         assert [hub._host_ns > NOW_NS for hub in hubs.values()] == [True, True]
         assert not any(hub.peripheral.connected for hub in hubs.values())
 
 
-def test_commands_are_carried_out_and_answered(bluez: BluezStandIn) -> None:
+def test_commands_are_executed_with_a_reply(bluez: BluezStandIn) -> None:
     with broadcasting(bluez):
 
-        def tell(command: SetStream | SetRate | SetTime) -> str:
+        def send(command: SetStream | SetRate | SetTime) -> int:
             source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
             assert isinstance(source, TwoWaySource)
-            return carry_out(source, command, TIMEOUT_S)
+            return execute(source, command, TIMEOUT_S)
 
-        assert tell(SetStream(False)) == "hub 1 has done it"
-        assert tell(SetRate(4790.0)) == "hub 1 has done it"
-        with pytest.raises(SourceError, match="SET_RATE: it refuses the value"):
-            tell(SetRate(9600.0))
+        assert send(SetStream(False)) == 1
+        assert send(SetRate(4790.0)) == 1
+        with pytest.raises(SourceError, match="hub 1 did not execute SET_RATE: value refused"):
+            send(SetRate(9600.0))
         types = set()
         source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
         stop, decoder = threading.Event(), FrameDecoder()
@@ -142,32 +144,32 @@ def test_commands_are_carried_out_and_answered(bluez: BluezStandIn) -> None:
             if MessageType.TIME_SYNC in types and MessageType.ENVIRONMENT in types:
                 stop.set()
         assert MessageType.SAMPLES not in types
-        assert decoder.counters.lost == 0, "what is not sent must not count as lost"
-        assert tell(SetStream(True)) == "hub 1 has done it"
+        assert decoder.counters.lost == 0, "frames that are not sent must not count as lost"
+        assert send(SetStream(True)) == 1
 
 
 class RecordingHub:
-    """A hub that keeps what it is told and answers nothing."""
+    """A hub that records its commands and sends no reply."""
 
     def __init__(self, peripheral: Peripheral) -> None:
-        self.told: queue.Queue[Frame] = queue.Queue()
+        self.received: queue.Queue[Frame] = queue.Queue()
         self._decoder = FrameDecoder()
         peripheral.on_write = self._take
         peripheral.on_notifying = self._connection
 
     def _take(self, data: bytes) -> None:
         for frame in self._decoder.feed(data):
-            self.told.put(frame)
+            self.received.put(frame)
 
     def _connection(self, listening: bool) -> None:
         self._decoder = FrameDecoder()
 
     def next(self) -> tuple[int, Message]:
-        frame = self.told.get(timeout=TIMEOUT_S)
+        frame = self.received.get(timeout=TIMEOUT_S)
         return frame.seq, frame.message
 
 
-def test_a_hub_is_told_what_it_needs_at_every_connection(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+def test_settings_are_sent_at_every_connection(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     clock = ManualClock(NOW_NS)
     recording = RecordingHub(hub)
     source = with_commands(open_source("ble://Treadlink-FL?scan=0.2&rate=9600", clock), clock)
@@ -181,71 +183,71 @@ def test_a_hub_is_told_what_it_needs_at_every_connection(bluez: BluezStandIn, hu
     bluez.run(bluez.service.lose(hub, advertising=True))
     reader.event(LinkEventKind.LOST)
     reader.event(LinkEventKind.RESTORED)
-    told = [recording.next() for _ in range(3)]
-    assert [seq for seq, _ in told] == [0, 1, 2]
-    assert told[1:] == [(1, SetRate(9600.0)), (2, SetStream(True))]
-    assert isinstance(told[0][1], SetTime)
-    assert told[0][1].host_ns > NOW_NS
+    commands = [recording.next() for _ in range(3)]
+    assert [seq for seq, _ in commands] == [0, 1, 2]
+    assert commands[1:] == [(1, SetRate(9600.0)), (2, SetStream(True))]
+    assert isinstance(commands[0][1], SetTime)
+    assert commands[0][1].host_ns > NOW_NS
 
 
-def test_a_hub_that_does_not_answer_is_said_not_to(bluez: BluezStandIn, hub: Peripheral) -> None:
+def test_missing_reply_is_an_error(bluez: BluezStandIn, hub: Peripheral) -> None:
     RecordingHub(hub)
     source = open_source("ble://Treadlink-FL?scan=0.2", SystemClock())
     assert isinstance(source, BleSource)
-    with pytest.raises(SourceError, match="did not answer"):
-        carry_out(source, SetStream(True), timeout_s=0.2)
+    with pytest.raises(SourceError, match="did not reply"):
+        execute(source, SetStream(True), timeout_s=0.2)
     assert not hub.connected
 
 
-def test_a_hub_that_leaves_before_it_answers(bluez: BluezStandIn, hub: Peripheral) -> None:
+def test_hub_lost_before_its_reply(bluez: BluezStandIn, hub: Peripheral) -> None:
     hub.on_write = lambda _: bluez.service._spawn(bluez.service.lose(hub))
     source = open_source("ble://Treadlink-FL?scan=0.2", SystemClock())
     assert isinstance(source, BleSource)
     with pytest.raises(SourceError, match="lost unexpectedly"):
-        carry_out(source, SetStream(True), TIMEOUT_S)
+        execute(source, SetStream(True), TIMEOUT_S)
 
 
-def test_sources_that_cannot_be_told_stay_as_they_are() -> None:
+def test_read_only_sources_are_not_wrapped() -> None:
     source = open_source("serial:/dev/ttyNO", ManualClock())
     assert with_commands(source, ManualClock()) is source
 
 
-def test_commands_go_to_everyone_on_the_link() -> None:
+def test_commands_address_every_hub() -> None:
     (frame,) = FrameDecoder().feed(command_frame(SetTime(5), 7))
     assert frame == Frame(MessageType.SET_TIME, 255, 255, 7, 0, SetTime(5))
 
 
 @pytest.mark.parametrize(
-    ("result", "says"),
+    ("result", "words"),
     [
-        (CommandResult(1, MessageType.SET_RATE, Outcome.DONE), ""),
-        (CommandResult(1, MessageType.SET_RATE, Outcome.VALUE_REFUSED), "SET_RATE: it refuses the value"),
-        (CommandResult(1, 99, Outcome.UNKNOWN_COMMAND), "command 99: it does not know this command"),
-        (CommandResult(1, MessageType.HELLO, 200), "command 1: outcome 200"),
+        (CommandResult(1, MessageType.SET_RATE, Outcome.DONE), None),
+        (CommandResult(1, MessageType.SET_RATE, Outcome.VALUE_REFUSED), "did not execute SET_RATE: value refused"),
+        (CommandResult(1, 99, Outcome.UNKNOWN_COMMAND), "did not execute command 99: unknown command"),
+        (CommandResult(1, MessageType.HELLO, 200), "did not execute command 1: outcome 200"),
     ],
 )
-def test_answers_in_words(result: CommandResult, says: str) -> None:
-    assert refusal(result) == says
+def test_refusals_have_a_reason(result: CommandResult, words: str | None) -> None:
+    refused = refusal(result)
+    assert (None if refused is None else text(refused)) == words
 
 
-def test_the_user_is_told_of_a_refusal_and_of_the_signal() -> None:
+def test_refusal_and_signal_are_reported() -> None:
     core = SessionCore(None)
-    told: list[str] = []
-    core.on_notice = told.append
-    core.take(LinkEvent("ble:x", NOW_NS, LinkEventKind.CONNECTED, "open", rssi_dbm=-71))
+    core.take(LinkEvent("ble:x", NOW_NS, LinkEventKind.CONNECTED, rssi_dbm=-71))
     assert core.snapshot(0.0).links[0].rssi_dbm == -71
     refused = CommandResult(1, MessageType.SET_RATE, Outcome.VALUE_REFUSED)
     for seq, message in enumerate([refused, HubStatus(0, 5, 3.0, 0.1, None, 0, 0, 0, 0)]):
         type_ = MessageType.COMMAND_RESULT if isinstance(message, CommandResult) else MessageType.HUB_STATUS
         core.take(Chunk("ble:x", NOW_NS, encode_frame(Frame(type_, 3, HUB_ITSELF, seq, 0, message))))
-    assert told[-1] == "hub 3 did not do as told: SET_RATE: it refuses the value"
+    notice = core.take_notices()[-1]
+    assert (notice.subject, notice.reason.code) == ("hub 3", Code.COMMAND_REFUSED)
     assert core.snapshot(0.0).links[0].rssi_dbm == -71
     status = HubStatus(0, 5, 3.0, 0.1, -40, 0, 0, 0, 0)
     core.take(Chunk("ble:x", NOW_NS, encode_frame(Frame(MessageType.HUB_STATUS, 3, HUB_ITSELF, 2, 0, status))))
     assert core.snapshot(0.0).links[0].rssi_dbm == -40
 
 
-def test_a_hub_sends_and_counts_nothing_while_nobody_listens() -> None:
+def test_hub_counts_nothing_without_a_listener() -> None:
     hub = BleHub(0, Peripheral("00:00:5E:00:53:00", "X"))
     frames = [Frame(MessageType.LOG_TEXT, 0, HUB_ITSELF, seq, 0, LogText(1, "x")) for seq in range(5)]
     assert [list(hub.outgoing(frame)) for frame in frames[:3]] == [[], [], []]

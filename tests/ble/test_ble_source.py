@@ -1,4 +1,4 @@
-"""Hubs over Bluetooth LE: the real bleak on a real D-Bus, against BlueZ's stand-in."""
+"""Hubs on Bluetooth LE: bleak on a private D-Bus with a stand-in for BlueZ."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from firmware_protocol.messages import Frame, MessageType, SampleBlock
 from gateway.clock import ManualClock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io import ble_link
-from gateway.io.ble import BleSource, scan
 from gateway.io.ble_link import BleLink, BleSettings
+from gateway.io.ble_source import BleSource, scan_devices
 from gateway.io.source import LinkEventKind, Source, open_source
+from gateway.reasons import Code, Reason
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.peripheral import UART_FROM_HUB, UART_TO_HUB, Peripheral
+from gateway.views.wording import text
 from tests.ble.conftest import ADDRESSES
 from tests.testkit.hub_ends import TIMEOUT_S, Reader
 
@@ -49,9 +51,9 @@ def send(bluez: BluezStandIn, hub: Peripheral, payloads: list[bytes]) -> None:
     assert bluez.run(bluez.service.notify(hub, payloads)) == len(payloads)
 
 
-def test_a_scan_tells_signal_and_battery(bluez: BluezStandIn, hub: Peripheral) -> None:
+def test_scan_reports_signal_and_battery(bluez: BluezStandIn, hub: Peripheral) -> None:
     bluez.add(Peripheral(ADDRESSES[1], "Headphones", rssi_dbm=-40, service="0000110b-0000-1000-8000-00805f9b34fb"))
-    around = scan(0.2)
+    around = scan_devices(0.2)
     assert around.fault is None
     assert [(s.name, s.rssi_dbm, s.battery_percent, s.is_hub) for s in around.sightings] == [
         ("Headphones", -40, None, False),
@@ -60,12 +62,12 @@ def test_a_scan_tells_signal_and_battery(bluez: BluezStandIn, hub: Peripheral) -
 
 
 @pytest.mark.parametrize("target", ["Treadlink-FL", "treadlink-fl", ADDRESSES[0], ADDRESSES[0].lower()])
-def test_a_hub_is_found_by_name_and_by_address(bluez: BluezStandIn, hub: Peripheral, read: Read, target: str) -> None:
+def test_hub_is_found_by_name_and_address(bluez: BluezStandIn, hub: Peripheral, read: Read, target: str) -> None:
     reader = read(opened(target))
     connected = reader.event(LinkEventKind.CONNECTED)
     assert connected.rssi_dbm == -57
-    for told in ("Treadlink-FL", ADDRESSES[0], "MTU 247", "battery 83 %"):
-        assert told in connected.text
+    for words in ("Treadlink-FL", ADDRESSES[0], "MTU 247", "battery 83 %"):
+        assert words in text(connected.reason)
     send(bluez, hub, [b"hello"])
     assert data(reader, 5) == b"hello"
 
@@ -82,7 +84,7 @@ def test_twenty_thousand_notifications_by_socket(bluez: BluezStandIn, hub: Perip
     payloads = [bytes(row) for row in np.random.default_rng(8).integers(0, 256, (20_000, 244), dtype=np.uint8)]
     reader = read(opened("Treadlink-FL", f"{SCAN}&notify=socket"))
     reader.event(LinkEventKind.CONNECTED)
-    # The socket holds 167 of them (its buffer's size), and BlueZ drops what finds no room: not more at once.
+    # The buffer of the socket holds 167 of them, and BlueZ drops the rest: no larger bursts.
     for at in range(0, len(payloads), 160):
         burst = payloads[at : at + 160]
         send(bluez, hub, burst)
@@ -103,10 +105,10 @@ def test_frames_split_over_notifications_and_merged_in_one(bluez: BluezStandIn, 
     assert decoder.counters.crc_errors == decoder.counters.noise_bytes == 0
 
 
-def test_a_link_lost_inside_a_frame_costs_that_frame_only(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+def test_link_lost_inside_a_frame_loses_that_frame(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     hub.mtu = 185  # a frame takes two notifications
     reader, decoder = read(opened("Treadlink-FL")), FrameDecoder()
-    assert "MTU 185 is less than the 247" in reader.event(LinkEventKind.CONNECTED).text
+    assert Reason(Code.MTU_TOO_SMALL, mtu=185, needed=247) in reader.event(LinkEventKind.CONNECTED).details
     before, cut, after = frames(5), frames(1, 5), frames(5, 6)
     halves = [half for frame in before for half in (frame[:182], frame[182:])]
     send(bluez, hub, [*halves, cut[0][:182]])
@@ -123,7 +125,7 @@ def test_a_link_lost_inside_a_frame_costs_that_frame_only(bluez: BluezStandIn, h
 
 
 @pytest.mark.parametrize("forgotten", [False, True], ids=["known to BlueZ", "forgotten by BlueZ"])
-def test_a_hub_vanishes_and_comes_back(bluez: BluezStandIn, hub: Peripheral, read: Read, forgotten: bool) -> None:
+def test_lost_hub_is_reconnected(bluez: BluezStandIn, hub: Peripheral, read: Read, forgotten: bool) -> None:
     reader = read(opened("Treadlink-FL", "scan=0.2"))
     reader.event(LinkEventKind.CONNECTED)
     bluez.run(bluez.service.lose(hub))
@@ -133,7 +135,7 @@ def test_a_hub_vanishes_and_comes_back(bluez: BluezStandIn, hub: Peripheral, rea
     assert f"no hub at {ADDRESSES[0]} answers" in reader.event(LinkEventKind.RETRYING).text
     hub.advertising = True
     restored = reader.event(LinkEventKind.RESTORED)
-    assert ADDRESSES[0] in restored.text
+    assert ADDRESSES[0] in text(restored.reason)
     assert restored.rssi_dbm == -57
     send(bluez, hub, [b"again"])
     assert data(reader, 5) == b"again"
@@ -150,10 +152,10 @@ def test_two_hubs_of_one_name_need_an_address(bluez: BluezStandIn, hub: Peripher
     assert ADDRESSES[1] in str(error)
     assert "ble://C0:FF:EE" in error.remedy
     by_address = read(opened(ADDRESSES[1]))
-    assert ADDRESSES[1] in by_address.event(LinkEventKind.CONNECTED).text
+    assert ADDRESSES[1] in text(by_address.event(LinkEventKind.CONNECTED).reason)
 
 
-def test_a_second_hub_of_the_name_is_not_taken_for_the_first(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+def test_second_hub_of_the_name_is_not_connected(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     reader = read(opened("Treadlink-FL", "scan=0.2"))
     reader.event(LinkEventKind.CONNECTED)
     other = bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL"))
@@ -163,19 +165,19 @@ def test_a_second_hub_of_the_name_is_not_taken_for_the_first(bluez: BluezStandIn
     assert f"no hub at {ADDRESSES[0]}" in retrying.text
     assert not other.connected
     hub.advertising = True
-    assert ADDRESSES[0] in reader.event(LinkEventKind.RESTORED).text
+    assert ADDRESSES[0] in text(reader.event(LinkEventKind.RESTORED).reason)
 
 
-def test_asked_for_disconnects_are_told_apart(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+def test_requested_disconnect_is_marked(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     reader = read(opened("Treadlink-FL"))
     reader.event(LinkEventKind.CONNECTED)
     reader.stop.set()
-    assert "as asked" in reader.event(LinkEventKind.ENDED).text
+    assert reader.event(LinkEventKind.ENDED).details == (Reason(Code.LINK_DISCONNECTED),)
     assert reader.next() is None
     assert not hub.connected
 
 
-def test_several_hubs_at_once_each_by_its_own_source(bluez: BluezStandIn, read: Read) -> None:
+def test_several_hubs_at_once(bluez: BluezStandIn, read: Read) -> None:
     hubs = [bluez.add(Peripheral(address, f"Hub {i}")) for i, address in enumerate(ADDRESSES[:4])]
     readers = [read(opened(f"Hub%20{i}")) for i in range(4)]
     for reader in readers:
@@ -191,14 +193,14 @@ def test_several_hubs_at_once_each_by_its_own_source(bluez: BluezStandIn, read: 
     assert data(readers[3], 10) == b"still here"
 
 
-def test_what_fails_once_is_tried_again(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+def test_single_failure_is_retried(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     hub.failures = [("org.bluez.Error.InProgress", "busy"), ("org.bluez.Error.Failed", "Input/output error")]
     reader = read(opened("Treadlink-FL", "scan=0.2"))
     reader.event(LinkEventKind.CONNECTED)
     assert hub.failures == []
 
 
-def test_what_fails_for_good_is_told(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+def test_lasting_failure_is_raised(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     hub.failures = [("org.bluez.Error.Failed", "Input/output error")] * 3
     reader = read(opened("Treadlink-FL", "scan=0.2"))
     assert reader.next() is None
@@ -207,9 +209,7 @@ def test_what_fails_for_good_is_told(bluez: BluezStandIn, hub: Peripheral, read:
     assert "Input/output error" in str(reader.error)
 
 
-def test_an_unknown_hub_is_said_to_be_missing_with_those_around(
-    bluez: BluezStandIn, hub: Peripheral, read: Read
-) -> None:
+def test_unknown_hub_lists_those_in_range(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     reader = read(opened("Treadlink-RR", "scan=0.2"))
     assert reader.next() is None
     assert isinstance(reader.error, SourceError)
@@ -217,7 +217,7 @@ def test_an_unknown_hub_is_said_to_be_missing_with_those_around(
     assert f"Treadlink-FL at {ADDRESSES[0]} (-57 dBm)" in reader.error.remedy
 
 
-def test_characteristics_count_by_uuid_and_property(bluez: BluezStandIn, read: Read) -> None:
+def test_characteristics_need_uuid_and_property(bluez: BluezStandIn, read: Read) -> None:
     written = threading.Event()
     swapped = Peripheral(
         ADDRESSES[0],
@@ -238,7 +238,7 @@ def test_characteristics_count_by_uuid_and_property(bluez: BluezStandIn, read: R
     assert written.wait(TIMEOUT_S)
     mute_reader = read(opened("Mute", "scan=0.2"))
     assert mute_reader.next() is None
-    assert "is no treadlink hub" in str(mute_reader.error)
+    assert "is not a treadlink hub" in str(mute_reader.error)
     listening = opened("Deaf", "scan=0.2")
     read(listening).event(LinkEventKind.CONNECTED)
     assert deaf.connected
@@ -246,13 +246,22 @@ def test_characteristics_count_by_uuid_and_property(bluez: BluezStandIn, read: R
         listening.send(b"y")
 
 
-@pytest.mark.parametrize(("mtu", "told"), [(None, "MTU not told"), (23, "MTU not told"), (100, "MTU 100 is less than")])
-def test_an_mtu_too_small_is_told(bluez: BluezStandIn, hub: Peripheral, read: Read, mtu: int | None, told: str) -> None:
+@pytest.mark.parametrize(
+    ("mtu", "reason"),
+    [
+        (None, Reason(Code.MTU_UNKNOWN, needed=247)),
+        (23, Reason(Code.MTU_UNKNOWN, needed=247)),
+        (100, Reason(Code.MTU_TOO_SMALL, mtu=100, needed=247)),
+    ],
+)
+def test_small_mtu_is_reported(
+    bluez: BluezStandIn, hub: Peripheral, read: Read, mtu: int | None, reason: Reason
+) -> None:
     hub.mtu = mtu
-    assert told in read(opened("Treadlink-FL", "scan=0.2")).event(LinkEventKind.CONNECTED).text
+    assert reason in read(opened("Treadlink-FL", "scan=0.2")).event(LinkEventKind.CONNECTED).details
 
 
-def test_a_hub_that_this_computer_still_holds_is_found(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+def test_hub_still_connected_is_found(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     # As a killed program leaves it: connected, so that it does not advertise.
     first = read(opened("Treadlink-FL"))
     first.event(LinkEventKind.CONNECTED)
@@ -275,7 +284,7 @@ def test_silence_counts_as_a_lost_link(bluez: BluezStandIn, hub: Peripheral, rea
     reader.event(LinkEventKind.RESTORED)
 
 
-def test_no_descriptor_is_left_behind_by_lost_links(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
+def test_lost_links_leave_no_descriptor_open(bluez: BluezStandIn, hub: Peripheral, read: Read) -> None:
     descriptors = Path("/proc/self/fd")
     if not descriptors.exists():
         pytest.skip("counts descriptors in /proc")
@@ -292,9 +301,7 @@ def test_no_descriptor_is_left_behind_by_lost_links(bluez: BluezStandIn, hub: Pe
     assert [cycle() for _ in range(20)][-1] <= first
 
 
-def test_a_reader_that_is_too_slow_is_told_what_it_missed(
-    bluez: BluezStandIn, hub: Peripheral, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_slow_reader_reports_drops(bluez: BluezStandIn, hub: Peripheral, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ble_link, "_PENDING_BYTES", 1000)
     source = BleSource(BleSettings("Treadlink-FL", scan_s=0.2), ManualClock())
     items, stop = source.items(threading.Event()), threading.Event()
@@ -302,15 +309,15 @@ def test_a_reader_that_is_too_slow_is_told_what_it_missed(
     send(bluez, hub, [b"0123456789" * 20] * 8)
     link = source._current
     assert isinstance(link, BleLink)
-    while link._dropped < 3:  # the rest is on its way through the bus
+    while link._dropped < 3:  # the rest is still on the bus
         stop.wait(0.01)
     assert len(getattr(next(items), "data", b"")) == 1000
-    assert "3 notifications of ble:Treadlink-FL were dropped" in getattr(next(items), "text", "")
+    assert getattr(next(items), "details", ()) == (Reason(Code.NOTIFICATIONS_DROPPED, count=3),)
     items.close()
     assert not hub.connected
 
 
-def test_writing_to_a_hub_that_is_not_connected() -> None:
+def test_write_without_connection_raises() -> None:
     with pytest.raises(LinkLostError, match="is not connected"):
         opened("Anything").send(b"x")
     with pytest.raises(LinkLostError, match="is not connected"):
@@ -334,12 +341,12 @@ def test_wrong_options_are_named(options: str, says: str) -> None:
     assert caught.value.remedy
 
 
-def test_a_near_miss_is_suggested() -> None:
+def test_similar_option_is_suggested() -> None:
     with pytest.raises(SourceError) as caught:
         opened("X", "adaptor=hci1")
     assert "Did you mean adapter?" in caught.value.remedy
 
 
-def test_an_address_that_is_none_is_refused() -> None:
+def test_invalid_address_is_refused() -> None:
     with pytest.raises(SourceError, match="cannot be read"):
         open_source("ble://[hub", ManualClock())

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from gateway.closure.observation import Remark
 from gateway.config.vehicle import parse_vehicle
+from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.session.campaign import read_campaign
-from gateway.session.provenance import GIVEN, stated
+from gateway.session.provenance import stated_conditions
 from gateway.views.report.diagnosis_json import diagnosis_json
 from gateway.views.report.html import diagnosis_html
+from gateway.views.wording import text
 from tests.testkit.campaign_recordings import START_NS, write_recording
 from tests.testkit.diagnosis_data import ordinary
 
@@ -26,8 +30,12 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_recording(tmp_path_factory.mktemp("stated") / "rec.mcap", AT_60, wheels=(keys,))
 
 
+def words(remarks: Iterable[Remark]) -> tuple[str, ...]:
+    return tuple(text(remark) if isinstance(remark, Reason) else remark for remark in remarks)
+
+
 def test_recorded_configuration_is_stated(recording: Path) -> None:
-    assert read_campaign([recording]).stated == (
+    assert words(read_campaign([recording]).stated) == (
         f"belt radius 320 mm {RECORDED}",
         f"load 4300 N {RECORDED}",
         "pressure 210 kPa (measured by the sensor)",
@@ -40,25 +48,27 @@ def test_given_configuration_is_stated(recording: Path) -> None:
     vehicle = parse_vehicle(
         "[tire]\nradius_mm = 315\n[[wheel]]\nposition = 'W0'\nhub = 0\nwheel = 0\nload_n = 4000", "test"
     )
-    assert read_campaign([recording], vehicle=vehicle).stated == (
+    assert words(read_campaign([recording], vehicle=vehicle).stated) == (
         "belt radius 315 mm (--config)",
         "load 4000 N (--config)",
         "pressure 210 kPa (measured by the sensor)",
-        "mounting offset 0 mm below the neutral layer (--config, which leaves it out)",
+        "mounting offset 0 mm below the neutral layer (default, as --config does not give it)",
     )
 
 
 def test_unmeasured_pressure_is_the_stated_one(recording: Path) -> None:
     vehicle = parse_vehicle(RecordingReader(recording).vehicle_toml or "", "test")
-    told = stated(vehicle, vehicle.wheel[0], read_campaign([recording]).groups, GIVEN, pressure_measured=False)
-    assert "pressure 210 kPa (--config)" in told
+    told = stated_conditions(
+        vehicle, vehicle.wheel[0], read_campaign([recording]).groups, Code.FROM_CONFIGURATION, pressure_measured=False
+    )
+    assert "pressure 210 kPa (--config)" in words(told)
 
 
 def test_differing_values_name_their_recording(recording: Path, tmp_path: Path) -> None:
     other = write_recording(
         tmp_path / "other.mcap", AT_60, wheels=("load_n = 3500.0",), duration_s=3.0, start_ns=START_NS + 10**11
     )
-    told = read_campaign([recording, other], jobs=1).stated
+    told = words(read_campaign([recording, other], jobs=1).stated)
     assert f"belt radius 320 mm {RECORDED}" in told
     assert f"load 4300 N {RECORDED}: rec.mcap" in told
     assert f"load 3500 N {RECORDED}: other.mcap" in told
@@ -71,15 +81,15 @@ def test_assumed_configuration_value_is_not_stated(recording: Path) -> None:
         "test",
     )
     campaign = read_campaign([recording], vehicle=vehicle)
-    assert campaign.stated[0] == "load 4000 N (--config)"
+    assert words(campaign.stated)[0] == "load 4000 N (--config)"
     assert campaign.assumed[0] == "belt radius 315 mm: not stated"
 
 
 def test_missing_configuration_is_assumed(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "bare.mcap", AT_60, configured=False, duration_s=3.0)
     campaign = read_campaign([path])
-    assert campaign.stated == ("pressure 210 kPa (measured by the sensor)",)
-    assert any("belt radius" in text for text in campaign.assumed)
+    assert words(campaign.stated) == ("pressure 210 kPa (measured by the sensor)",)
+    assert any("belt radius" in text for text in words(campaign.assumed))
 
 
 def test_inputs_are_in_page_and_json() -> None:

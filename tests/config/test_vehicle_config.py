@@ -20,6 +20,7 @@ from gateway.config.vehicle import (
 )
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
+from gateway.reasons import Code
 
 EXAMPLE = """
 [vehicle]
@@ -225,8 +226,9 @@ def test_default_vehicle_states_its_assumption() -> None:
     assert [setup.position for setup in config.wheel_setups()] == ["hub0.wheel1", "hub2.wheel3"]
     assert {setup.radius_m for setup in config.wheel_setups()} == {0.32}
     assert all(setup.load_n is None and setup.pressure_pa is None for setup in config.wheel_setups())
-    assert "radius_mm" in config.notices()[0]
-    assert "assumed" in config.notices()[0]
+    (notice,) = config.notices()
+    assert notice.reason.code is Code.ASSUMED_NOT_MEASURED
+    assert "radius_mm" in str(notice.reason["text"])
     assert parse_vehicle(config.to_toml(), "round") == config
 
 

@@ -1,4 +1,4 @@
-"""Fixtures: a serial port and a TCP hub to play with, and a thread that reads a source."""
+"""Fixtures: a serial port, a TCP hub, and a thread that reads a source."""
 
 from __future__ import annotations
 

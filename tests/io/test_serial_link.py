@@ -1,4 +1,4 @@
-"""Serial ports through real pseudo-terminals and the real pyserial."""
+"""Serial ports: pyserial on pseudo-terminals."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def test_bytes_arrive_unchanged_in_few_reads(pty_port: PtyPort, read: Read) -> N
     data = np.random.default_rng(1).integers(0, 256, 300_000, dtype=np.uint8).tobytes()
     reader = read(open_source(f"serial://{pty_port.path}?baudrate=921600", ManualClock()))
     connected = reader.event(LinkEventKind.CONNECTED)
-    assert str(pty_port.path) in connected.text
+    assert str(pty_port.path) in connected.link
     pty_port.send(data)
     chunks = reader.bytes(len(data))
     assert b"".join(chunk.data for chunk in chunks) == data
     assert len(chunks) < len(data) / 50, "reads are not big"
 
 
-def test_unplugging_is_told_and_replugging_resumes(pty_port: PtyPort, read: Read) -> None:
+def test_unplugged_port_is_reported_and_reopened(pty_port: PtyPort, read: Read) -> None:
     reader = read(open_source(f"serial:{pty_port.path}", ManualClock()))
     reader.event(LinkEventKind.CONNECTED)
     pty_port.send(b"before")
@@ -47,7 +47,7 @@ def test_unplugging_is_told_and_replugging_resumes(pty_port: PtyPort, read: Read
     assert b"".join(chunk.data for chunk in reader.bytes(5)) == b"after"
 
 
-def test_missing_port_names_those_present(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, read: Read) -> None:
+def test_missing_port_lists_those_present(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, read: Read) -> None:
     monkeypatch.setattr("gateway.io.serial_link.present_ports", lambda: ["/dev/ttyUSB3 (FT232R)"])
     reader = read(open_source(f"serial:{tmp_path}/ttyNO", ManualClock()))
     assert reader.next() is None
@@ -56,7 +56,7 @@ def test_missing_port_names_those_present(monkeypatch: pytest.MonkeyPatch, tmp_p
     assert "/dev/ttyUSB3 (FT232R)" in reader.error.remedy
 
 
-def test_no_port_at_all_offers_the_simulator() -> None:
+def test_no_port_suggests_the_simulator() -> None:
     error = explain_open_error("/nowhere/ttyUSB0", FileNotFoundError(errno.ENOENT, "no"), [])
     assert "sim:demo" in error.remedy
 
@@ -80,7 +80,7 @@ def test_permission_names_the_group(pty_port: PtyPort) -> None:
 
 
 @pytest.mark.parametrize("make", [Path.mkdir, Path.touch])
-def test_what_is_no_port_is_said_to_be_none(tmp_path: Path, read: Read, make: Callable[[Path], None]) -> None:
+def test_other_files_are_not_serial_ports(tmp_path: Path, read: Read, make: Callable[[Path], None]) -> None:
     make(tmp_path / "thing")
     reader = read(open_source(f"serial:{tmp_path}/thing", ManualClock()))
     assert reader.next() is None
@@ -104,7 +104,7 @@ def test_wrong_options_are_named(options: dict[str, str], says: str) -> None:
     assert caught.value.remedy
 
 
-def test_a_near_miss_is_suggested() -> None:
+def test_similar_option_is_suggested() -> None:
     with pytest.raises(SourceError) as caught:
         serial_settings({"baud": "9600"})
     assert "Did you mean baudrate?" in caught.value.remedy

@@ -1,4 +1,4 @@
-"""What every source promises, held against all of them."""
+"""Contract of the protocol `Source`, for every source."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def read_some(source: Source, send: Callable[[], None], reader: Reader) -> list[
     return items
 
 
-def test_chunks_are_never_empty_and_in_order_under_one_name(opened: Opened, read: Callable[[Source], Reader]) -> None:
+def test_chunks_are_ordered_and_not_empty(opened: Opened, read: Callable[[Source], Reader]) -> None:
     source, send = opened
     name = source.link
     items = read_some(source, send, read(source))
@@ -98,7 +98,7 @@ def test_chunks_are_never_empty_and_in_order_under_one_name(opened: Opened, read
     assert source.vehicle_toml is None or "[vehicle]" in source.vehicle_toml
 
 
-def test_stopping_ends_it(opened: Opened, read: Callable[[Source], Reader]) -> None:
+def test_stop_ends_items(opened: Opened, read: Callable[[Source], Reader]) -> None:
     source, send = opened
     reader = read(source)
     read_some(source, send, reader)
@@ -106,16 +106,14 @@ def test_stopping_ends_it(opened: Opened, read: Callable[[Source], Reader]) -> N
     assert reader.error is None
 
 
-def test_stopping_before_it_begins_ends_it(opened: Opened) -> None:
+def test_stop_before_start_ends_items(opened: Opened) -> None:
     source, _ = opened
     stop = threading.Event()
     stop.set()
     assert not [item for item in source.items(stop) if isinstance(item, Chunk)]
 
 
-def test_closing_from_another_thread_ends_it_and_twice_is_fine(
-    opened: Opened, read: Callable[[Source], Reader]
-) -> None:
+def test_close_from_another_thread_ends_items(opened: Opened, read: Callable[[Source], Reader]) -> None:
     source, send = opened
     reader = read(source)
     read_some(source, send, reader)
@@ -126,7 +124,7 @@ def test_closing_from_another_thread_ends_it_and_twice_is_fine(
     assert reader.error is None
 
 
-def test_closed_before_it_begins_it_gives_no_chunk(opened: Opened) -> None:
+def test_closed_source_gives_no_chunk(opened: Opened) -> None:
     source, _ = opened
     source.close()
     source.close()

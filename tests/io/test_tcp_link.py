@@ -15,7 +15,7 @@ from tests.testkit.hub_ends import Reader, TcpHub
 Read = Callable[[Source], Reader]
 
 
-def test_bytes_arrive_and_a_closing_peer_is_a_lost_link(tcp_hub: TcpHub, read: Read) -> None:
+def test_closing_peer_is_a_lost_link(tcp_hub: TcpHub, read: Read) -> None:
     data = np.random.default_rng(2).integers(0, 256, 200_000, dtype=np.uint8).tobytes()
     reader = read(open_source(f"tcp://127.0.0.1:{tcp_hub.port}", ManualClock()))
     with tcp_hub.accept() as hub:
@@ -32,7 +32,7 @@ def test_bytes_arrive_and_a_closing_peer_is_a_lost_link(tcp_hub: TcpHub, read: R
         assert b"".join(chunk.data for chunk in reader.bytes(5)) == b"again"
 
 
-def test_a_hub_that_went_off_is_retried(tcp_hub: TcpHub, read: Read) -> None:
+def test_switched_off_hub_is_retried(tcp_hub: TcpHub, read: Read) -> None:
     reader = read(open_source(f"tcp://127.0.0.1:{tcp_hub.port}", ManualClock()))
     hub = tcp_hub.accept()
     reader.event(LinkEventKind.CONNECTED)
@@ -45,7 +45,7 @@ def test_a_hub_that_went_off_is_retried(tcp_hub: TcpHub, read: Read) -> None:
     assert "refused" in retrying.text
 
 
-def test_nobody_listening_fails_at_once(tcp_hub: TcpHub, read: Read) -> None:
+def test_refused_connection_raises_at_once(tcp_hub: TcpHub, read: Read) -> None:
     tcp_hub.close()
     reader = read(open_source(f"tcp://127.0.0.1:{tcp_hub.port}", ManualClock()))
     assert reader.next() is None

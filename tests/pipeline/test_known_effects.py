@@ -21,6 +21,7 @@ from gateway.signal.effect_correction import EffectParameter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
+from gateway.views.wording import notice_text
 from tests.testkit.simulated_wheel import simulated
 
 STEADY = "[motion]\nspeed_kmh = 70.0"
@@ -188,4 +189,4 @@ def test_live_and_batch_apply_the_same_correction(table):
     plain = []
     estimate_items(Items(), vehicle, plain.append, estimators=ESTIMATORS)
     assert np.abs(plain[-1].revolution.axes_mps2 - batch[-1].revolution.axes_mps2).max() > 10
-    assert any("edge waves" in notice for notice in core.snapshot(0.0).notices)
+    assert any("edge waves" in notice_text(notice) for notice in core.snapshot(0.0).notices)

@@ -7,16 +7,17 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from gateway.clock import SystemClock
+from gateway.config.vehicle import VehicleConfig
 from gateway.io.source import LinkItem
-from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
+from gateway.session.recording_stage import Recorder
 from gateway.views.session_summary import ResultSummary
 
 TIMEOUT_S = 30.0
 
 
 class Items:
-    """A source of given items; `before_end` runs in its thread when they are handed over."""
+    """A source of given items; `before_end` runs in its thread after the last one."""
 
     vehicle_toml = None
 
@@ -72,7 +73,16 @@ class SlowWriter:
         self.closed = True
 
 
-def start(source: Items, core: SessionCore, *, patient: bool = True) -> LiveSession:
-    live = LiveSession([source], core, SystemClock(), patient=[patient], summary=ResultSummary())
+def prepare(
+    source: Items, vehicle: VehicleConfig, recorder: Recorder | None = None, *, patient: bool = True
+) -> LiveSession:
+    """Return a session that is not started yet."""
+    return LiveSession([source], vehicle, SystemClock(), patient=[patient], summary=ResultSummary(), recorder=recorder)
+
+
+def start(
+    source: Items, vehicle: VehicleConfig, recorder: Recorder | None = None, *, patient: bool = True
+) -> LiveSession:
+    live = prepare(source, vehicle, recorder, patient=patient)
     live.start()
     return live

@@ -11,6 +11,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.framing import next_frame
 from gateway.clock import ManualClock
 from gateway.io.source import Chunk, LinkItem, open_source
+from gateway.reasons import Notice
 from gateway.session.core import SessionCore
 
 
@@ -43,14 +44,13 @@ def readdressed(frame: bytes, *, version: int = wire.VERSION_BYTE, flags: int = 
     return encode_raw(kind, payload, frame[5], frame[6], seq, tick_us, version=version, flags=flags)
 
 
-def told(core: SessionCore, items: Iterable[LinkItem]) -> list[str]:
-    """Run items through a session; return everything it told the user."""
-    notices: list[str] = []
-    core.on_notice = notices.append
+def notices_of(core: SessionCore, items: Iterable[LinkItem]) -> list[Notice]:
+    """Run items through a session; return its notices after the start."""
+    core.take_notices()
     for item in items:
         core.take(item)
     core.finish()
-    return notices
+    return core.take_notices()
 
 
 def decodes(data: bytes) -> int:

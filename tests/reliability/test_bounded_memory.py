@@ -1,4 +1,4 @@
-"""What grows with the length of a recording stays small."""
+"""Memory that grows with the length of a recording stays small."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def indexes(draw: st.DrawFn) -> ChunkIndex:
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(indexes(), max_size=20), st.integers(1, 80))
-def test_packed_indexes_come_back_as_they_were(entries: list[ChunkIndex], times: int) -> None:
+def test_packed_indexes_are_lossless(entries: list[ChunkIndex], times: int) -> None:
     packed = PackedIndexes("")
     for entry in entries * times:
         packed.append(entry)
@@ -50,7 +50,7 @@ def test_packed_indexes_come_back_as_they_were(entries: list[ChunkIndex], times:
     assert list(packed) == entries * times
 
 
-def test_an_hour_of_chunks_takes_little_memory() -> None:
+def test_hour_of_chunks_takes_little_memory() -> None:
     rng = np.random.default_rng(1)
     packed = PackedIndexes("")
     at = 0
@@ -64,7 +64,7 @@ def test_an_hour_of_chunks_takes_little_memory() -> None:
     assert held < 2_000_000
 
 
-def test_the_stock_reader_finds_every_chunk_by_the_index(tmp_path) -> None:
+def test_stock_reader_finds_every_chunk_by_index(tmp_path) -> None:
     path = tmp_path / "r.mcap"
     writer = RecordingWriter(path, start_ns=0)
     for number in range(2000):
@@ -81,16 +81,16 @@ def test_the_stock_reader_finds_every_chunk_by_the_index(tmp_path) -> None:
         assert sum(1 for _ in reader.iter_messages(topics=["/link/c:d/raw"])) == 667
 
 
-def test_mcap_still_keeps_its_indexes_where_they_are_replaced(tmp_path) -> None:
-    # Should a later mcap rename the list, recording goes on but memory grows: then this must be looked at again.
+def test_mcap_still_has_the_replaced_index_list(tmp_path) -> None:
+    # If a later mcap renames the list, recording still works but memory grows: the replacement must then be adapted.
     assert hasattr(Writer(str(tmp_path / "x.mcap")), "_Writer__chunk_indices")
 
 
 @pytest.mark.parametrize("speed", [0.2, 1.0, 5.0, 1000.0])
 @pytest.mark.parametrize("apart_s", [0, -3600, 3600])
 @pytest.mark.parametrize("lag_s", [0, 100])
-def test_chunks_are_a_tenth_of_a_second_long_whatever_runs_apart(tmp_path, speed, apart_s, lag_s) -> None:
-    """Items at `speed` times the clock, their clock elsewhere, what is decoded lagging: ten chunks a second still."""
+def test_chunks_are_a_tenth_of_a_second_long(tmp_path, speed, apart_s, lag_s) -> None:
+    """Items at `speed` times the clock, their times offset, decoded topics late: still ten chunks per second."""
     begin_ns, second_ns = 1_700_000_000 * 10**9, 10**9
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=begin_ns)
     seconds, step_ns = 20.0, 20_000_000
@@ -100,20 +100,20 @@ def test_chunks_are_a_tenth_of_a_second_long_whatever_runs_apart(tmp_path, speed
         writer.write_topic("/log", at_ns - lag_s * second_ns, {"level": "info", "text": "x"})
         writer.tick(begin_ns + apart_s * second_ns + round(number * step_ns / speed))
     clock_s = seconds / speed
-    # A chunk ends by either time base; in step with each other they share it, but for the 20 ms between looks.
+    # A chunk ends by either time base; in step they agree, except for the 20 ms between polls.
     assert len(writer._output._writer._Writer__chunk_indices) <= 10.0 / 0.8 * max(seconds, clock_s) + 5
     writer.close()
 
 
-def test_what_arrives_is_in_the_file_within_a_tenth_of_a_second_and_a_look(tmp_path) -> None:
-    """As the recording's thread does it: a look every 20 ms, first what waits, then the clock; arrivals in bursts."""
+def test_items_reach_the_file_within_a_chunk_and_a_poll(tmp_path) -> None:
+    """As in the recording thread: a poll every 20 ms, first waiting items, then the clock; arrivals in bursts."""
     rng = np.random.default_rng(1)
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)
     arrivals_ns = np.unique(np.cumsum(rng.choice([1_000_000, 15_000_000, 90_000_000, 400_000_000], 150)))
     waiting = [Chunk("a:b", int(at), bytes(50)) for at in arrivals_ns]
     taken: list[Chunk] = []
-    last_look_ns = int(arrivals_ns[-1]) + 200_000_000
-    for now_ns in range(0, last_look_ns, 20_000_000):
+    last_poll_ns = int(arrivals_ns[-1]) + 200_000_000
+    for now_ns in range(0, last_poll_ns, 20_000_000):
         while waiting and waiting[0].host_ns <= now_ns:
             taken.append(waiting.pop(0))
             writer.write(taken[-1])
@@ -124,7 +124,7 @@ def test_what_arrives_is_in_the_file_within_a_tenth_of_a_second_and_a_look(tmp_p
     writer.close()
 
 
-def test_the_soak_measures_times_without_keeping_them() -> None:
+def test_soak_measures_times_in_constant_memory() -> None:
     truth = SimpleNamespace(bottom_times_s=lambda begin_s, end_s: np.arange(np.ceil(begin_s), np.ceil(end_s)))
     measured = _TimeErrors({"W1": truth}, 10_000.0)  # type: ignore[dict-item]
     rng = np.random.default_rng(2)

@@ -1,4 +1,4 @@
-"""Anything may come in: no crash, bounded memory, errors that say something. Coverage-guided: tools/fuzz_atheris.py."""
+"""Arbitrary input: no crash, bounded memory, clear errors. Coverage-guided: tools/fuzz_atheris.py."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EDITS = st.lists(
 
 
 def edited(seed: bytes, edits: list[Edit]) -> bytes:
-    """Return a good input with pieces cut out and put in."""
+    """Return a good input with pieces removed and inserted."""
     data = seed
     for place, cut, piece in edits:
         at = place % (len(data) + 1)
@@ -86,13 +86,13 @@ def test_memory_is_bounded(name: str) -> None:
     assert peak < MOST_BYTES
 
 
-def test_the_targets_run_on_good_input() -> None:
+def test_targets_run_on_good_input() -> None:
     for target in TARGETS.values():
         for seed in target.seeds():
             target.run(seed)
 
 
-def test_an_error_without_words_is_a_fault_and_none_reaches_the_terminal_raw() -> None:
+def test_errors_have_words_and_are_escaped() -> None:
     from gateway.errors import TreadlinkError
     from tools.reliability import fuzz_targets
 
@@ -104,7 +104,7 @@ def test_an_error_without_words_is_a_fault_and_none_reaches_the_terminal_raw() -
     fuzz_targets._explained(error)
 
 
-def test_sample_numbers_that_jump_back_twice() -> None:
+def test_sample_numbers_jumping_back_twice() -> None:
     # Found by fuzzing: the restarted sample clock was left without its first stamp.
     from firmware_protocol.codec import encode_frame
     from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock

@@ -1,4 +1,4 @@
-"""Noise on the link: no corrupt frame accepted, no intact frame lost, back in step within one frame."""
+"""Noise on the link: no corrupt frame accepted, no intact frame lost, resynchronised within one frame."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ FRAMES = 3000
 
 
 @pytest.mark.parametrize("noise", NOISES, ids=lambda noise: noise.name)
-def test_both_decoders_deliver_exactly_what_arrived_intact(noise: Noise) -> None:
+def test_decoders_deliver_exactly_the_intact_frames(noise: Noise) -> None:
     for outcome in (through_batch(noise, FRAMES, 11), stream(noise, FRAMES, 11)):
         assert outcome.corrupt_accepted == 0
         assert outcome.intact_lost == 0
         assert outcome.delivered + outcome.duplicates == outcome.intact
-        # In step again before another frame has gone by.
+        # Resynchronised before another frame has passed.
         assert outcome.worst_delay_bytes <= wire.MAX_FRAME_BYTES
     if noise.duplicated:
         assert outcome.duplicates > 0
@@ -37,7 +37,7 @@ def test_both_decoders_deliver_exactly_what_arrived_intact(noise: Noise) -> None
         assert outcome.delivered > 0.1 * FRAMES
 
 
-def test_the_measure_itself_knows_intact_from_damaged() -> None:
+def test_measure_separates_intact_from_damaged() -> None:
     frames = Sender(1).frames(0, 100)
     data, source = disturb(frames, Noise("none"), np.random.default_rng(1))
     ends, numbers = intact_frames(source)
@@ -49,18 +49,18 @@ def test_the_measure_itself_knows_intact_from_damaged() -> None:
     assert sorted(set(range(100)) - set(numbers.tolist())) == [7, 20]
 
 
-def test_a_frame_that_is_whole_by_coincidence_counts_as_intact() -> None:
+def test_frame_complete_by_coincidence_counts_as_intact() -> None:
     frames = Sender(1).frames(0, 400)
     number = int(np.flatnonzero(frames[:-1, -1] == 0xA5)[0])
     source = np.delete(np.arange(frames.size), FRAME_BYTES * (number + 1) - 1)
     data = frames.reshape(-1)[source].tobytes()
     ends, numbers = by_coincidence(data, frames, 0, *intact_frames(source))
-    # Its last byte was lost, the next frame's first stands in for it, and that frame is gone.
+    # Its last byte was lost, the first byte of the next frame replaces it, and that frame is lost.
     assert sorted(set(range(400)) - set(numbers.tolist())) == [number + 1]
     assert (np.diff(ends) >= FRAME_BYTES).all()
 
 
-def test_a_decoder_that_forgets_its_tail_fails_this_test(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_decoder_that_drops_its_tail_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     from firmware_protocol.decoder import FrameDecoder
 
     feed = FrameDecoder.feed

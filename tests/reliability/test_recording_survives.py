@@ -1,4 +1,4 @@
-"""Recordings through kills, power cuts, full disks, vanishing folders and clocks that jump."""
+"""Recordings survive kills, power cuts, full disks, removed folders and clock steps."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import pytest
 from gateway.clock import SystemClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk
+from gateway.reasons import Code
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
 from gateway.recording.writer import RecordingWriter
@@ -49,7 +50,7 @@ def link_bytes(items) -> bytes:
 
 
 @pytest.mark.parametrize("after_s", [0.08, 0.43, 0.9])
-def test_kill_of_the_real_command_on_a_real_port(tmp_path: Path, after_s: float) -> None:
+def test_killed_command_keeps_its_recording(tmp_path: Path, after_s: float) -> None:
     chunks, toml = hub_bytes(1.5)
     (tmp_path / "vehicle.toml").write_text(toml)
     killed = kill_once(tmp_path / "kill", chunks, after_s)
@@ -58,7 +59,7 @@ def test_kill_of_the_real_command_on_a_real_port(tmp_path: Path, after_s: float)
     assert killed.repaired >= killed.ours
 
 
-def test_a_power_cut_that_truncates(recorded, tmp_path: Path) -> None:
+def test_power_cut_that_truncates(recorded, tmp_path: Path) -> None:
     path, sent = recorded
     whole = path.read_bytes()
     rng = np.random.default_rng(1)
@@ -76,13 +77,13 @@ def test_a_power_cut_that_truncates(recorded, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["zeros", "noise", "older"])
-def test_a_power_cut_that_tears_pages(recorded, tmp_path: Path, content: str) -> None:
+def test_power_cut_that_tears_pages(recorded, tmp_path: Path, content: str) -> None:
     path, sent = recorded
     whole = path.read_bytes()
     rng = np.random.default_rng(2)
     for number in range(5):
         torn = bytearray(whole)
-        # The last pages were on their way; some arrived, some did not.
+        # The last pages were being written; some arrived, some did not.
         first = len(whole) // PAGE - 16
         for page in rng.choice(np.arange(first, first + 16), 5, replace=False).tolist():
             old = {"zeros": bytes(PAGE), "noise": rng.bytes(PAGE), "older": whole[:PAGE]}[content]
@@ -111,7 +112,7 @@ main()
 
 
 @pytest.mark.parametrize("command", ["live", "record"])
-def test_a_disk_that_takes_no_more(tmp_path: Path, command: str) -> None:
+def test_full_disk_stops_the_recording_only(tmp_path: Path, command: str) -> None:
     path = tmp_path / "r.mcap"
     options = ["--plain", "--record", str(path)] if command == "live" else ["--out", str(path)]
     done = subprocess.run(
@@ -125,14 +126,14 @@ def test_a_disk_that_takes_no_more(tmp_path: Path, command: str) -> None:
     assert done.returncode == (0 if command == "live" else 1)
     assert path.stat().st_size <= 300_000
     if command == "live":
-        assert sum(line.startswith("W1 ") for line in done.stdout.splitlines()) > 60, "the live view goes on"
+        assert sum(line.startswith("W1 ") for line in done.stdout.splitlines()) > 60, "the live view continues"
     got = link_bytes(RecordingReader(path).items())
     whole, _ = simulated("sim:lab?speed=max&duration=8")
     assert link_bytes(whole).startswith(got)
     assert len(got) > 150_000
 
 
-def test_a_full_file_system(tmp_path: Path, lab) -> None:
+def test_full_file_system(tmp_path: Path, lab) -> None:
     items, vehicle = lab
     folder = tmp_path / "small"
     folder.mkdir()
@@ -144,16 +145,15 @@ def test_a_full_file_system(tmp_path: Path, lab) -> None:
         ).returncode
     )
     if not mounted:
-        pytest.skip("mounting a small file system takes root; the file size limit above stands in for it")
+        pytest.skip("mounting a small file system needs root; the file size limit above covers the case")
     try:
         path = folder / "r.mcap"
-        core = SessionCore(vehicle, recorder=RecordingWriter(path, start_ns=items[0].host_ns))
-        live = start(Items(items), core)
+        live = start(Items(items), vehicle, RecordingWriter(path, start_ns=items[0].host_ns))
         assert live.wait(TIMEOUT_S)
         snapshot = live.close()
-        (notice,) = [text for text in snapshot.notices if "RECORDING STOPPED" in text]
-        assert "disk full" in notice
-        assert "Free some space" in notice
+        (reason,) = [n.reason for n in snapshot.notices if n.reason.code is Code.RECORDING_STOPPED]
+        assert "disk full" in str(reason["error"])
+        assert "Free some space" in str(reason["remedy"])
         assert snapshot.wheels[0].counters.revolutions > 45
         got = link_bytes(RecordingReader(path).items())
         assert link_bytes(items).startswith(got)
@@ -162,11 +162,11 @@ def test_a_full_file_system(tmp_path: Path, lab) -> None:
         subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_folder_that_vanishes(tmp_path: Path, lab) -> None:
+def test_removed_folder_stops_the_recording_only(tmp_path: Path, lab) -> None:
     items, vehicle = lab
     folder = tmp_path / "gone"
     folder.mkdir()
-    core = SessionCore(vehicle, recorder=RecordingWriter(folder / "r.mcap", start_ns=items[0].host_ns))
+    writer = RecordingWriter(folder / "r.mcap", start_ns=items[0].host_ns)
 
     def vanish():
         for number, item in enumerate(items):
@@ -174,15 +174,15 @@ def test_a_folder_that_vanishes(tmp_path: Path, lab) -> None:
                 shutil.rmtree(folder)
             yield item
 
-    live = start(Items(vanish()), core)
+    live = start(Items(vanish()), vehicle, writer)
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()
-    (notice,) = [text for text in snapshot.notices if "RECORDING STOPPED" in text]
-    assert "was deleted while it was written" in notice
+    (reason,) = [n.reason for n in snapshot.notices if n.reason.code is Code.RECORDING_STOPPED]
+    assert "was deleted while it was written" in str(reason["error"])
     assert snapshot.wheels[0].counters.revolutions > 45
 
 
-def test_the_clock_of_the_gateway_does_not_follow_steps_of_the_system_clock(monkeypatch) -> None:
+def test_clock_ignores_steps_of_the_system_clock(monkeypatch) -> None:
     clock = SystemClock()
     before = clock.now_ns()
     monkeypatch.setattr(time, "time_ns", lambda: 0)
@@ -191,7 +191,7 @@ def test_the_clock_of_the_gateway_does_not_follow_steps_of_the_system_clock(monk
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, -0.5, 7200.0])
-def test_arrival_times_that_jump_cost_no_byte_and_no_revolution(tmp_path: Path, lab, step_s: float) -> None:
+def test_jumping_arrival_times_lose_nothing(tmp_path: Path, lab, step_s: float) -> None:
     items, vehicle = lab
     middle = items[len(items) // 2].host_ns
     jumped = [

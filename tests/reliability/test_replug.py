@@ -1,4 +1,4 @@
-"""A hub that is unplugged and plugged in again, on a real pseudo-terminal, through the whole session."""
+"""A hub unplugged and plugged in again, on a pseudo-terminal, through the whole session."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import pytest
 from gateway.clock import SystemClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import open_source
-from gateway.session.core import SessionCore
+from gateway.reasons import Code, Notice
 from gateway.session.live import LiveSession
 from gateway.views.session_summary import ResultSummary
+from gateway.views.wording import notice_text
 from tests.reliability.streams import chunks_of, simulated
 from tests.testkit.hub_ends import PtyPort
 
@@ -25,37 +26,41 @@ def port(tmp_path: Path):
     end.close()
 
 
-def until(live: LiveSession, seen: list[str], words: str) -> str:
-    """Wait for a notice."""
+def until(live: LiveSession, seen: list[Notice], code: Code) -> Notice:
+    """Wait for a notice with a code, at any depth of its reason."""
     for _ in range(round(TIMEOUT_S / 0.02)):
         seen += live.notices()
-        for text in seen:
-            if words in text:
-                return text
+        for notice in seen:
+            if code in codes_in(notice):
+                return notice
         assert not live.wait(0.02), seen
-    raise AssertionError(f"not told: {words}; told: {seen}")
+    raise AssertionError(f"no notice {code} in {seen}")
 
 
-def test_unplugged_and_plugged_in_again(port: PtyPort) -> None:
+def codes_in(notice: Notice) -> list[Code]:
+    return [reason.code for reason in notice.reason]
+
+
+def test_unplugged_hub_is_reconnected(port: PtyPort) -> None:
     items, toml = simulated("sim:lab?speed=max&duration=12&seed=4")
     chunks = [chunk.data for chunk in chunks_of(items)]
     half = len(chunks) // 2
-    core = SessionCore(parse_vehicle(toml, "lab"))
     source = open_source(f"serial://{port.path}", SystemClock())
-    live = LiveSession([source], core, SystemClock(), patient=[False], summary=ResultSummary())
+    vehicle = parse_vehicle(toml, "lab")
+    live = LiveSession([source], vehicle, SystemClock(), patient=[False], summary=ResultSummary())
     live.start()
-    seen: list[str] = []
-    until(live, seen, "is open")
+    seen: list[Notice] = []
+    until(live, seen, Code.LINK_CONNECTED)
     for chunk in chunks[:half]:
         port.send(chunk)
     while live.snapshot().wheels[0].counters.revolutions < 45:
         assert not live.wait(0.02)
     port.unplug()
-    assert "Plug the hub in again" in until(live, seen, "went away")
-    until(live, seen, "there is no port")
+    assert "Plug the hub in again" in notice_text(until(live, seen, Code.LINK_LOST))
+    assert "there is no port" in notice_text(until(live, seen, Code.LINK_RETRYING))
     assert any(alarm.name == "link" for alarm in live.snapshot().alarms) or not live.wait(0.2)
     port.plug()
-    assert "is back after" in until(live, seen, "is back after")
+    assert Code.LINK_AWAY in codes_in(until(live, seen, Code.LINK_RESTORED))
     before = live.snapshot().wheels[0].counters.revolutions
     for chunk in chunks[half:]:
         port.send(chunk)
@@ -65,20 +70,20 @@ def test_unplugged_and_plugged_in_again(port: PtyPort) -> None:
     snapshot = live.close()
     assert snapshot.links[0].crc_errors <= 1
     assert snapshot.links[0].duplicates == 0
-    assert sum("went away" in text for text in seen) == 1
+    assert sum(Code.LINK_LOST in codes_in(notice) for notice in seen) == 1
 
 
-def test_a_hub_that_restarts_meanwhile_is_taken_up_again(port: PtyPort) -> None:
+def test_restarted_hub_is_decoded_again(port: PtyPort) -> None:
     items, toml = simulated("sim:lab?speed=max&duration=10&seed=4&fault=reboot:at=5,gap=1")
-    core = SessionCore(parse_vehicle(toml, "lab"))
     source = open_source(f"serial://{port.path}", SystemClock())
-    live = LiveSession([source], core, SystemClock(), patient=[False], summary=ResultSummary())
+    vehicle = parse_vehicle(toml, "lab")
+    live = LiveSession([source], vehicle, SystemClock(), patient=[False], summary=ResultSummary())
     live.start()
-    seen: list[str] = []
-    until(live, seen, "is open")
+    seen: list[Notice] = []
+    until(live, seen, Code.LINK_CONNECTED)
     for chunk in chunks_of(items):
         port.send(chunk.data)
-    assert "hub 0 has restarted" in until(live, seen, "has restarted")
+    assert until(live, seen, Code.HUB_RESTARTED).subject == "hub 0"
     while live.snapshot().wheels[0].counters.revolutions < 60:
         assert not live.wait(0.02)
     live.request_stop()

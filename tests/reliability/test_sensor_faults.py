@@ -1,4 +1,4 @@
-"""Sensors at fault: what the estimates do, and that the fault is named once, at the wheel that has it and no other."""
+"""Faulty sensors: effect on the estimates, and one notice at the faulty wheel only."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from gateway.pipeline.results import Alarm, RevolutionResult
 from gateway.pipeline.sensor_health import SensorHealth, expected_pressure_change_pa, tilt_rad
-from gateway.reasons import Code, Reason
+from gateway.reasons import Code, Notice, Reason
 from gateway.session.core import SessionCore
+from gateway.views.wording import notice_text
 from tests.reliability.streams import simulated
 
 ROOT = Path(__file__).parents[2]
@@ -50,7 +51,7 @@ sensor_id = "0000a002"
 @dataclass(frozen=True)
 class Ride:
     results: list[RevolutionResult]
-    told: list[str]
+    notices: list[Notice]
     alarms: tuple[Alarm, ...]
 
     def of(self, position: str) -> list[RevolutionResult]:
@@ -70,8 +71,6 @@ def ride(tmp_path_factory) -> Callable[..., Ride]:
         path.write_text(SCENARIO.format(duration=duration, faulty=faulty))
         items, toml = simulated(f"sim:{path}?speed=max")
         core = SessionCore(parse_vehicle(change(toml), "s"))
-        told: list[str] = []
-        core.on_notice = told.append
         results: list[RevolutionResult] = []
         for number, item in enumerate(items):
             results += core.take(item)
@@ -79,7 +78,8 @@ def ride(tmp_path_factory) -> Callable[..., Ride]:
                 core.tick(item.host_ns)
         alarms = core.snapshot(0.0).alarms
         results += core.finish()
-        return Ride(results, [text for text in told if text.startswith(("W1", "W2"))], alarms)
+        notices = [notice for notice in core.take_notices() if notice.subject in ("W1", "W2")]
+        return Ride(results, notices, alarms)
 
     return run
 
@@ -90,7 +90,7 @@ def good(ride) -> Ride:
 
 
 def test_good_sensors_are_not_flagged(good: Ride) -> None:
-    assert good.told == []
+    assert good.notices == []
     assert good.flags("W1") == good.flags("W2") == set()
     assert good.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
     assert good.last("trailing_edge_rad").value == pytest.approx(HALF_ANGLE_RAD, abs=0.004)
@@ -105,11 +105,11 @@ def test_good_sensors_are_not_flagged(good: Ride) -> None:
         ('defect = {dead_from_s = 4, axes = ["radial"]}', "stuck"),
     ],
 )
-def test_a_sensor_that_dies_gives_no_more_revolutions(ride, good: Ride, faulty: str, flag: str) -> None:
+def test_dead_sensor_gives_no_more_revolutions(ride, good: Ride, faulty: str, flag: str) -> None:
     broken = ride(faulty)
     assert broken.flags() & {"dead", "stuck"} == {flag}
     assert broken.flags("W2") == set()
-    assert len(broken.told) == 1
+    assert len(broken.notices) == 1
     revolutions = broken.of("W1")
     until_s = revolutions[0].revolution.start_s + 4.0
     assert max(result.revolution.start_s + result.revolution.period_s for result in revolutions) < until_s + 0.3
@@ -123,7 +123,7 @@ def test_a_sensor_that_dies_gives_no_more_revolutions(ride, good: Ride, faulty: 
     ("faulty", "fault"),
     [("sensor = {range_g = 60}", Code.RADIAL_SATURATED), ("defect = {clip_g = 60}", Code.RADIAL_CLIPPED)],
 )
-def test_a_saturated_sensor_gives_nothing_that_calls_itself_valid(ride, faulty: str, fault: Code) -> None:
+def test_saturated_sensor_gives_no_valid_estimate(ride, faulty: str, fault: Code) -> None:
     clipped = ride(faulty)
     assert len(clipped.of("W1")) > 45
     for result in clipped.of("W1"):
@@ -135,39 +135,39 @@ def test_a_saturated_sensor_gives_nothing_that_calls_itself_valid(ride, faulty: 
 
 
 @pytest.mark.parametrize("hertz", [200, 300])
-def test_a_loose_sensor_is_flagged_and_its_numbers_say_so_by_their_errors(ride, good: Ride, hertz: int) -> None:
+def test_loose_sensor_is_flagged_with_larger_errors(ride, good: Ride, hertz: int) -> None:
     loose = ride(f"defect = {{loose_hz = {hertz}}}")
     assert loose.flags() == {"loose"}
     assert loose.flags("W2") == set()
-    (text,) = loose.told
-    assert f"{hertz} Hz" in text
+    (notice,) = loose.notices
+    assert f"{hertz} Hz" in notice_text(notice)
     assert loose.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=2e-3)
     sharp, blurred = good.last("Cw"), loose.last("Cw")
     assert blurred.std > 20 * sharp.std or blurred.status is not Status.VALID
 
 
 @pytest.mark.parametrize(("axis", "name"), [("roll_deg", "lateral"), ("pitch_deg", "circumferential")])
-def test_a_tilted_sensor_is_flagged_with_its_angle_and_still_measures_speed(ride, axis: str, name: str) -> None:
+def test_tilted_sensor_is_flagged_and_measures_speed(ride, axis: str, name: str) -> None:
     tilted = ride(f"sensor = {{{axis} = 30}}")
-    (text,) = tilted.told
-    assert f"the {name} axis" in text
-    assert "tilted by 30 deg" in text
+    (notice,) = tilted.notices
+    assert f"the {name} axis" in notice_text(notice)
+    assert "tilted by 30 deg" in notice_text(notice)
     assert tilted.flags() == {"mounting"}
     assert tilted.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
     if axis == "roll_deg":
         assert tilted.last("sensor_roll_rad").value == pytest.approx(math.radians(30), abs=0.01)
 
 
-def test_swapped_axes_give_no_revolution_but_a_reason(ride) -> None:
+def test_swapped_axes_give_a_reason_only(ride) -> None:
     swapped = ride("sensor = {roll_deg = 90}")
     assert swapped.of("W1") == []
-    assert "tilted by 90 deg, or the axes are swapped" in swapped.told[0]
+    assert "tilted by 90 deg, or the axes are swapped" in notice_text(swapped.notices[0])
     assert len(swapped.of("W2")) > 45
 
 
-def test_a_radial_axis_that_points_outward_is_turned_round_and_told(ride) -> None:
+def test_outward_radial_axis_is_inverted_and_reported(ride) -> None:
     reversed_ = ride("sensor = {radial_sign = -1, sign_declared = false}")
-    assert "points outward" in reversed_.told[0]
+    assert "points outward" in notice_text(reversed_.notices[0])
     assert reversed_.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
     assert reversed_.last("trailing_edge_rad").value == pytest.approx(HALF_ANGLE_RAD, abs=0.004)
 
@@ -178,22 +178,22 @@ def test_swapped_wheels(ride) -> None:
 
     swapped = ride(change=swap)
     assert swapped.flags("W1") == swapped.flags("W2") == {"wrong sensor"}
-    assert "of W2 speaks here: wheels swapped?" in swapped.told[0]
-    assert len(swapped.told) == 2
+    assert swapped.notices[0].reason == Reason(Code.SENSOR_SWAPPED, sensor="0000a001", owner="W2", position="W1")
+    assert len(swapped.notices) == 2
     assert swapped.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
 
 
-def test_an_unknown_sensor_is_told(ride) -> None:
+def test_unknown_sensor_is_reported(ride) -> None:
     renewed = ride(change=lambda toml: toml.replace("0000a001", "0000beef"))
     assert renewed.flags() == {"wrong sensor"}
-    assert "the configuration names 0000beef" in renewed.told[0]
+    assert renewed.notices[0].reason == Reason(Code.SENSOR_REPLACED, sensor="0000a001", expected="0000beef")
 
 
-def test_a_frozen_pressure_widens_the_errors_of_what_rests_on_it(ride) -> None:
+def test_frozen_pressure_widens_dependent_errors(ride) -> None:
     frozen = ride("defect = {pressure_stuck_from_s = 2}\ntemperature_degc = [[0, 20], [20, 45]]", duration=20.0)
     assert frozen.flags() == {"pressure frozen"}
-    (text,) = frozen.told
-    assert "has not moved" in text
+    (notice,) = frozen.notices
+    assert notice.reason.code is Code.PRESSURE_FROZEN
     conditions = frozen.of("W1")[-1].conditions
     assert conditions.pressure_std_pa == pytest.approx(expected_pressure_change_pa(210e3, 20.0, 45.0), rel=0.1)
     assert frozen.of("W2")[-1].conditions.pressure_std_pa < 5000.0
@@ -202,7 +202,7 @@ def test_a_frozen_pressure_widens_the_errors_of_what_rests_on_it(ride) -> None:
     assert abs(widened.value - sharp.value) < 3 * widened.std
 
 
-def test_a_pressure_that_follows_the_temperature_is_not_frozen() -> None:
+def test_pressure_following_temperature_is_not_frozen() -> None:
     health = SensorHealth((2,), np.ones(1), np.zeros(1), 9600.0, is_dc=True)
     for warmer in range(60):
         error = health.environment(Environment(210e3 + 1000.0 * (warmer // 3), 20.0 + warmer / 3, 3.0))
@@ -210,7 +210,7 @@ def test_a_pressure_that_follows_the_temperature_is_not_frozen() -> None:
     assert health.flags() == ()
 
 
-def test_standing_still_is_no_fault() -> None:
+def test_standstill_is_not_a_fault() -> None:
     rng = np.random.default_rng(1)
     health = SensorHealth((0, 1, 2), np.full(3, 0.15), np.zeros(3), 9600.0, is_dc=True)
     for _ in range(50):
@@ -219,7 +219,7 @@ def test_standing_still_is_no_fault() -> None:
 
 
 @pytest.mark.parametrize("angle_deg", [-170, -40, 0, 10, 19, 21, 45, 120])
-def test_tilt_is_told_from_20_degrees_on(angle_deg: float) -> None:
+def test_tilt_is_reported_from_20_degrees(angle_deg: float) -> None:
     angle = math.radians(angle_deg)
     found = tilt_rad(np.array([0.0, 1000.0 * math.sin(angle), 1000.0 * math.cos(angle)]))
     folded = min(abs(angle_deg), 180 - abs(angle_deg))
@@ -231,7 +231,7 @@ def test_tilt_is_told_from_20_degrees_on(angle_deg: float) -> None:
         assert math.degrees(found[1]) == pytest.approx(folded)
 
 
-def test_the_measured_tire_does_not_ring(tmp_path: Path) -> None:
+def test_measured_tire_does_not_ring(tmp_path: Path) -> None:
     measured = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
     if not measured.exists():
         pytest.skip(f"the measured recording is not at {measured}")
@@ -242,7 +242,7 @@ def test_the_measured_tire_does_not_ring(tmp_path: Path) -> None:
     revolutions = [result.revolution for item in items for result in core.take(item)]
     revolutions += [result.revolution for result in core.finish()]
     health = SensorHealth((2,), np.ones(1), np.zeros(1), 25600.0, is_dc=True)
-    for revolution in revolutions * 4:  # five revolutions are too few to judge by
+    for revolution in revolutions * 4:  # five revolutions are too few to decide
         health.revolution(revolution)
     assert len(revolutions) == 5
     assert health.flags() == ()

@@ -1,4 +1,4 @@
-"""Nothing gets through that its sensor did not send, now, for the first time."""
+"""Only new frames of the genuine sensor pass the guard."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from firmware_protocol.batch import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import HUB_ITSELF
+from gateway.reasons import Code, Level, Reason
 from gateway.security.freshness import WINDOW, Ledger
 from gateway.security.guard import Guard, Place, Verdict
 from gateway.security.key_file import counters_file
@@ -27,7 +28,7 @@ from tools.generators.security_attacks import (
 )
 
 COUNT = 2000
-SUM = {
+VERDICTS = {
     "forged": {Verdict.FORGED},
     "changed in flight": {Verdict.FORGED, Verdict.EARLY},
     "replayed": {Verdict.REPLAYED, Verdict.TOO_LATE},
@@ -39,32 +40,36 @@ SUM = {
 }
 
 
-def test_no_attack_gets_a_frame_through_and_each_is_counted_and_told() -> None:
+def test_attacks_are_refused_counted_and_reported() -> None:
     seen = set()
     for name, before, frames in attacks(COUNT, seed=1):
         watching = guard()
         before(watching)
         gate = watching.gate("link")
         genuine = gate.counts[Verdict.VERIFIED]
-        watching.findings()
+        watching.take_notices()
         accepted = sum(map(gate, frames))
         assert accepted == 0, name
         assert gate.counts[Verdict.VERIFIED] == genuine
         assert sum(gate.counts.values()) == genuine + COUNT
-        assert {verdict for verdict in gate.counts if verdict is not Verdict.VERIFIED} <= SUM[name], (name, gate.counts)
-        told = watching.findings()
-        assert told, name
-        assert len(told) < 12
-        assert all("SECURITY" in text and "ignored, but recorded" in text for text in told)
+        assert {verdict for verdict in gate.counts if verdict is not Verdict.VERIFIED} <= VERDICTS[name], (
+            name,
+            gate.counts,
+        )
+        notices = watching.take_notices()
+        assert notices, name
+        assert len(notices) < 12
+        assert {notice.level for notice in notices} == {Level.SECURITY}
+        assert all(notice.reason["consequence"] == Reason(Code.FRAMES_IGNORED) for notice in notices)
         seen.add(name)
-    assert seen == SUM.keys()
+    assert seen == VERDICTS.keys()
 
 
-def test_the_sensor_is_heard_through_every_attack() -> None:
+def test_genuine_sensor_passes_during_attacks() -> None:
     for name, before, frames in attacks(300, seed=2):
         watching = guard()
         before(watching)
-        # The genuine sensor goes on from where the recorded session stopped.
+        # The genuine sensor continues where the recorded session stopped.
         sender = Sender()
         sender.seq = dict.fromkeys(sender.seq, 5000)
         gate = watching.gate("link")
@@ -82,13 +87,13 @@ def test_every_byte_is_protected(byte: int) -> None:
     for bit in range(8):
         changed = bytearray(frame)
         changed[byte] ^= 1 << bit
-        if byte != 4:  # another length is another frame to any decoder
+        if byte != 4:  # to a decoder, another length is another frame
             assert not gate(with_crc(bytes(changed)))
     assert gate(bytes(frame))
 
 
 @pytest.mark.parametrize("order", [[1, 0], [63, *range(63)], [5, 3, 4, 0, 2, 1]])
-def test_frames_late_within_the_window_are_taken_once(order: list[int]) -> None:
+def test_late_frames_within_the_window_pass_once(order: list[int]) -> None:
     sender, gate = Sender(), guard().gate("link")
     gate(sender.hello())
     frames = [sender.samples() for _ in range(64)]
@@ -108,7 +113,7 @@ def test_frames_later_than_the_window_are_refused() -> None:
     assert gate(late[1])
 
 
-def test_a_start_of_the_hub_is_followed_also_without_its_hello() -> None:
+def test_restart_is_followed_without_its_hello() -> None:
     gate = guard().gate("link")
     for boot_count in (7, 8, 20):
         sender = Sender(boot_count)
@@ -132,7 +137,7 @@ def test_counters_outlive_the_session(tmp_path: Path) -> None:
     second = guard(Ledger(path))
     gate = second.gate("link")
     assert not any(map(gate, heard))
-    # The sensor is recognised in the middle of its start, before its next hello.
+    # The sensor is recognised during its start, before its next hello.
     assert gate(sender.samples())
     assert gate(sender.hello())
     second.ledger.save()
@@ -151,47 +156,55 @@ def test_two_sessions_keep_the_higher_counter(tmp_path: Path) -> None:
     assert Ledger(path).counter("0000a002").highest == 5
 
 
-def test_a_frame_heard_on_one_link_is_old_on_another() -> None:
+def test_frame_of_one_link_is_old_on_another() -> None:
     sender, watching = Sender(), guard()
     frames = [sender.hello(), sender.samples()]
     assert all(map(watching.gate("one"), frames))
     assert not any(map(watching.gate("other"), frames))
 
 
-def test_swapped_sensors_are_named_and_ignored() -> None:
+def test_swapped_sensors_are_reported_and_ignored() -> None:
     swapped = Sender(sensors={0: SENSORS[1], 1: SENSORS[0]})
     watching = guard()
     gate = watching.gate("link")
     frames = [swapped.hello(0), swapped.hello(1), swapped.samples(0), swapped.samples(1)]
     assert not any(map(gate, frames))
     assert gate.counts == {Verdict.NOT_ADMITTED: 4}
-    told = "\n".join(watching.findings())
-    assert "FL: sensor 0000a002 of FR speaks here: wheels swapped?" in told
-    assert "FR: sensor 0000a001 of FL speaks here: wheels swapped?" in told
+    notices = {notice.subject: notice.reason for notice in watching.take_notices()}
+    ignored = Reason(Code.FRAMES_IGNORED)
+    for at, sensor, owner in (("FL", "0000a002", "FR"), ("FR", "0000a001", "FL")):
+        assert notices[f"link, {at}"] == Reason(
+            Code.SENSOR_NOT_ADMITTED_SWAPPED, sensor=sensor, owner=owner, count=1, consequence=ignored
+        )
 
 
-def test_an_unknown_sensor_is_shown_and_ignored_until_it_is_admitted() -> None:
-    stranger = Sender(sensors={0: 0xBEEF}, keys={**KEYS, "0000beef": KEYS["0000a001"]})
+def test_unknown_sensor_is_ignored_until_admitted() -> None:
+    unknown = Sender(sensors={0: 0xBEEF}, keys={**KEYS, "0000beef": KEYS["0000a001"]})
     watching = guard()
     gate = watching.gate("link")
-    assert not any(map(gate, [stranger.hello(), stranger.samples()]))
+    assert not any(map(gate, [unknown.hello(), unknown.samples()]))
     assert gate.counts == {Verdict.NO_KEY: 2}
-    assert "sensor 0000beef, of which there is no key" in "\n".join(watching.findings())
+    (notice,) = watching.take_notices()
+    assert notice.reason["signer"] == Reason(Code.SIGNER_SENSOR, identity="0000beef")
     with_key = Guard(PLACES, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
-    assert not any(map(with_key.gate("link"), [stranger.hello(), stranger.samples()]))
-    assert "sensor 0000beef speaks here, the configuration names 0000a001" in "\n".join(with_key.findings())
+    assert not any(map(with_key.gate("link"), [unknown.hello(), unknown.samples()]))
+    (notice,) = with_key.take_notices()
+    assert notice.reason.code is Code.SENSOR_NOT_ADMITTED
+    assert (notice.reason["sensor"], notice.reason["expected"]) == ("0000beef", "0000a001")
     admitted = Guard({(0, 0): Place("FL", "0000beef")}, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
-    assert all(map(admitted.gate("link"), [stranger.hello(), stranger.samples()]))
+    assert all(map(admitted.gate("link"), [unknown.hello(), unknown.samples()]))
 
 
-def test_a_wheel_that_is_not_configured_is_ignored() -> None:
+def test_unconfigured_wheel_is_ignored() -> None:
     elsewhere = Sender(sensors={9: SENSORS[0]})
     watching = guard()
     assert not any(map(watching.gate("link"), [elsewhere.hello(9), elsewhere.samples(9)]))
-    assert "hub 0 wheel 9: sensor 0000a001 of FL speaks here" in "\n".join(watching.findings())
+    (notice,) = watching.take_notices()
+    assert notice.subject == "link, hub 0 wheel 9"
+    assert (notice.reason.code, notice.reason["owner"]) == (Code.SENSOR_NOT_ADMITTED_SWAPPED, "FL")
 
 
-def test_the_hub_is_heard_after_a_sensor_has_vouched_for_it() -> None:
+def test_hub_passes_after_a_genuine_sensor_hello() -> None:
     sender, watching = Sender(), guard()
     gate = watching.gate("link")
     assert not gate(sender.status())
@@ -201,25 +214,24 @@ def test_the_hub_is_heard_after_a_sensor_has_vouched_for_it() -> None:
     assert not gate(downgraded(sender.status()))
 
 
-def test_policy_warn_lets_through_and_tells() -> None:
+def test_policy_warn_passes_and_reports() -> None:
     sender, watching = Sender(), guard(requires=False)
     gate = watching.gate("link")
     assert gate(sender.hello())
     assert gate(sender.samples(signed=False))
     assert gate(sender.samples(signed=False))
     assert gate.counts == {Verdict.VERIFIED: 1, Verdict.UNSIGNED: 2}
-    (told,) = watching.findings()
-    assert "not signed" in told
-    assert "policy warn" in told
+    (notice,) = watching.take_notices()
+    assert notice.reason == Reason(Code.FRAME_UNSIGNED, count=1, consequence=Reason(Code.FRAMES_USED))
 
 
-def test_missing_keys_are_told_at_the_start() -> None:
+def test_missing_keys_are_reported_at_the_start() -> None:
     watching = Guard(PLACES, {}, Ledger(), requires=True)
-    assert len(watching.findings()) == 2
-    assert watching.findings() == []
+    assert len(watching.take_notices()) == 2
+    assert watching.take_notices() == []
 
 
-def test_what_is_told_and_kept_does_not_grow_with_the_flood() -> None:
+def test_flood_of_identities_grows_nothing() -> None:
     import numpy as np
 
     rng = np.random.default_rng(3)
@@ -227,17 +239,17 @@ def test_what_is_told_and_kept_does_not_grow_with_the_flood() -> None:
     gate = watching.gate("link")
     sender = Sender()
     gate(sender.hello())
-    told = 0
+    notices = 0
     for number in range(3000):
         impostor = Sender(sensors={0: number + 10}, keys={**KEYS, f"{number + 10:08x}": KEYS["0000a001"]})
         assert not gate(impostor.hello())
-        told += len(watching.findings())
+        notices += len(watching.take_notices())
         assert not gate(forged(sender.samples(), rng))
-    assert told < 8
+    assert notices < 8
     assert gate(sender.samples())
 
 
-def test_forged_frames_cost_no_genuine_one_behind_the_decoders() -> None:
+def test_forged_frames_displace_no_genuine_one() -> None:
     import numpy as np
 
     rng = np.random.default_rng(4)
@@ -246,7 +258,7 @@ def test_forged_frames_cost_no_genuine_one_behind_the_decoders() -> None:
     for _ in range(300):
         frame = sender.samples() if genuine else sender.hello()
         genuine += 1
-        # The attacker is quicker: his frame with the counter of the next genuine one comes first.
+        # The attacker is faster: its frame with the counter of the next genuine one comes first.
         stream += [forged(frame, rng), with_crc(frame[:-12] + rng.bytes(8) + frame[-4:]), frame]
     data = b"".join(stream)
     streaming, batch = FrameDecoder(guard().gate("a")), BatchDecoder(1 << 14, guard().gate("a"))
@@ -259,12 +271,12 @@ def test_forged_frames_cost_no_genuine_one_behind_the_decoders() -> None:
         assert (counters.lost, counters.duplicates, counters.reordered, counters.restarts) == (0, 0, 0, 0)
 
 
-def test_hello_of_the_hub_itself_introduces_nobody() -> None:
+def test_hello_of_the_hub_introduces_no_sender() -> None:
     sender, gate = Sender(), guard().gate("link")
     gate(sender.hello())
     assert not gate(with_crc(sender.send(HUB_ITSELF, hello(SENSORS[0], 7))[:-12] + bytes(12)))
 
 
-def test_counters_lie_beside_the_keys() -> None:
+def test_counters_file_is_next_to_the_keys() -> None:
     assert counters_file(Path("a/keys")) == Path("a/keys.counters")
     assert isinstance(guard().gate("x").counts, Counter)

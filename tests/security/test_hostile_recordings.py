@@ -1,4 +1,4 @@
-"""Recordings made by somebody who means harm: refused, escaped or read as far as they go, in bounded memory."""
+"""Malicious recordings: refused, escaped or read as far as possible, in bounded memory."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def treadlink(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[
 
 
 @pytest.mark.parametrize("command", ["inspect", "estimate", "replay", "repair"])
-def test_names_in_a_recording_cannot_command_the_terminal(tmp_path: Path, command: str) -> None:
+def test_names_cannot_control_the_terminal(tmp_path: Path, command: str) -> None:
     session = {"treadlink": ESCAPE, "sources": json.dumps([ESCAPE]), "start_ns": "5"}
     event = json.dumps({"link": ESCAPE, "kind": "lost", "text": ESCAPE}).encode()
     path = recording(tmp_path / "x.mcap", link=ESCAPE, session=session, events=(event,))
@@ -79,7 +79,7 @@ def test_names_in_a_recording_cannot_command_the_terminal(tmp_path: Path, comman
     assert "owned" in printed or command == "repair"
 
 
-def test_names_in_a_recorded_configuration_cannot_either(tmp_path: Path) -> None:
+def test_configured_names_cannot_control_the_terminal(tmp_path: Path) -> None:
     toml = '[vehicle]\n"\\u001b[2J\\u009b31m" = "\\u001b]0;x\\u0007"\n'
     path = recording(tmp_path / "x.mcap", session={"vehicle_toml": toml})
     done = treadlink("estimate", path, cwd=tmp_path)
@@ -88,7 +88,7 @@ def test_names_in_a_recorded_configuration_cannot_either(tmp_path: Path) -> None
     assert not {character for character in done.stderr if not character.isprintable() and character != "\n"}
 
 
-def test_path_names_inside_a_recording_write_nowhere(tmp_path: Path) -> None:
+def test_paths_in_a_recording_write_nothing(tmp_path: Path) -> None:
     inside = tmp_path / "a" / "b"
     inside.mkdir(parents=True)
     name = "../../../escaped"
@@ -115,21 +115,37 @@ DEEP = b"[" * 200_000
         b'{"link":"a","kind":"lost","text":"x","rssi_dbm":1e999}',
         b'{"link":"a","kind":"lost","text":"x","rssi_dbm":' + b"9" * 10_000 + b"}",
         b'{"link":"a","kind":{},"text":"x"}',
+        b'{"link":"a","kind":"lost","text":"x","details":7}',
+        b'{"link":"a","kind":"lost","text":"x","details":[{"code":[],"values":{}}]}',
+        b'{"link":"a","kind":"lost","text":"x","details":[{"code":"mtu","values":[]}]}',
         b"[]",
         b"null",
         b"\xff\xfe",
         b"",
     ],
-    ids=range(10),
+    ids=range(13),
 )
-def test_events_that_are_no_events_are_left_out(tmp_path: Path, event: bytes) -> None:
+def test_invalid_events_are_left_out(tmp_path: Path, event: bytes) -> None:
     path = recording(tmp_path / "x.mcap", events=(event,))
     items = list(RecordingReader(path).items())
     assert [item.data for item in items if isinstance(item, Chunk)] == [FRAME, FRAME]
     assert len(items) == 2
 
 
-def test_an_event_whose_text_is_none_is_text(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "detail",
+    [b'{"code":"unknown","values":{}}', b'{"code":"mtu","values":{"mtu":"x"}}', b'{"code":"mtu","values":{}}'],
+    ids=range(3),
+)
+def test_unknown_event_details_are_left_out(tmp_path: Path, detail: bytes) -> None:
+    path = recording(
+        tmp_path / "x.mcap", events=(b'{"link":"a","kind":"lost","text":"x","details":[' + detail + b"]}",)
+    )
+    read = next(iter(RecordingReader(path).items()))
+    assert (read.text, read.details) == ("x", ())
+
+
+def test_event_text_of_another_type_is_text(tmp_path: Path) -> None:
     path = recording(tmp_path / "x.mcap", events=(b'{"link":7,"kind":"lost","text":{"a":1}}',))
     event = next(iter(RecordingReader(path).items()))
     assert isinstance(event.link, str)
@@ -141,7 +157,7 @@ def test_an_event_whose_text_is_none_is_text(tmp_path: Path) -> None:
     [{"sources": "[" * 200_000}, {"start_ns": "9" * 10_000}, {"start_ns": "\u0664\u0662"}, {"sources": "7"}, {}],
     ids=range(5),
 )
-def test_descriptions_that_make_no_sense_are_left_out(tmp_path: Path, session: dict[str, str]) -> None:
+def test_invalid_descriptions_are_left_out(tmp_path: Path, session: dict[str, str]) -> None:
     reader = RecordingReader(recording(tmp_path / "x.mcap", session=session))
     assert reader.info.sources == ()
     assert len(list(reader.items())) == 2
@@ -151,12 +167,12 @@ def test_descriptions_that_make_no_sense_are_left_out(tmp_path: Path, session: d
 @pytest.mark.parametrize(
     "entries", [{}, {"id": "1"}, {"id": "x", "topic": "", "encoding": "", "link": ""}, {"id": "9" * 9999}], ids=range(4)
 )
-def test_declarations_that_declare_nothing_are_left_out(tmp_path: Path, entries: dict[str, str]) -> None:
+def test_empty_declarations_are_left_out(tmp_path: Path, entries: dict[str, str]) -> None:
     reader = RecordingReader(recording(tmp_path / "x.mcap", sealed=(entries,)))
     assert len(list(reader.items())) == 2
 
 
-def test_times_out_of_the_world_do_no_harm(tmp_path: Path) -> None:
+def test_extreme_times_are_harmless(tmp_path: Path) -> None:
     path = recording(tmp_path / "x.mcap", times=(0, 2**64 - 1, 5, 2**63, 2**63 - 1))
     (counters,) = estimate_items(RecordingReader(path), None, lambda _: None).values()
     assert counters.intact == 5
@@ -166,7 +182,7 @@ def test_times_out_of_the_world_do_no_harm(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stderr
 
 
-def test_a_recorded_configuration_is_as_strict_as_any(tmp_path: Path) -> None:
+def test_recorded_configuration_is_validated(tmp_path: Path) -> None:
     from gateway.config.vehicle import parse_vehicle
 
     with pytest.raises(ConfigError):
@@ -187,7 +203,7 @@ def bombs() -> dict[str, bytes]:
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 @pytest.mark.parametrize("stated", [100, 1 << 20])
-def test_bombs_are_refused_in_little_memory(tmp_path: Path, compression: str, stated: int) -> None:
+def test_decompression_bombs_need_little_memory(tmp_path: Path, compression: str, stated: int) -> None:
     data = bombs()[compression]
     name = compression.encode()
     body = CHUNK_HEAD.pack(0, 1, stated, 0, len(name)) + name + len(data).to_bytes(8, "little") + data

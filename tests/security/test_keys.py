@@ -1,4 +1,4 @@
-"""Keys stay with their owner."""
+"""Key files: private, complete and never shown."""
 
 from __future__ import annotations
 
@@ -67,20 +67,20 @@ def test_import(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("line", [f"a001 {SECRET}0", f"a001{SECRET}", f"xyz {SECRET}", SECRET, f"123456789 {SECRET}"])
 def test_wrong_lines_are_refused_without_showing_them(tmp_path: Path, line: str) -> None:
-    told = run("import", "-", "--file", tmp_path / "keys", text=f"\n{line}\n", fails=True)
-    assert SECRET not in told
+    printed = run("import", "-", "--file", tmp_path / "keys", text=f"\n{line}\n", fails=True)
+    assert SECRET not in printed
     assert not (tmp_path / "keys").exists()
 
 
 @pytest.mark.parametrize("mode", [0o644, 0o640, 0o620, 0o604, 0o601])
-def test_a_file_that_others_may_open_is_refused(tmp_path: Path, mode: int) -> None:
+def test_readable_key_file_is_refused(tmp_path: Path, mode: int) -> None:
     path = tmp_path / "keys"
     run("new", "1", "--file", path)
     path.chmod(mode)
     for command in (["list"], ["new", "2"], ["remove", "1"]):
-        told = run(*command, "--file", path, fails=True)
-        assert f"mode {mode:04o}" in told
-        assert "chmod 600" in told
+        printed = run(*command, "--file", path, fails=True)
+        assert f"mode {mode:04o}" in printed
+        assert "chmod 600" in printed
     path.chmod(0o600)
     counters = counters_file(path)
     write_private(counters, "{}")
@@ -89,7 +89,7 @@ def test_a_file_that_others_may_open_is_refused(tmp_path: Path, mode: int) -> No
         Ledger(counters)
 
 
-def test_what_is_no_file_of_keys_is_refused(tmp_path: Path) -> None:
+def test_other_files_are_refused(tmp_path: Path) -> None:
     import os
 
     os.mkfifo(tmp_path / "pipe", 0o600)
@@ -104,13 +104,13 @@ def test_what_is_no_file_of_keys_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "[]", "{}", '{"format":2,"highest":{}}', '{"format":1,"highest":{"a":"-1"}}', "[" * 100_000]
 )
-def test_counters_that_make_no_sense_are_not_taken_for_none(tmp_path: Path, text: str) -> None:
+def test_invalid_counters_are_an_error(tmp_path: Path, text: str) -> None:
     write_private(tmp_path / "counters", text)
     with pytest.raises(SecurityError, match="counters"):
         Ledger(tmp_path / "counters")
 
 
-def test_a_new_key_begins_with_new_counters(tmp_path: Path) -> None:
+def test_new_key_has_new_counters(tmp_path: Path) -> None:
     path = tmp_path / "keys"
     run("new", "a001", "b", "--file", path)
     ledger = Ledger(counters_file(path))
@@ -123,7 +123,7 @@ def test_a_new_key_begins_with_new_counters(tmp_path: Path) -> None:
     assert after.counter("0000000b").highest == 10**10
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "keys"
     run("new", "1", "--file", path)
     before = path.read_bytes()
@@ -137,7 +137,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
     assert [found.name for found in tmp_path.iterdir()] == ["keys"]
 
 
-def test_a_key_is_not_shown_by_accident() -> None:
+def test_repr_hides_the_key() -> None:
     key = Key(bytes.fromhex(SECRET))
     for text in (repr(key), str(key), f"{key}", repr({"a": key})):
         assert SECRET not in text
@@ -151,15 +151,15 @@ def test_identities_are_serial_numbers(identity: str) -> None:
 
 
 @pytest.mark.parametrize("size", [0, 1, 15, 16, 17, 31, 32, 33, 64, 252])
-def test_the_package_and_the_plain_reference_agree(size: int) -> None:
+def test_package_agrees_with_plain_reference(size: int) -> None:
     key, data = bytes.fromhex(SECRET), bytes(range(size % 251)) + bytes(max(0, size - 251))
     assert mac(Key(key), data) == aes_cmac(key, data)
 
 
-def test_without_the_package_the_remedy_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_package_has_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.startswith("cryptography")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "cryptography", None)
     with pytest.raises(SecurityError) as caught:
-        cmac.start(Key(bytes(16)))
+        cmac.begin_mac(Key(bytes(16)))
     assert "treadlink[auth]" in caught.value.remedy

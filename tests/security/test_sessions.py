@@ -1,4 +1,4 @@
-"""Policies from the configuration to what the user sees, live and from a recording; nothing listens to the world."""
+"""Security policies through whole sessions, live and from recordings; no socket listens beyond this computer."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from gateway.clock import ManualClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import Chunk, open_source
+from gateway.reasons import Code, Level, Notice
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
-from gateway.security.guard_setup import open_guard
+from gateway.security.guard import open_guard
 from gateway.security.key_file import KeyFile, counters_file
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore
+from gateway.views.wording import notice_text, text
 from tools.generators.security_attacks import downgraded, forged
 
 ROOT = Path(__file__).parents[2]
@@ -45,13 +47,17 @@ def signed(key_file: Path) -> tuple[list[Chunk], str]:
 
 def run(
     chunks: list[Chunk], toml: str, key_file: Path, **options: object
-) -> tuple[SessionCore, list[object], list[str]]:
+) -> tuple[SessionCore, list[object], list[Notice]]:
+    """Return the session after its end, its results and its notices."""
     vehicle = parse_vehicle(toml, "test")
     core = SessionCore(vehicle, guard=open_guard(vehicle, key_file, remembers=False), **options)
-    told: list[str] = list(core.snapshot(0.0).notices)
-    core.on_notice = told.append
     results = [result for chunk in chunks for result in core.take(chunk)]
-    return core, results + core.finish(), told
+    results += core.finish()
+    return core, results, core.take_notices()
+
+
+def codes_of(notices: list[Notice]) -> list[Code]:
+    return [notice.reason.code for notice in notices]
 
 
 def frames_of(chunk: Chunk) -> list[bytes]:
@@ -74,32 +80,32 @@ def under_attack(chunks: list[Chunk], seed: int) -> list[Chunk]:
             if len(heard) > 50 and len(frame) > 200:
                 parts += [forged(frame, rng), downgraded(frame), heard[rng.integers(len(heard))]]
             parts.append(frame)
-            if frame[6] != 255:  # the hub's first words come before a hello, so they were not taken yet
+            if frame[6] != 255:  # the hub's first frames come before a hello, so they were not accepted yet
                 heard.append(frame)
         hostile.append(Chunk(chunk.link, chunk.host_ns, b"".join(parts)))
     return hostile
 
 
-def test_estimates_are_the_same_with_and_without_an_attacker(signed: tuple[list[Chunk], str], key_file: Path) -> None:
+def test_attacker_does_not_change_estimates(signed: tuple[list[Chunk], str], key_file: Path) -> None:
     chunks, toml = signed
-    alone, plain, told = run(chunks, toml, key_file)
+    alone, plain, notices = run(chunks, toml, key_file)
     attacked, kept, warned = run(under_attack(chunks, 5), toml, key_file)
     assert len(plain) > 40
     assert [(r.position, r.host_ns, r.estimates) for r in plain] == [(r.position, r.host_ns, r.estimates) for r in kept]
-    assert not [text for text in told if "SECURITY" in text]
+    assert not [notice for notice in notices if notice.level is Level.SECURITY]
     link = attacked.snapshot(1.0).links[0]
     assert link.judged["verified"] == alone.snapshot(1.0).links[0].judged["verified"]
     assert min(link.judged[name] for name in ("wrong tag", "unsigned")) > 1000
     assert link.judged["replayed"] + link.judged["too late"] > 1000
     assert link.frames_lost == link.duplicates == link.reordered == 0
     (alarm,) = [alarm for alarm in attacked.snapshot(1.0).alarms if alarm.name == "security"]
-    assert "wrong tag" in alarm.text
-    for words in ("wrong tag", "not signed", "playing a recording"):
-        assert any(words in text for text in warned)
+    assert "wrong tag" in text(alarm.reason)
+    assert {Code.FRAME_WRONG_TAG, Code.FRAME_UNSIGNED} < set(codes_of(warned))
+    assert {Code.FRAME_REPLAYED, Code.FRAME_LATE} & set(codes_of(warned))
     assert not [alarm for alarm in alone.snapshot(1.0).alarms if alarm.name == "security"]
 
 
-def test_a_recording_keeps_what_was_refused_and_never_a_key(
+def test_recording_keeps_refused_frames_but_no_key(
     signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path
 ) -> None:
     chunks, toml = signed
@@ -114,7 +120,7 @@ def test_a_recording_keeps_what_was_refused_and_never_a_key(
     for name, key in KeyFile(key_file).keys.items():
         assert key.secret not in content, name
         assert key.secret.hex().encode() not in content.lower()
-    # What a recording gives is what the session gave.
+    # The recording gives the same results as the session.
     guard = open_guard(parse_vehicle(toml, "test"), key_file, remembers=False)
     again: list[object] = []
     counters = estimate_items(RecordingReader(path), parse_vehicle(toml, "test"), again.append, guard=guard)
@@ -127,9 +133,7 @@ def test_a_recording_keeps_what_was_refused_and_never_a_key(
     assert not counters_file(key_file).exists()
 
 
-def test_counters_are_kept_during_a_session_and_the_next_one_refuses_it(
-    signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path
-) -> None:
+def test_counters_are_saved_and_stop_a_replay(signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path) -> None:
     chunks, toml = signed
     own = KeyFile(tmp_path / "keys")
     own.add(KeyFile(key_file).keys)
@@ -151,7 +155,7 @@ def test_counters_are_kept_during_a_session_and_the_next_one_refuses_it(
     assert session()[1] > 500
 
 
-def test_counters_that_cannot_be_kept_are_told_once(
+def test_unsaved_counters_are_reported_once(
     signed: tuple[list[Chunk], str], key_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chunks, toml = signed
@@ -160,8 +164,6 @@ def test_counters_that_cannot_be_kept_are_told_once(
     own.save()
     vehicle = parse_vehicle(toml, "test")
     core = SessionCore(vehicle, guard=open_guard(vehicle, own.path, remembers=True))
-    told: list[str] = []
-    core.on_notice = told.append
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
@@ -171,29 +173,27 @@ def test_counters_that_cannot_be_kept_are_told_once(
         core.take(chunk)
         core.tick(number * 10**10)
     core.finish()
-    assert sum("No space left" in text for text in told) == 1
+    assert codes_of(core.take_notices()).count(Code.COUNTERS_NOT_SAVED) == 1
     assert core.snapshot(1.0).links[0].judged["verified"] > 500
 
 
-def test_without_keys_nothing_is_estimated_and_the_reason_told(signed: tuple[list[Chunk], str], tmp_path: Path) -> None:
+def test_missing_keys_stop_estimates_with_a_reason(signed: tuple[list[Chunk], str], tmp_path: Path) -> None:
     chunks, toml = signed
-    core, results, told = run(chunks, toml, tmp_path / "none")
+    core, results, notices = run(chunks, toml, tmp_path / "none")
     assert results == []
     assert core.snapshot(1.0).links[0].judged.keys() == {"no key", "before hello"}
-    assert sum("no key of" in text for text in told) == 4
+    assert codes_of(notices).count(Code.KEY_MISSING_FRAMES_IGNORED) == 4
 
 
 @pytest.mark.parametrize("policy", ["off", "warn"])
-def test_the_other_policies_let_everything_through(
-    signed: tuple[list[Chunk], str], key_file: Path, policy: str
-) -> None:
+def test_other_policies_pass_all_frames(signed: tuple[list[Chunk], str], key_file: Path, policy: str) -> None:
     chunks, toml = signed
     bare = [Chunk(c.link, c.host_ns, b"".join(map(downgraded, frames_of(c)))) for c in chunks]
-    core, results, told = run(bare, toml.replace('"require"', f'"{policy}"'), key_file)
+    core, results, notices = run(bare, toml.replace('"require"', f'"{policy}"'), key_file)
     assert len(results) > 40
     judged = core.snapshot(1.0).links[0].judged
     assert set(judged) == ({"unsigned"} if policy == "warn" else set())
-    assert any("not signed" in text for text in told) == (policy == "warn")
+    assert (Code.FRAME_UNSIGNED in codes_of(notices)) == (policy == "warn")
     assert run(bare, toml, key_file)[1] == []
 
 
@@ -205,12 +205,12 @@ def test_signed_frames_carry_the_same_samples(signed: tuple[list[Chunk], str], k
     assert [r.estimates for r in verified] == [r.estimates for r in looked_over]
 
 
-def test_swapped_wheels_are_named(signed: tuple[list[Chunk], str], key_file: Path) -> None:
+def test_swapped_wheels_are_reported(signed: tuple[list[Chunk], str], key_file: Path) -> None:
     chunks, toml = signed
     swapped = toml.replace("0000a001", "x").replace("0000a002", "0000a001").replace('"x"', '"0000a002"')
-    _, results, told = run(chunks, swapped, key_file)
+    _, results, notices = run(chunks, swapped, key_file)
     assert {result.position for result in results} == {"RL", "RR"}
-    assert any("sensor 0000a001 of FR speaks here: wheels swapped?" in text for text in told)
+    assert any("sensor 0000a001 of FR is here: wheels swapped?" in notice_text(notice) for notice in notices)
 
 
 def test_live_command_end_to_end(key_file: Path, tmp_path: Path) -> None:
@@ -229,7 +229,7 @@ def test_live_command_end_to_end(key_file: Path, tmp_path: Path) -> None:
     assert isinstance(result.exception, TreadlinkError)
 
 
-def test_require_needs_to_know_every_sensor() -> None:
+def test_require_needs_every_sensor_id() -> None:
     toml = '[security]\npolicy = "require"\n[tire]\nradius_mm = 300.0\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n'
     with pytest.raises(ConfigError, match=r"wheel\[FL\].sensor_id"):
         parse_vehicle(toml, "test")
@@ -244,8 +244,8 @@ def test_require_needs_to_know_every_sensor() -> None:
 LISTENERS = {"bind", "create_server", "start_server", "start_unix_server", "HTTPServer", "TCPServer", "run_app"}
 
 
-def test_whatever_listens_listens_to_this_computer_alone() -> None:
-    """Every call in the program that could open a listening socket must name the loopback address itself."""
+def test_sockets_listen_on_loopback_only() -> None:
+    """Every call that could open a listening socket must give the loopback address."""
     found = []
     for path in [*(ROOT / "gateway").rglob("*.py"), *(ROOT / "firmware_protocol").rglob("*.py")]:
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):

@@ -13,7 +13,7 @@ from gateway.io.source import open_source
 
 
 def values_of(value):
-    """Everything of a result as comparable values, arrays bit by bit."""
+    """Return a result as comparable values, arrays bit by bit."""
     if isinstance(value, np.ndarray):
         return value.tobytes()
     if isinstance(value, float) and math.isnan(value):

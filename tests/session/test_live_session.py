@@ -1,7 +1,8 @@
-"""Threads of a session: nothing dies silently, nothing waits for ever, what is dropped is counted."""
+"""Threads of a session: no failure is silent, nothing waits forever, dropped items are counted."""
 
 from __future__ import annotations
 
+import logging
 import threading
 
 import pytest
@@ -11,13 +12,14 @@ from gateway.errors import SourceError, TreadlinkError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
+from gateway.session.recording_stage import Stage
 from gateway.views.session_summary import ResultSummary
 
 TIMEOUT_S = 20.0
 
 
 class ListSource:
-    """Yields given items, then raises or ends."""
+    """A source of given items that then raises or ends."""
 
     vehicle_toml = None
 
@@ -37,9 +39,11 @@ class ListSource:
         self.closed = True
 
 
-def session(sources, vehicle=None, patient=True, core=None):
-    core = core or SessionCore(vehicle)
-    live = LiveSession(sources, core, SystemClock(), patient=[patient] * len(sources), summary=ResultSummary())
+def session(sources, vehicle=None, patient=True, change_take=None):
+    """Start a session; `change_take` may replace the core's `take` by another function made from it."""
+    live = LiveSession(sources, vehicle, SystemClock(), patient=[patient] * len(sources), summary=ResultSummary())
+    if change_take is not None:
+        live.core.take = change_take(live.core.take)
     live.start()
     return live
 
@@ -47,9 +51,8 @@ def session(sources, vehicle=None, patient=True, core=None):
 def test_every_result_reaches_view_and_summary(demo, by_wheel):
     items, vehicle = demo
     source = ListSource(items)
-    core = SessionCore(vehicle)
     summary = ResultSummary()
-    live = LiveSession([source], core, ManualClock(), patient=[True], summary=summary)
+    live = LiveSession([source], vehicle, ManualClock(), patient=[True], summary=summary)
     live.start()
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()
@@ -61,7 +64,7 @@ def test_every_result_reaches_view_and_summary(demo, by_wheel):
     assert source.closed
 
 
-def test_a_source_that_cannot_open_ends_the_session_with_its_own_words():
+def test_source_that_cannot_open_ends_the_session():
     failure = SourceError("no serial port '/dev/ttyUSB7'", "Plug the hub in.")
     live = session([ListSource([], failure=failure)])
     assert live.wait(TIMEOUT_S)
@@ -70,7 +73,7 @@ def test_a_source_that_cannot_open_ends_the_session_with_its_own_words():
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_fault_of_our_own_in_a_thread_is_shown_not_swallowed(demo):
+def test_internal_error_of_a_thread_is_raised(demo):
     items, vehicle = demo
     live = session([ListSource(items, failure=ZeroDivisionError("boom"))], vehicle)
     assert live.wait(TIMEOUT_S)
@@ -78,40 +81,37 @@ def test_a_fault_of_our_own_in_a_thread_is_shown_not_swallowed(demo):
         live.close()
 
 
-def test_a_core_that_fails_ends_the_session(demo):
+def test_failing_core_ends_the_session(demo):
     items, vehicle = demo
-    core = SessionCore(vehicle)
 
     def broken(item):
         raise KeyError("lost wheel")
 
-    core.take = broken
-    live = session([ListSource(items)], core=core)
+    live = session([ListSource(items)], vehicle, change_take=lambda _: broken)
     assert live.wait(TIMEOUT_S)
     with pytest.raises(TreadlinkError, match="lost wheel"):
         live.close()
 
 
-def test_marks_reach_the_recording_side(demo):
+def test_marks_reach_the_core(demo):
     items, vehicle = demo
     seen = []
-    core = SessionCore(vehicle)
-    take = core.take
     gate = threading.Event()
 
-    def watching(item):
-        if isinstance(item, LinkEvent) and item.kind is LinkEventKind.MARK:
-            seen.append(item.text)
-        return take(item)
+    def watching(take):
+        def watched(item):
+            if isinstance(item, LinkEvent) and item.kind is LinkEventKind.MARK:
+                seen.append(item.text)
+            return take(item)
 
-    core.take = watching
+        return watched
 
     class Waiting(ListSource):
         def items(self, stop):
             yield from items[:10]
             gate.wait(TIMEOUT_S)
 
-    live = session([Waiting(items)], core=core)
+    live = session([Waiting(items)], vehicle, change_take=watching)
     live.mark("bump")
     gate.set()
     assert live.wait(TIMEOUT_S)
@@ -119,17 +119,17 @@ def test_marks_reach_the_recording_side(demo):
     assert seen == ["bump"]
 
 
-def test_a_device_that_outruns_the_core_is_counted_not_waited_for(demo):
+def test_device_faster_than_the_core_loses_counted_items(demo):
     items, vehicle = demo
-    core = SessionCore(vehicle)
     hold = threading.Event()
-    take = core.take
 
-    def slow(item):
-        hold.wait(TIMEOUT_S)
-        return take(item)
+    def slow(take):
+        def held(item):
+            hold.wait(TIMEOUT_S)
+            return take(item)
 
-    core.take = slow
+        return held
+
     flood = [Chunk("sim:demo", items[0].host_ns + i, b"\0") for i in range(9000)]
     done = threading.Event()
 
@@ -138,11 +138,22 @@ def test_a_device_that_outruns_the_core_is_counted_not_waited_for(demo):
             yield from flood
             done.set()
 
-    live = session([Flood([])], patient=False, core=core)
+    live = session([Flood([])], vehicle, patient=False, change_take=slow)
     assert done.wait(TIMEOUT_S), "the reader waited for a core that is behind"
     hold.set()
     assert live.wait(TIMEOUT_S)
     (link,) = live.close().links
-    dropped = link.queue_dropped["decoding"]
+    dropped = link.queue_dropped[Stage.DECODING]
     assert dropped >= 9000 - 8192 - 1
     assert link.bytes_received + dropped == 9000
+
+
+def test_session_logs_start_and_end(demo, caplog):
+    items, vehicle = demo
+    with caplog.at_level(logging.INFO, "gateway.session"):
+        live = session([ListSource(items[:5])], vehicle)
+        assert live.wait(TIMEOUT_S)
+        live.close()
+    messages = [record.getMessage() for record in caplog.records]
+    assert "session starts with sim:demo" in messages
+    assert "session closed" in messages

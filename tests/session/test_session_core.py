@@ -1,4 +1,4 @@
-"""The synchronous session: what is recorded replays to the same results, and a failing disk does not end it."""
+"""The synchronous session: recordings replay to the same results, and a failing disk does not end it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from mcap.reader import make_reader
 from gateway.clock import ManualClock
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, open_source
+from gateway.reasons import Code, Level, Notice, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
+from gateway.session.alarms import AlarmName
 from gateway.session.batch import estimate_items
 from gateway.session.core import SessionCore
 
@@ -53,7 +55,7 @@ def test_live_replay_and_batch_agree_to_the_bit(demo, recorded, by_wheel):
     assert link.crc_errors > 0
 
 
-def test_the_stock_reader_finds_topics_to_plot(recorded):
+def test_stock_reader_finds_topics_to_plot(recorded):
     path, live, _ = recorded
     rows = {}
     with path.open("rb") as file:
@@ -75,7 +77,7 @@ def test_the_stock_reader_finds_topics_to_plot(recorded):
 
 
 class FullDisk:
-    """Behaves like a recorder on a disk that fills up after some writes."""
+    """A recorder on a disk that is full after a number of writes."""
 
     path, size_bytes = "full.mcap", 12345
 
@@ -98,22 +100,31 @@ class FullDisk:
         self.closed = True
 
 
-def test_a_full_disk_stops_the_recording_not_the_estimates(demo, by_wheel):
+def test_full_disk_stops_the_recording_only(demo, by_wheel):
     items, vehicle = demo
     recorder = FullDisk(100)
     results, core = run(items, vehicle, recorder)
     assert by_wheel(results) == by_wheel(run(items, vehicle)[0])
     assert recorder.closed
     assert "No space left" in core.recording_fault
-    assert any("RECORDING STOPPED" in notice and "Free some space" in notice for notice in core.snapshot(0.0).notices)
+    assert (
+        Notice(
+            "",
+            Reason(
+                Code.RECORDING_STOPPED,
+                error="cannot write 'full.mcap': No space left on device",
+                remedy="Free some space.",
+            ),
+            Level.ERROR,
+        )
+        in core.snapshot(0.0).notices
+    )
 
 
-def test_marks_and_link_events_are_recorded_and_told(demo, tmp_path):
+def test_marks_and_link_events_are_recorded_and_reported(demo, tmp_path):
     items, vehicle = demo
-    told = []
     recorder = RecordingWriter(tmp_path / "marks.mcap", start_ns=items[0].host_ns)
     core = SessionCore(vehicle, recorder=recorder)
-    core.on_notice = told.append
     at = items[5].host_ns
     events = [
         LinkEvent("user", at, LinkEventKind.MARK, "curb hit"),
@@ -122,10 +133,12 @@ def test_marks_and_link_events_are_recorded_and_told(demo, tmp_path):
     for item in (*items[:5], *events):
         core.take(item)
     assert not core.snapshot(0.0).links[0].connected
-    assert any("link is down" in alarm.text for alarm in core.snapshot(0.0).alarms)
+    assert AlarmName.LINK in {alarm.name for alarm in core.snapshot(0.0).alarms}
     core.finish()
-    assert any("curb hit" in text for text in told)
-    assert any("unplugged" in text for text in told)
+    lost = Reason(Code.LINK_EVENT, event=Reason(Code.LINK_LOST), details=(Reason(Code.QUOTED_TEXT, text="unplugged"),))
+    notices = core.take_notices()
+    assert Notice("", Reason(Code.MARK, text="curb hit")) in notices
+    assert Notice("sim:demo", lost, Level.WARNING) in notices
     kept = [item for item in RecordingReader(tmp_path / "marks.mcap").items() if isinstance(item, LinkEvent)]
     assert [(event.kind, event.text) for event in kept if event.kind in (LinkEventKind.MARK, LinkEventKind.LOST)] == [
         (LinkEventKind.MARK, "curb hit"),
@@ -149,11 +162,19 @@ def test_thresholds_become_alarms(demo):
     assert {"FL pressure", "FL speed", "RR pressure", "sim:demo loss"} <= texts
 
 
-def test_without_configuration_the_assumed_radius_is_told(demo):
+def test_assumed_radius_is_reported_without_configuration(demo):
     items, _ = demo
-    told = []
     core = SessionCore(None)
-    core.on_notice = told.append
     results = [result for item in items for result in core.take(item)]
     assert {result.position for result in results} == {f"hub0.wheel{i}" for i in range(4)}
-    assert sum("320 mm assumed" in text for text in told) == 4
+    reasons = [notice.reason for notice in core.take_notices()]
+    assert reasons.count(Reason(Code.WHEEL_NOT_CONFIGURED, radius_m=0.32)) == 4
+
+
+def test_event_details_survive_recording(tmp_path):
+    details = (Reason(Code.MTU_TOO_SMALL, mtu=100, needed=247), Reason(Code.LINK_AWAY, away_s=3.5))
+    event = LinkEvent("ble:x", 5, LinkEventKind.RESTORED, rssi_dbm=-70, details=details)
+    writer = RecordingWriter(tmp_path / "r.mcap", start_ns=1)
+    writer.write(event)
+    writer.close()
+    assert [item for item in RecordingReader(tmp_path / "r.mcap").items() if isinstance(item, LinkEvent)] == [event]

@@ -1,4 +1,4 @@
-"""A serial port made of a real pseudo-terminal, a TCP hub on loopback, and a reader thread as the session has one."""
+"""A serial port on a pseudo-terminal, a TCP hub on loopback, and a reader thread like that of a session."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PtyPort:
         self.path.symlink_to(name)
 
     def send(self, data: bytes) -> None:
-        """Write until all is taken or the port hangs up; fails when nobody reads."""
+        """Write all bytes, until the port hangs up; fails without a reader."""
         view = memoryview(data)
         while view:
             hung_up, ready, _ = select.select([self._hung_up], [self._master], [], TIMEOUT_S)

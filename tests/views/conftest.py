@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +17,7 @@ from gateway.pipeline.results import (
     WheelSnapshot,
     WheelState,
 )
-from gateway.reasons import Code, Reason
+from gateway.reasons import Code, Notice, Reason
 
 RADIUS_M = 0.32
 NUMBERS = {"Bs": (3.0833e-3, 1.2e-5), "Cw": (0.1953, 0.0012), "Rs": (2.974, 0.031), "Ts": (2.529, 0.099)}
@@ -97,7 +96,7 @@ def _link(name="sim:demo", **changes):
     link = LinkSnapshot(
         link=name,
         connected=True,
-        note="connected",
+        note=Reason(Code.LINK_CONNECTED),
         bytes_received=12_345_678,
         frames=9_900,
         crc_errors=12,
@@ -122,7 +121,7 @@ def _snapshot(wheels=("FL", "FR", "RL", "RR"), **changes):
         wheels=made,
         links=(_link(),),
         alarms=(),
-        notices=("link sim:demo connected",),
+        notices=(Notice("sim:demo", Reason(Code.LINK_CONNECTED)),),
         recording="recordings/drive.mcap",
         recorded_bytes=12_345_678,
         ended=False,
@@ -130,12 +129,13 @@ def _snapshot(wheels=("FL", "FR", "RL", "RR"), **changes):
     return dataclasses.replace(snapshot, **changes)
 
 
+def _alarm(position="FR", name="pressure", text="171.0 kPa is below 180.0 kPa"):
+    return Alarm(position, name, Reason(Code.QUOTED_TEXT, text=text))
+
+
 @pytest.fixture(scope="session")
 def made() -> SimpleNamespace:
     """Makers of results, wheels, links, snapshots and alarms with sensible defaults."""
-    alarm: Callable[..., Alarm] = lambda position="FR", name="pressure", text="171.0 kPa is below 180.0 kPa": Alarm(  # noqa: E731
-        position, name, text
-    )
     return SimpleNamespace(
-        result=_result, wheel=_wheel, link=_link, snapshot=_snapshot, alarm=alarm, needs_load=NEEDS_LOAD
+        result=_result, wheel=_wheel, link=_link, snapshot=_snapshot, alarm=_alarm, needs_load=NEEDS_LOAD
     )

@@ -13,7 +13,7 @@ SIZES = [(80, 24), (120, 40), (200, 60)]
 
 
 class FakeSession:
-    """A session whose state the test sets."""
+    """A session whose state is set by the test."""
 
     def __init__(self, snapshot):
         self.state = snapshot
@@ -39,7 +39,7 @@ def session(made):
 
 
 def screen(app):
-    """The text rows that textual would send to the terminal."""
+    """Return the text rows that textual would send to the terminal."""
     return [strip.text for strip in app.screen._compositor.render_strips()]
 
 
@@ -135,14 +135,14 @@ async def test_zoom_and_help(session):
         assert has(screen(app), "180°")
 
 
-async def test_mark_carries_its_text_and_the_time_of_its_key(session):
+async def test_mark_has_text_and_time_of_its_key(session):
     app = ConsoleApp(session)
     async with app.run_test(size=(80, 24)) as pilot:
         await drawn(app, pilot)
         await pilot.press("m")
         assert has(screen(app), "text of the mark")
         session.change(elapsed_s=95.0)
-        # Keys that mean something elsewhere are text here; Tab must not lead away from the line.
+        # Keys with a meaning elsewhere are text here; Tab must not leave the line.
         await pilot.press(*"pot q1", "tab", "left", "left", "z", "enter")
         assert session.marks == ["pot zq1 (key pressed at 83.2 s)"]
         assert app.view.selected == 0
@@ -165,7 +165,7 @@ async def test_quit_stops_the_session_and_ends(session, key):
     assert session.stopped
 
 
-async def test_ctrl_c_quits_from_the_mark_too(session):
+async def test_ctrl_c_quits_while_typing_a_mark(session):
     app = ConsoleApp(session)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("m", "a", "ctrl+c")
@@ -174,7 +174,7 @@ async def test_ctrl_c_quits_from_the_mark_too(session):
     assert session.marks == []
 
 
-async def test_ended_session_ends_the_app_after_its_last_state(session):
+async def test_ended_session_closes_after_its_last_state(session):
     app = ConsoleApp(session)
     async with app.run_test(size=(80, 24)) as pilot:
         await drawn(app, pilot)
@@ -202,7 +202,7 @@ async def test_duration_stops_the_session(session):
     assert session.stopped
 
 
-async def test_timer_draws_without_help(session, monkeypatch):
+async def test_timer_draws(session, monkeypatch):
     ticked = asyncio.Event()
     snapshot = session.snapshot
 
@@ -235,19 +235,22 @@ async def test_resize_draws_for_the_new_size(session):
 SCRIPT = textwrap.dedent(
     """
     from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot
+    from gateway.reasons import Code, Notice, Reason
     from gateway.views.console.screen import run_console
+
+    LOAD = Reason(Code.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)
 
     class Session:
         calls = 0
         def snapshot(self):
             self.calls += 1
-            return SessionSnapshot(float(self.calls), (WheelSnapshot("FL"),), (), (Alarm("FL", "load", "too much"),),
-                                   ("n",), "", 0, self.calls > 4)
+            return SessionSnapshot(float(self.calls), (WheelSnapshot("FL"),), (), (Alarm("FL", "load", LOAD),),
+                                   (Notice("", LOAD),), "", 0, self.calls > 4)
         def mark(self, text): pass
         def request_stop(self): pass
 
     run_console(Session(), None)
-    print("left by itself")
+    print("ended on its own")
     """
 )
 
@@ -272,8 +275,8 @@ def test_on_a_real_terminal(environment):
     os.close(terminal)
     assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
     text = output.decode()
-    assert "left by itself" in text
-    assert "ALARM  FL: too much" in text
+    assert "ended on its own" in text
+    assert "ALARM  FL: load 6000 N is above 5000 N" in text
     assert "ENDED" in text
     codes = {code for sequence in re.findall(r"\x1b\[([0-9;]*)m", text) for code in sequence.split(";")}
     colours = codes & {"38", "48", *map(str, (*range(30, 38), *range(40, 48), *range(90, 98), *range(100, 108)))}

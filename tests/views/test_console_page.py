@@ -5,12 +5,16 @@ import pytest
 
 from gateway.estimators.base import Estimate, Status
 from gateway.pipeline.results import WheelCounters, WheelSnapshot, WheelState
-from gateway.reasons import Code, Reason
+from gateway.reasons import Code, Notice, Reason
 from gateway.views.console.page import ViewState, compose, panel_grid
 from gateway.views.console.styled_rows import Role, row_width
 from gateway.views.console.waveform import Zoom
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
+
+
+def quoted(text):
+    return Reason(Code.QUOTED_TEXT, text=text)
 
 
 def page(snapshot, size=(80, 24), view=None, live=None):
@@ -28,7 +32,7 @@ def row_with(rows, text):
 
 @pytest.mark.parametrize("size", [*SIZES, (60, 20), (40, 10), (20, 5), (8, 2), (1, 1), (300, 100)])
 @pytest.mark.parametrize("wheels", range(9))
-def test_every_size_and_number_of_wheels_fills_the_screen(made, size, wheels):
+def test_page_fills_the_screen(made, size, wheels):
     page(made.snapshot([f"W{i}" for i in range(wheels)], alarms=(made.alarm(),) * 7), size)
 
 
@@ -46,7 +50,7 @@ def test_values_units_and_errors(made, size):
         assert expected in text, expected
 
 
-def test_every_wheel_has_its_line_and_numbers_at_80x24(made):
+def test_every_wheel_has_a_line_at_80x24(made):
     names = ["FL", "FR", "RL", "RR", "A1L", "A1R", "A2L", "A2R"]
     wheels = [made.wheel(name, result={"speed_kmh": 60.0 + i}) for i, name in enumerate(names)]
     alarms = tuple(made.alarm(name, "pressure", "150.0 kPa is below 180.0 kPa") for name in names[:3])
@@ -63,7 +67,7 @@ def test_every_wheel_has_its_line_and_numbers_at_80x24(made):
     assert row_with(rows, "-13.740 ± 0.097 deg")
 
 
-def test_small_errors_do_not_push_numbers_off_the_overview(made):
+def test_small_errors_keep_numbers_on_the_overview(made):
     estimates = tuple(dataclasses.replace(e, std=1e-9 * abs(e.value)) for e in made.result(speed_kmh=251.37).estimates)
     rows = page(made.snapshot([made.wheel("FL", result={"estimates": estimates}), "FR", "RL", "RR"]))
     line = row_with(rows, ">1 FL").split()
@@ -90,7 +94,7 @@ def test_panels_are_used_where_they_fit(wheels, size, grid):
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("state", list(WheelState))
-def test_wheel_without_a_revolution_says_what_it_waits_for(made, size, state):
+def test_wheel_without_revolution_says_why(made, size, state):
     rows = page(made.snapshot([WheelSnapshot("FL", state=state), "FR"]), size)
     text = "\n".join(rows)
     assert state.value in text
@@ -102,7 +106,7 @@ def test_wheel_without_a_revolution_says_what_it_waits_for(made, size, state):
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_standstill_keeps_values_but_says_how_old_they_are(made, size):
+def test_standstill_shows_values_with_their_age(made, size):
     rows = page(made.snapshot([made.wheel("FL", state=WheelState.STANDSTILL)]), size)
     text = " ".join("\n".join(rows).split())
     assert "standstill: values of revolution 12" in text
@@ -147,7 +151,7 @@ def test_alarms_stand_on_top_and_at_their_wheel(made, size):
 @pytest.mark.parametrize("size", SIZES)
 def test_link_that_is_down_comes_first_with_its_reason(made, size):
     links = [made.link(f"sim:link{i}") for i in range(7)]
-    links[5] = dataclasses.replace(links[5], connected=False, note="lost, next try in 4 s")
+    links[5] = dataclasses.replace(links[5], connected=False, note=quoted("lost, next try in 4 s"))
     rows = page(made.snapshot(links=tuple(links)), size)
     line = row_with(rows, "link5")
     assert "DOWN" in line
@@ -155,7 +159,7 @@ def test_link_that_is_down_comes_first_with_its_reason(made, size):
     assert row_with(rows, "more links")
 
 
-def test_link_without_hub_status_leaves_its_fields_out(made):
+def test_link_without_hub_status_omits_its_fields(made):
     link = made.link(battery_percent=None, rssi_dbm=None, supply_w=None, latency_s=None, frames=0, frames_lost=0)
     rows = page(made.snapshot(links=(link,)), (120, 40))
     line = row_with(rows, "sim:demo connected")
@@ -163,7 +167,7 @@ def test_link_without_hub_status_leaves_its_fields_out(made):
     assert not any(word in line for word in ("bat", "dBm", " W", "lag"))
 
 
-def test_overwritten_samples_are_announced(made):
+def test_overwritten_samples_are_reported(made):
     wheel = made.wheel("FL", counters=WheelCounters(samples=10, samples_overwritten=120))
     assert row_with(page(made.snapshot([wheel, "FR"])), "samples overwritten before use: FL 120")
     assert not any("overwritten before" in row for row in page(made.snapshot()))
@@ -183,9 +187,9 @@ def test_hub_text_cannot_command_the_terminal(made):
     evil = "boo\x1b[2J\x07\x9b1m"
     snapshot = made.snapshot(
         [made.wheel(evil, sensor_id=evil)],
-        notices=(evil,),
+        notices=(Notice(evil, quoted(evil)),),
         alarms=(made.alarm(evil, evil, evil),),
-        links=(made.link(evil, note=evil),),
+        links=(made.link(evil, note=quoted(evil)),),
         recording=evil,
     )
     for size in SIZES:
@@ -203,13 +207,13 @@ def test_paused_view_freezes_wheels_but_not_clock_and_alarms(made):
     assert "resume" in rows[-1]
 
 
-def test_header_says_what_is_recorded_and_that_the_session_ended(made):
+def test_header_shows_recording_and_end(made):
     assert "not recording" in page(made.snapshot(recording=""))[0]
     assert "ENDED" in page(made.snapshot(ended=True))[0]
 
 
 def test_notices_show_the_latest(made):
-    notices = tuple(f"notice {i}" for i in range(20))
+    notices = tuple(Notice("", quoted(f"notice {i}")) for i in range(20))
     small, large = page(made.snapshot(notices=notices)), page(made.snapshot(notices=notices), (200, 60))
     assert row_with(small, "notice 19")
     assert not any("notice 18" in row for row in small)
@@ -223,11 +227,11 @@ def test_zoom_and_selection(made):
     assert row_with(rows, "══ 2 FR")
     assert row_with(rows, "-45°")
     assert not any("180°" in row for row in rows)
-    # A wheel that is gone does not break the view.
+    # A selected wheel that no longer exists does not break the view.
     assert row_with(page(made.snapshot(["FL"]), view=ViewState(selected=5)), "1 FL")
 
 
-def test_waveform_is_drawn_again_only_for_a_new_revolution(made):
+def test_waveform_is_redrawn_per_revolution_only(made):
     view, snapshot = ViewState(), made.snapshot(["FL", "FR"])
     wheel = snapshot.wheels[0]
     first = view.plots.rows(wheel, 50, 10, Zoom.WHOLE)
@@ -245,8 +249,8 @@ def test_difference_from_the_average_is_a_number(made):
     assert not any("difference" in row for row in page(made.snapshot([other_grid]), (120, 40)))
 
 
-def test_no_role_is_the_only_carrier_of_meaning(made):
-    """Alarms, links that are down and doubtful numbers are told by words or marks, whatever the colours."""
+def test_alarms_are_marked_by_words_too(made):
+    """Alarms, lost links and doubtful numbers have words or marks besides colours."""
     snapshot = made.snapshot(alarms=(made.alarm(),), links=(made.link(connected=False),))
     for row in compose(snapshot, ViewState(), 120, 40):
         for text, role in row:

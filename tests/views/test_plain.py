@@ -3,7 +3,7 @@ import math
 import pytest
 
 from gateway.estimators.base import Estimate, Status
-from gateway.reasons import Code, Reason
+from gateway.reasons import Code, Notice, Reason
 from gateway.views.plain import HEADER_EVERY, LINE_WIDTH, PlainView
 from gateway.views.wording import text
 
@@ -19,7 +19,7 @@ def is_header(line):
     return line.startswith("wheel")
 
 
-def test_a_line_holds_what_was_measured(made, plain):
+def test_line_shows_the_measured_values(made, plain):
     view, lines = plain
     view.result(made.result("RL", index=7))
     header, line = lines
@@ -65,15 +65,15 @@ def test_no_escape_code_no_nan(made, plain):
     view.result(
         made.result(status=Status.INVALID, reasons=(Reason(Code.UNKNOWN_ESTIMATOR, estimator="bad\x07bell\nnext"),))
     )
-    view.notice("hub says \x1b]0;title\x07\nand a second line")
+    view.notice(Notice("hub 1", Reason(Code.QUOTED_TEXT, text="\x1b]0;title\x07\nand a second line")))
     written = "".join(lines)
     assert written.isprintable()
     assert "nan" not in written
     assert "inf" not in written
-    assert lines[-2:] == ["# hub says  ]0;title ", "# and a second line"]
+    assert lines[-2:] == ["# hub 1:  ]0;title ", "# and a second line"]
 
 
-def test_a_reason_that_does_not_fit_is_told_in_full_once(made, plain):
+def test_long_reason_is_written_in_full_once(made, plain):
     view, lines = plain
     for count in range(3):
         reason = Reason(Code.RING_DOES_NOT_FIT, residual=0.6 + 0.1 * count, limit=0.5)
@@ -83,7 +83,7 @@ def test_a_reason_that_does_not_fit_is_told_in_full_once(made, plain):
     assert all(" ~  the ring does not" in line for line in lines if line.startswith("FL"))
 
 
-def test_what_holds_of_valid_numbers_is_said_once(made, plain):
+def test_remark_on_valid_numbers_is_written_once(made, plain):
     view, lines = plain
     for position in ("FL", "FR", "FL"):
         view.result(made.result(position, reasons=(Reason(Code.LINEAR_RING),)))
@@ -99,7 +99,7 @@ def test_ratios_are_named_as_such(made, plain):
     assert text(made.needs_load) in lines[2]
 
 
-def test_marks_stand_at_the_numbers_when_they_differ(made, plain):
+def test_differing_marks_are_at_the_numbers(made, plain):
     view, lines = plain
     estimates = (
         Estimate("Cw", 0.1953, 0.0012, Status.VALID),

@@ -9,11 +9,10 @@ import numpy as np
 
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import HUB_ITSELF, Coupling, Frame, Hello, HubStatus, Message, MessageType, SampleBlock
-from gateway.security.cmac import Key
+from gateway.security.cmac import FrameSigner, Key
 from gateway.security.freshness import Ledger
 from gateway.security.guard import Guard, Place
 from gateway.security.key_file import hub_identity, sensor_identity
-from gateway.security.signer import FrameSigner
 
 SENSORS = {0: 0xA001, 1: 0xA002}
 HUB = 0x5452_4541_4400_0000

@@ -81,9 +81,9 @@ def kill_once(folder: Path, chunks: Sequence[bytes], after_s: float) -> Killed:
     try:
         assert process.stderr is not None
         line = process.stderr.readline()
-        while line and "is open" not in line:
+        while line and "connected" not in line:
             line = process.stderr.readline()
-        assert "is open" in line, "the recorder did not start"
+        assert "connected" in line, "the recorder did not start"
         times, totals = _send(master, chunks, after_s)
         os.kill(process.pid, signal.SIGKILL)
         killed_s = time.monotonic()

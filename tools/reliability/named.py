@@ -1,4 +1,4 @@
-"""Link faults, the message to the user for each, and the time until it appears."""
+"""Notices of a session for each fault of a link, with the time until they are given."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from firmware_protocol.messages import MessageType
 from gateway.clock import ManualClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
+from gateway.reasons import Code, Notice
 from gateway.session.core import SessionCore
+from gateway.views.wording import notice_text
 from tools.reliability.uart import received
 
 LINK = "serial:/dev/ttyUSB0"
 START_NS = 1_700_000_000_000_000_000
+_NOT_FAULTS = {Code.HUB_LOG, Code.LINK_CONNECTED}
 
 
 def _frames(data: bytes) -> Iterator[bytes]:
@@ -84,32 +87,35 @@ def cases() -> Iterator[tuple[str, list[LinkItem]]]:
     )
     yield "hub restarts after 6 s", simulated("&fault=reboot:at=6,gap=1")
     yield "a fifth of the frames damaged", simulated("&fault=flip:rate=0.2")
-    yield "open but silent", [LinkEvent(LINK, START_NS, LinkEventKind.CONNECTED, "open")]
+    yield "open but silent", [LinkEvent(LINK, START_NS, LinkEventKind.CONNECTED)]
 
 
-def told(items: Sequence[LinkItem], toml: str) -> list[tuple[float, str]]:
-    """Return the messages of a session with their times, s since the first item."""
-    found: list[tuple[float, str]] = []
-    now_s = 0.0
+def notices_of(items: Sequence[LinkItem], toml: str) -> list[tuple[float, str]]:
+    """Return the notices of a session as text, with the time of the items, s since the first."""
+    found: list[tuple[float, Notice]] = []
     core = SessionCore(parse_vehicle(toml, "lab"))
-    core.on_notice = lambda text: found.append((now_s, text))
-    begin_ns = items[0].host_ns
+    core.take_notices()
+    begin_ns, last_s = items[0].host_ns, 0.0
     for item in items:
-        now_s = (item.host_ns - begin_ns) * 1e-9
         core.take(item)
+        last_s = (item.host_ns - begin_ns) * 1e-9
+        found += [(last_s, notice) for notice in core.take_notices()]
     if len(items) == 1:
         for tenth in range(100):
-            now_s = tenth / 10
             core.tick(begin_ns + tenth * 100_000_000)
+            last_s = tenth / 10
+            found += [(last_s, notice) for notice in core.take_notices()]
     core.finish()
-    return [(at, text) for at, text in found if "simulator:" not in text and text != f"{LINK}: open"]
+    found += [(last_s, notice) for notice in core.take_notices()]
+    shown = [(at_s, notice) for at_s, notice in found if notice.reason.code not in _NOT_FAULTS]
+    return [(at_s, notice_text(notice)) for at_s, notice in shown]
 
 
 def report() -> Iterator[str]:
     """Yield a line or more a fault."""
     toml = open_source("sim:lab?speed=max", ManualClock()).vehicle_toml or ""
     for name, items in cases():
-        findings = told(items, toml)
-        yield f"{name}:" + ("" if findings else " nothing is told")
+        findings = notices_of(items, toml)
+        yield f"{name}:" + ("" if findings else " no notice")
         for at_s, text in findings:
             yield f"    after {at_s:4.1f} s: {text}"

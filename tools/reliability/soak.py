@@ -19,7 +19,6 @@ from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkItem
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.writer import RecordingWriter
-from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
@@ -140,8 +139,9 @@ def run_soak(scenario: str, seconds: float, folder: Path, *, steps: int = 20, es
     vehicle = parse_vehicle(vehicle_toml(loaded), scenario)
     writer = RecordingWriter(folder / "soak.mcap", start_ns=START_NS)
     options = {"estimators": estimators} if estimators else {}
-    core = SessionCore(vehicle, recorder=writer, **options)
-    live = LiveSession([source], core, SystemClock(), patient=[True], summary=ResultSummary())
+    live = LiveSession(
+        [source], vehicle, SystemClock(), patient=[True], summary=ResultSummary(), recorder=writer, **options
+    )
     last_end_s: dict[str, float] = {}
     errors = _TimeErrors(simulation.truth, seconds)
 

@@ -1,4 +1,4 @@
-"""The one widget of the console: shows rows, repaints only those that changed."""
+"""The widget of the console: rows of text, of which only changed ones are repainted."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from textual.widget import Widget
 
 from gateway.views.console.styled_rows import Role, Row
 
-# Colours of the terminal's own palette: they follow the user's theme and cost the fewest bytes.
+# Colours of the terminal's own palette follow the user's theme and take the fewest bytes.
 STYLES: Final[dict[Role, Style]] = {
     Role.TEXT: Style(),
     Role.LABEL: Style(dim=True),
@@ -31,12 +31,12 @@ STYLES: Final[dict[Role, Style]] = {
 
 
 class Board(Widget, can_focus=True):
-    """Draws rows of styled text, one a terminal line."""
+    """Rows of styled text, one per terminal line."""
 
     DEFAULT_CSS = "Board { height: 1fr; width: 1fr; background: ansi_default; }"
 
     def __init__(self) -> None:
-        """Start blank."""
+        """Start empty."""
         super().__init__()
         self._rows: tuple[Row, ...] = ()
 
@@ -46,7 +46,7 @@ class Board(Widget, can_focus=True):
         return self._rows
 
     def show(self, rows: Sequence[Row]) -> None:
-        """Show these rows; lines that stay the same cost nothing."""
+        """Show rows; unchanged lines are not repainted."""
         old, self._rows = self._rows, tuple(rows)
         if len(old) != len(self._rows):
             self.refresh()
@@ -59,7 +59,7 @@ class Board(Widget, can_focus=True):
             self.refresh(*changed)
 
     def render_line(self, y: int) -> Strip:
-        """Return line `y`; textual calls this only for lines that were refreshed."""
+        """Return line `y`; textual calls this for refreshed lines only."""
         if y >= len(self._rows):
             return Strip.blank(self.size.width)
         return Strip([Segment(text, STYLES[role]) for text, role in self._rows[y] if text], self.size.width)

@@ -1,4 +1,4 @@
-"""The overview: one line a wheel, for terminals too small for a panel each."""
+"""The overview: one line per wheel, for terminals too small for panels."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _NUMBER_WIDTHS_WIDE: Final = (16, 13, 11, 11)
 
 
 def overview(wheels: Sequence[WheelSnapshot], selected: int, alarmed: frozenset[str], cells: int) -> list[Row]:
-    """Return a header and one row a wheel, each `cells` wide."""
+    """Return a header and one row per wheel, each `cells` wide."""
     wide = cells >= _WIDE
     names = [clean(wheel.position) for wheel in wheels]
     limit = _NAME_WIDTH_WIDE if wide else _NAME_WIDTH
     name_width = min(max([5, *map(width, names)]), limit)
     read = [reading_of(wheel) for wheel in wheels]
-    # Numbers rather than ratios name the columns, as long as any wheel has them.
+    # The columns are named for numbers rather than ratios as soon as any wheel has numbers.
     labels = next((_labels(r) for r in read if r and not r.ratios_only), None)
     labels = labels or next((_labels(r) for r in read if r), ())
     widths = list(_NUMBER_WIDTHS_WIDE if wide else _NUMBER_WIDTHS)
@@ -81,7 +81,7 @@ def _values(
 
 
 def _short(shown: Shown) -> str:
-    """Return the value without its error, in at most four digits even where the error would allow more."""
+    """Return the value without its error, in at most four digits even if the error justifies more."""
     digits = shown.number.value.replace(".", "").lstrip("-0")
     return shown.number.value + shown.number.power if len(digits) <= 4 else round_to_error(shown.value).joined()
 
@@ -93,7 +93,7 @@ def _cells(reading: Reading, wide: bool, labels: tuple[str, ...], widths: Sequen
     if tuple(values) == labels:
         named = values
     elif len(denominators) == 1 and {*numerators, *denominators} <= set(labels):
-        # Ratios to one number stand in the columns of their numerators, and the divisor in its own.
+        # Ratios to one number go into the columns of their numerators, the divisor into its own.
         named = {**numerators, **{label: f"/{label}" for label in denominators}}
     else:
         return [f"{label} {value}" for label, value in values.items()]

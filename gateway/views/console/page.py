@@ -1,4 +1,4 @@
-"""The console's page: which block gets which rows of the terminal. A pure function of snapshot, view state and size."""
+"""Layout of the console: the rows of each block, as a pure function of snapshot, view state and size."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _VALUE_ROWS: Final = 7  # of a panel, above its waveform
 
 @dataclass(slots=True)
 class ViewState:
-    """What the user has set.
+    """Settings of the user.
 
     Attributes:
         selected: index of the wheel shown in detail.
         zoom: angle range of the waveforms.
         paused_at_s: session time at which the view was frozen, None when it is live.
         help_shown: whether the help page covers the wheels.
-        plots: waveforms drawn lately.
+        plots: cache of drawn waveforms.
     """
 
     selected: int = 0
@@ -35,14 +35,14 @@ class ViewState:
 
 
 def panel_grid(wheels: int, cells: int, height: int) -> tuple[int, int] | None:
-    """Return (columns, rows) of panels that fit and come closest to a good shape, or None when none fits."""
+    """Return the (columns, rows) of panels with the best shape that fits, None when no panel fits."""
     best: tuple[float, int, int] | None = None
     for columns in range(1, wheels + 1):
         rows = -(-wheels // columns)
         panel_width, panel_height = cells // columns, height // rows
         if panel_width < PANEL_MIN_WIDTH or panel_height < PANEL_MIN_HEIGHT:
             continue
-        # The waveform gets what the values leave; it should be about twice as wide as high, and cells are half as wide.
+        # The waveform fills the rest; it should be about twice as wide as high, and cells are half as wide as high.
         score = min(panel_width / 4.0, panel_height - _VALUE_ROWS)
         if best is None or score > best[0]:
             best = (score, columns, rows)
@@ -55,11 +55,11 @@ def compose(
     """Return exactly `height` rows of exactly `cells` cells.
 
     Args:
-        snapshot: what to show.
-        view: what the user has set.
+        snapshot: to show.
+        view: settings of the user.
         cells: width of the terminal.
-        height: its number of rows.
-        live: while the view is paused, the present state: clock, recording and alarms never freeze.
+        height: number of its rows.
+        live: the present state while the view is paused: clock, recording and alarms never freeze.
     """
     live = live or snapshot
     alarm_rows = 2 if height < 30 else 4
@@ -76,7 +76,7 @@ def compose(
     middle = status.help_rows(cells, room) if view.help_shown else _wheels(snapshot, view, cells, room)
     blank = fit((), cells)
     middle = [*middle[:room], *([blank] * (room - len(middle)))]
-    # In a tiny terminal the last rows go first, so that header and alarms stay.
+    # A tiny terminal shows header and alarms rather than the last rows.
     return [*top, *middle, *bottom][:height]
 
 
@@ -95,7 +95,7 @@ def _wheels(snapshot: SessionSnapshot, view: ViewState, cells: int, height: int)
     rows: list[Row] = []
     for start in range(0, len(wheels), columns):
         blocks = []
-        # The last row and column of panels take the cells that the division leaves over.
+        # The last row and column of panels take the remainder of the division.
         panel_height = height // grid_rows + (height % grid_rows if start + columns >= len(wheels) else 0)
         for i, wheel in enumerate(wheels[start : start + columns], start):
             panel_width = cells // columns + (cells % columns if i - start == columns - 1 else 0)

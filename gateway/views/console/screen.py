@@ -1,4 +1,4 @@
-"""The live console: a screen drawn ten times a second from snapshots, never per frame or revolution."""
+"""The live console, drawn from snapshots ten times a second, never per frame or revolution."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ DRAW_INTERVAL_S: Final = 0.1
 _SHORT_MARK: Final = "mark"
 
 
-class LiveSession(Protocol):
-    """What the console needs of a running session. Its methods are called from the console's thread."""
+class ShownSession(Protocol):
+    """A running session as the console uses it, from the thread of the console."""
 
     def snapshot(self) -> SessionSnapshot:
         """Return the latest state; cheap, never raises."""
@@ -35,7 +35,7 @@ class LiveSession(Protocol):
 
 
 class WheelBoard(Board):
-    """The board with the keys that switch wheels; they are the board's so that the mark's input keeps its own."""
+    """The board with the keys that switch wheels, which the input line of a mark must not have."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("tab,right,down", "app.switch(1)"),
@@ -45,7 +45,7 @@ class WheelBoard(Board):
 
 
 class MarkInput(Input):
-    """The line that takes the text of a mark; Tab stays in it."""
+    """The input line for the text of a mark; Tab does not leave it."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("tab,shift+tab", "ignore"),
@@ -57,7 +57,7 @@ class MarkInput(Input):
 
 
 class ConsoleApp(App[None]):
-    """Shows one session until it ends, its time is up, or the user quits."""
+    """The console of one session, until it ends, its time is up, or the user quits."""
 
     ENABLE_COMMAND_PALETTE = False
     CSS = """
@@ -74,8 +74,8 @@ class ConsoleApp(App[None]):
         Binding("escape", "leave"),
     ]
 
-    def __init__(self, session: LiveSession, duration_s: float | None = None) -> None:
-        """Take the session to show, and the session time at which to stop it."""
+    def __init__(self, session: ShownSession, duration_s: float | None = None) -> None:
+        """Set the session to show, and the session time at which to stop it."""
         super().__init__(ansi_color=True)
         self._session = session
         self._duration_s = duration_s
@@ -85,10 +85,10 @@ class ConsoleApp(App[None]):
         self._leaving = False
         self.view = ViewState()
         self._board = WheelBoard()
-        self._input = MarkInput(placeholder="text of the mark; Enter sets it, Escape drops it")
+        self._input = MarkInput(placeholder="text of the mark; Enter sets it, Escape cancels")
 
     def compose(self) -> ComposeResult:
-        """Put the board on the screen and the mark's input, hidden, below it."""
+        """Put the board on the screen and, hidden below it, the input line of a mark."""
         yield self._board
         yield self._input
 
@@ -109,7 +109,7 @@ class ConsoleApp(App[None]):
         time_is_up = self._duration_s is not None and self._live.elapsed_s >= self._duration_s
         self._leaving = self._live.ended or time_is_up
         if self._leaving:
-            # The last thing on the screen is the last state, even when the view was paused.
+            # The screen ends with the last state, even when the view was paused.
             self._frozen, self.view.paused_at_s = None, None
         self._draw()
         if self._leaving:
@@ -132,7 +132,7 @@ class ConsoleApp(App[None]):
         self._draw()
 
     def action_switch(self, step: int) -> None:
-        """Select the next or previous wheel."""
+        """Select the next or the previous wheel."""
         wheels = len((self._frozen or self._live).wheels)
         if wheels:
             self.view.selected = (self.view.selected + step) % wheels
@@ -145,30 +145,30 @@ class ConsoleApp(App[None]):
             self._draw()
 
     def action_zoom(self) -> None:
-        """Show the whole revolution or the neighbourhood of the contact."""
+        """Switch between the whole revolution and the surroundings of the contact."""
         self.view.zoom = Zoom.CONTACT if self.view.zoom is Zoom.WHOLE else Zoom.WHOLE
         self._draw()
 
     def action_help(self) -> None:
-        """Show the help page or leave it."""
+        """Show or hide the help page."""
         self.view.help_shown = not self.view.help_shown
         self._draw()
 
     def action_leave(self) -> None:
-        """Leave the mark's input or the help page."""
+        """Leave the input line or the help page."""
         self.view.help_shown = False
         self._close_input()
         self._draw()
 
     def action_mark(self) -> None:
-        """Ask for the text of a mark; the time of this key is what counts."""
+        """Ask for the text of a mark; it gets the time of this key press."""
         self._mark_at_s = self._session.snapshot().elapsed_s
         self._input.value = ""
         self._input.display = True
         self._input.focus()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Set the mark and say when its key was pressed."""
+        """Set the mark, with the time of its key press."""
         text = event.value.strip() or _SHORT_MARK
         self._close_input()
         self._session.mark(f"{text} (key pressed at {self._mark_at_s:.1f} s)")
@@ -178,10 +178,10 @@ class ConsoleApp(App[None]):
         self._board.focus()
 
 
-def run_console(session: LiveSession, duration_s: float | None = None) -> None:
+def run_console(session: ShownSession, duration_s: float | None = None) -> None:
     """Show the session on the terminal until the user quits, `duration_s` of session time is over, or it has ended.
 
-    Stops the session when it leaves for another reason than the session's own end.
+    The session is stopped unless it has ended already.
     """
-    # Without the mouse the terminal's own selection works, for copying values.
+    # Without mouse support in the application, the terminal's own selection can copy values.
     ConsoleApp(session, duration_s).run(mouse=False)

@@ -1,4 +1,4 @@
-"""Everything on the console beside the wheels: header, alarms, links, notices, keys, help."""
+"""Parts of the console around the wheels: header, alarms, links, notices, keys, help."""
 
 from __future__ import annotations
 
@@ -6,33 +6,37 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.reasons import Code, Notice
 from gateway.views.console.styled_rows import Role, Row, Run, fill_while_fitting, fit, spread
 from gateway.views.console.waveform import Zoom
 from gateway.views.numbers import duration, file_size, fixed, percent
 from gateway.views.text import clean, crop_middle, pad
+from gateway.views.wording import notice_text
+from gateway.views.wording import text as reason_text
 
 _LOSS_WARNING_PERCENT: Final = 1.0
-_SPACIOUS: Final = 110
+_WIDE_CELLS: Final = 110
+_VERIFIED: Final = "verified"
 _HELP: Final = (
-    ("space", "pause: the view freezes, data and recording go on"),
-    ("m", "mark an event in the recording; the time of the key counts"),
+    ("space", "pause: the view freezes, data and recording continue"),
+    ("m", "mark an event in the recording at the time of the key press"),
     ("tab  1-8  arrows", "switch wheel"),
     ("z", "waveform: whole revolution or ±90° around the contact"),
     ("?", "this help"),
     ("q  ctrl+c", "quit, with a summary"),
     ("", ""),
     ("value ± error", "one standard error; no mark: valid"),
-    ("~", "provisional: the reason stands below the numbers"),
-    ("x  —", "invalid or unknown: the reason stands below the numbers"),
+    ("~", "provisional: the reason is below the numbers"),
+    ("x  —", "invalid or unknown: the reason is below the numbers"),
     ("waveform", "radial axis; solid: last revolution, dots: running average"),
     ("▲", "leading and trailing contact edge; leading is negative"),
     ("overwritten", "data that arrived but was not processed in time"),
-    ("lag", "delay of the newest samples against the fastest seen"),
+    ("lag", "delay of the newest samples relative to the smallest so far"),
 )
 
 
 def header(snapshot: SessionSnapshot, paused_at_s: float | None, cells: int) -> Row:
-    """Clock, how many wheels roll, recording, and whether the view is paused or the session over."""
+    """Return the header: clock, number of rolling wheels, recording, and whether the view is paused or has ended."""
     rolling = sum(wheel.state is WheelState.ROLLING for wheel in snapshot.wheels)
     left: list[Run] = [
         (" treadlink ", Role.TITLE),
@@ -54,18 +58,18 @@ def header(snapshot: SessionSnapshot, paused_at_s: float | None, cells: int) -> 
     return spread(tuple(left), tuple(right), cells, Role.BAR)
 
 
-def alarms(crossed: Sequence[Alarm], cells: int, rows: int) -> list[Row]:
-    """One prominent row an alarm; those without room are named in the last row."""
-    shown = crossed if len(crossed) <= rows else crossed[: rows - 1]
-    rest = crossed[len(shown) :]
-    texts = [f" ALARM  {alarm.position}: {alarm.text}" for alarm in shown]
+def alarms(present: Sequence[Alarm], cells: int, rows: int) -> list[Row]:
+    """Return one prominent row per alarm; the last row names those without room."""
+    shown = present if len(present) <= rows else present[: rows - 1]
+    rest = present[len(shown) :]
+    texts = [f" ALARM  {alarm.position}: {reason_text(alarm.reason)}" for alarm in shown]
     if rest:
         texts.append(f" ALARM  {len(rest)} more: " + ", ".join(f"{alarm.position} {alarm.name}" for alarm in rest))
     return [fit(((clean(text), Role.ALARM),), cells, Role.ALARM) for text in texts]
 
 
 def links(all_links: Sequence[LinkSnapshot], cells: int, rows: int) -> list[Row]:
-    """One row a link; where room is short the troubled ones come first and the rest is counted."""
+    """Return one row per link; without room for all, those with problems come first and the rest is counted."""
     shown = list(all_links)
     rest = 0
     if len(shown) > rows:
@@ -73,7 +77,7 @@ def links(all_links: Sequence[LinkSnapshot], cells: int, rows: int) -> list[Row]
         rest = len(shown) - rows + 1
         connected = sum(link.connected for link in shown[rows - 1 :])
         shown = shown[: rows - 1]
-    name_width = min(max((len(link.link) for link in shown), default=0), cells // 4 if cells >= _SPACIOUS else 16)
+    name_width = min(max((len(link.link) for link in shown), default=0), cells // 4 if cells >= _WIDE_CELLS else 16)
     result = [fit(_link(link, name_width, cells), cells) for link in shown]
     if rest:
         result.append(fit(((f"{rest} more links, {connected} of them connected", Role.LABEL),), cells))
@@ -81,22 +85,33 @@ def links(all_links: Sequence[LinkSnapshot], cells: int, rows: int) -> list[Row]
 
 
 def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:
-    wide = cells >= _SPACIOUS
-    blank = " " if wide else ""
+    is_wide = cells >= _WIDE_CELLS
     name = pad(crop_middle(clean(link.link), name_width), name_width)
-    state: Run = ("connected" if wide else "up", Role.GOOD) if link.connected else (" DOWN ", Role.ALARM)
-    start: Row = ((f"{name} ", Role.LABEL), state)
+    state: Run = ("connected" if is_wide else "up", Role.GOOD) if link.connected else (" DOWN ", Role.ALARM)
+    fields = [*_losses(link, is_wide), *_hub_values(link, " " if is_wide else ""), *_totals(link)]
+    note = clean(reason_text(link.note))
+    if not link.connected:
+        fields.insert(0, (note, Role.WARNING))
+    elif link.note.code is not Code.LINK_CONNECTED:
+        fields.append((note, Role.LABEL))
+    return fill_while_fitting(((f"{name} ", Role.LABEL), state), fields, cells, "  " if is_wide else " ")
+
+
+def _losses(link: LinkSnapshot, is_wide: bool) -> list[Run]:
     expected = link.frames + link.frames_lost
     overwritten = sum(link.queue_dropped.values())
     high_loss = 100.0 * link.frames_lost > _LOSS_WARNING_PERCENT * expected
     loss = percent(link.frames_lost, expected)
-    fields: list[Run] = [
-        (f"loss {loss if wide else loss.replace(' ', '')}", Role.WARNING if high_loss else Role.TEXT),
+    return [
+        (f"loss {loss if is_wide else loss.replace(' ', '')}", Role.WARNING if high_loss else Role.TEXT),
         (f"crc {link.crc_errors}", Role.WARNING if link.crc_errors else Role.TEXT),
-        (f"{'overwritten' if wide else 'overwr'} {overwritten}", Role.WARNING if overwritten else Role.TEXT),
+        (f"{'overwritten' if is_wide else 'overwr'} {overwritten}", Role.WARNING if overwritten else Role.TEXT),
     ]
-    if not link.connected and link.note:
-        fields.insert(0, (clean(link.note), Role.WARNING))
+
+
+def _hub_values(link: LinkSnapshot, blank: str) -> list[Run]:
+    """Return delay, battery, supply and signal as far as known; `blank` separates numbers from units."""
+    fields: list[Run] = []
     if link.latency_s is not None:
         fields.append((f"lag {fixed(link.latency_s, 0, 1e3)}{blank}ms", Role.TEXT))
     if link.battery_percent is not None:
@@ -105,18 +120,25 @@ def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:
         fields.append((f"{fixed(link.supply_w, 2)}{blank}W", Role.TEXT))
     if link.rssi_dbm is not None:
         fields.append((f"{link.rssi_dbm}{blank}dBm", Role.TEXT))
-    fields += [(f"{link.frames} frames", Role.LABEL), (file_size(link.bytes_received), Role.LABEL)]
-    odd = {"noise": file_size(link.noise_bytes) if link.noise_bytes else 0}
-    odd |= {"duplicate": link.duplicates, "reordered": link.reordered, "skipped": link.skipped}
-    odd |= {verdict: count for verdict, count in link.judged.items() if verdict != "verified"}
-    fields += [(f"{name} {value}", Role.LABEL) for name, value in odd.items() if value]
-    if link.connected and link.note and link.note != "connected":
-        fields.append((clean(link.note), Role.LABEL))
-    return fill_while_fitting(start, fields, cells, "  " if wide else " ")
+    return fields
+
+
+def _totals(link: LinkSnapshot) -> list[Run]:
+    """Return frames and bytes, and the counts of anything unusual that are not 0."""
+    unusual: dict[str, int | str] = {
+        "noise": file_size(link.noise_bytes) if link.noise_bytes else 0,
+        "duplicate": link.duplicates,
+        "reordered": link.reordered,
+        "skipped": link.skipped,
+        **{verdict: count for verdict, count in link.judged.items() if verdict != _VERIFIED},
+    }
+    texts = [f"{link.frames} frames", file_size(link.bytes_received)]
+    texts += [f"{name} {value}" for name, value in unusual.items() if value]
+    return [(text, Role.LABEL) for text in texts]
 
 
 def overwritten_samples(wheels: Sequence[WheelSnapshot], cells: int) -> list[Row]:
-    """A warning when samples were overwritten before they were used; nothing otherwise."""
+    """Return a warning when samples were overwritten before use, else nothing."""
     hit = [
         f"{clean(w.position)} {w.counters.samples_overwritten}" for w in wheels if w.counters.samples_overwritten > 0
     ]
@@ -125,13 +147,14 @@ def overwritten_samples(wheels: Sequence[WheelSnapshot], cells: int) -> list[Row
     return [fit(((f"samples overwritten before use: {', '.join(hit)}", Role.WARNING),), cells)]
 
 
-def notices(texts: Sequence[str], cells: int, rows: int) -> list[Row]:
-    """The latest notices, newest last."""
-    return [fit(((f"· {clean(text)}", Role.TEXT),), cells) for text in texts[-rows:]] if rows > 0 else []
+def notices(latest: Sequence[Notice], cells: int, rows: int) -> list[Row]:
+    """Return the latest notices, newest last."""
+    shown = latest[-rows:] if rows > 0 else ()
+    return [fit(((f"· {clean(notice_text(notice))}", Role.TEXT),), cells) for notice in shown]
 
 
 def keys(wheels: int, zoom: Zoom, paused: bool, cells: int) -> Row:
-    """The line of keys."""
+    """Return the line of keys."""
     other = "whole turn" if zoom is Zoom.CONTACT else "±90°"
     entries = (
         ("space", "resume" if paused else "pause"),
@@ -148,7 +171,7 @@ def keys(wheels: int, zoom: Zoom, paused: bool, cells: int) -> Row:
 
 
 def help_rows(cells: int, height: int) -> list[Row]:
-    """The help page."""
+    """Return the help page."""
     rows: list[Row] = [(("Help: ? or Escape goes back", Role.TITLE),), ()]
     rows += [((f"{key:>17}  ", Role.VALUE), (text, Role.TEXT)) for key, text in _HELP]
     return [fit(rows[i] if i < len(rows) else (), cells) for i in range(height)]

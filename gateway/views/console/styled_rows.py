@@ -1,4 +1,4 @@
-"""Rows of styled text, the material of the console's screen. Pure: no terminal, no toolkit."""
+"""Rows of styled text for the console, without a terminal or a toolkit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gateway.views.text import crop, width
 
 
 class Role(Enum):
-    """What a piece of text is; the board gives each a style. Nothing is told by style alone."""
+    """Role of a piece of text, to which the board gives a style; no information is in the style alone."""
 
     TEXT = "text"
     LABEL = "label"
@@ -35,12 +35,12 @@ _ROLE_OF_INK: Final = {Ink.AXIS: Role.LABEL, Ink.LAST: Role.LAST, Ink.AVERAGE: R
 
 
 def row_width(row: Row) -> int:
-    """Return the cells that a row takes."""
+    """Return the width of a row in cells."""
     return width("".join([text for text, _ in row]))
 
 
 def fit(row: Row, cells: int, fill: Role = Role.TEXT) -> Row:
-    """Return a row of exactly `cells` cells, cropped with an ellipsis or filled with blanks."""
+    """Return a row of exactly `cells` cells, cropped with an ellipsis or padded with blanks."""
     missing = cells - row_width(row)
     if missing > 0:
         return (*row, (" " * missing, fill))
@@ -59,13 +59,13 @@ def fit(row: Row, cells: int, fill: Role = Role.TEXT) -> Row:
 
 
 def spread(left: Row, right: Row, cells: int, fill: Role = Role.TEXT) -> Row:
-    """Return `left` and `right` at the two ends of a row; the left one is cropped when both do not fit."""
+    """Return a row with `left` and `right` at its ends; the left one is cropped when both do not fit."""
     room = max(cells - row_width(right), 0)
     return fit((*fit(left, room, fill), *right), cells, fill)
 
 
 def beside(left: Sequence[Row], left_cells: int, right: Sequence[Row], height: int) -> list[Row]:
-    """Put two blocks next to each other, `height` rows of them."""
+    """Return `height` rows of two blocks next to each other."""
     return [
         (*fit(left[i] if i < len(left) else EMPTY, left_cells), *(right[i] if i < len(right) else EMPTY))
         for i in range(height)
@@ -73,7 +73,7 @@ def beside(left: Sequence[Row], left_cells: int, right: Sequence[Row], height: i
 
 
 def fill_while_fitting(start: Row, fields: Iterable[Run], cells: int, gap: str = "  ") -> Row:
-    """Append fields in their order of importance until the next one would be cut."""
+    """Append fields in order of importance until the next one would be cut."""
     row, used = list(start), row_width(start)
     for text, role in fields:
         used += len(gap) + width(text)
@@ -84,5 +84,5 @@ def fill_while_fitting(start: Row, fields: Iterable[Run], cells: int, gap: str =
 
 
 def plot_row(row: PlotRow) -> Row:
-    """Turn a row of the waveform plot into a row of the screen."""
+    """Convert a row of the waveform plot to a row of the screen."""
     return tuple((text, _ROLE_OF_INK[ink]) for text, ink in row)

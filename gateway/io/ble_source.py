@@ -1,4 +1,4 @@
-"""Hubs over Bluetooth LE: `ble://NAME`, `ble://AA:BB:CC:DD:EE:FF?adapter=hci1`."""
+"""Hubs on Bluetooth LE as sources: `ble://NAME`, `ble://AA:BB:CC:DD:EE:FF?adapter=hci1`."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Final
 
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
-from gateway.io.ble_errors import BLE_ERRORS, explain
 from gateway.io.ble_hub import Sighting
 from gateway.io.ble_link import BleLink, BleSettings, find
-from gateway.io.ble_radio import radio
+from gateway.io.ble_radio import BLE_ERRORS, explain, radio
 from gateway.io.reconnect import Backoff, ReconnectingSource
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
+from gateway.reasons import Code, Reason
 
 _MAX_SCAN_S: Final = 120.0
 _MAX_SILENCE_S: Final = 3600.0
@@ -25,12 +25,12 @@ OPTIONS: Final = ("adapter", "scan", "silence", "notify", "rate")
 
 
 class BleSource(ReconnectingSource):
-    """A hub by Bluetooth LE; a lost one is searched for and connected again.
+    """A hub on Bluetooth LE; after a loss it is searched for and connected again.
 
-    Once connected it stays with that hub: another one of the same name that shows up later is not taken for it.
+    Once connected it stays with that hub: another one of the same name that appears later is not taken for it.
 
     Attributes:
-        rate_hz: sampling rate that the hub shall be told, None to leave it.
+        rate_hz: sampling rate to set on the hub, None to leave it.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class BleSource(ReconnectingSource):
         super().__init__(f"ble:{settings.target}", self._fresh_link, clock, backoff)
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
-        """Yield chunks and events until stopped or closed; then, once disconnected, that this was as asked.
+        """Yield chunks and events until stopped or closed, then an event that it was disconnected on request.
 
         Raises:
             SourceError: the hub could not be connected the first time.
@@ -53,14 +53,14 @@ class BleSource(ReconnectingSource):
             was_connected = True
             yield item
         if was_connected:
-            yield self._event(LinkEventKind.ENDED, f"{self.link} was disconnected as asked")
+            yield self._event(LinkEventKind.ENDED, details=(Reason(Code.LINK_DISCONNECTED),))
 
     def send(self, data: bytes) -> None:
-        """Write a frame to the hub; from any thread.
+        """Write a frame to the hub; callable from any thread.
 
         Raises:
             LinkLostError: it is not connected, or the write failed.
-            SourceError: it takes nothing.
+            SourceError: the hub takes no data.
         """
         link = self._current
         if not isinstance(link, BleLink):
@@ -68,10 +68,10 @@ class BleSource(ReconnectingSource):
         link.write(data)
 
     def look(self) -> Sighting:
-        """Return the hub as its advertisement shows it, without connecting.
+        """Return the hub as its advertisement describes it, without connecting.
 
         Raises:
-            SourceError: it is not there, or Bluetooth fails.
+            SourceError: it is not in range, or Bluetooth fails.
         """
         try:
             return radio().run(find(self._settings))
@@ -93,23 +93,23 @@ class BleSource(ReconnectingSource):
             yield item
             link = self._current
             if isinstance(link, BleLink) and (dropped := link.take_dropped()):
-                text = f"this computer is too slow: {dropped} notifications of {self.link} were dropped"
-                yield super()._event(LinkEventKind.CONNECTED, text)
+                details = (Reason(Code.NOTIFICATIONS_DROPPED, count=dropped),)
+                yield super()._event(LinkEventKind.CONNECTED, details=details)
 
-    def _event(self, kind: LinkEventKind, text: str) -> LinkEvent:
-        event = super()._event(kind, text)
+    def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
+        event = super()._event(kind, text, details)
         link = self._current
         if kind not in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED) or not isinstance(link, BleLink):
             return event
         rssi_dbm = link.sighting.rssi_dbm if link.sighting is not None else None
-        return replace(event, text=f"{text}: {link.details()}", rssi_dbm=rssi_dbm)
+        return replace(event, details=(*details, *link.details()), rssi_dbm=rssi_dbm)
 
 
 def open_ble(address: SourceAddress, clock: Clock) -> Source:
-    """Make a source of a hub; it is searched for when its items are asked for.
+    """Make a source of a hub; the search starts when its items are requested.
 
-    Options: adapter=hci1 (Linux), scan=10 (seconds to look for it), silence=6 (seconds without a byte until the link
-    counts as lost, 0 for never), notify=signal|socket (Linux: how notifications come), rate=9600 (Hz, told to the hub).
+    Options: adapter=hci1 (Linux), scan=10 (seconds to search for it), silence=6 (seconds without a byte until the link
+    counts as lost, 0 for never), notify=signal|socket (Linux: path of notifications), rate=9600 (Hz, set on the hub).
 
     Raises:
         SourceError: an option is not known or not allowed.
@@ -134,33 +134,33 @@ def open_ble(address: SourceAddress, clock: Clock) -> Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Around:
-    """What a scan found.
+class ScanResult:
+    """Devices that a scan found.
 
     Attributes:
-        sightings: by signal strength.
-        fault: why nothing could be heard, None when it could.
+        sightings: strongest signal first.
+        fault: why the scan failed, None when it did not.
     """
 
     sightings: tuple[Sighting, ...]
     fault: SourceError | None
 
 
-def scan(seconds: float, adapter: str = "") -> Around:
-    """Listen for Bluetooth LE devices for a while; a fault is handed back, for there is more to list than these."""
+def scan_devices(seconds: float, adapter: str = "") -> ScanResult:
+    """Scan for Bluetooth LE devices; an error is returned rather than raised, as callers list other ports too."""
     seen: dict[str, Sighting] = {}
     try:
         radio().run(_listen(seconds, adapter, seen))
     except BLE_ERRORS as error:
-        return Around((), explain(error, "scan"))
-    return Around(tuple(sorted(seen.values(), key=lambda sighting: -(sighting.rssi_dbm or -128))), None)
+        return ScanResult((), explain(error, "scan"))
+    return ScanResult(tuple(sorted(seen.values(), key=lambda sighting: -(sighting.rssi_dbm or -128))), None)
 
 
 async def _listen(seconds: float, adapter: str, seen: dict[str, Sighting]) -> None:
     def hear(sighting: Sighting) -> None:
         seen[sighting.address] = sighting
 
-    async with radio().air(adapter).listen(hear):
+    async with radio().scanner(adapter).listen(hear):
         await asyncio.sleep(seconds)
 
 

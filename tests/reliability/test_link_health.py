@@ -1,0 +1,218 @@
+"""Faults of a link are reported by their code, once, and only while they hold."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from firmware_protocol.codec import encode_raw
+from firmware_protocol.messages import MessageType
+from gateway.config.vehicle import parse_vehicle
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind
+from gateway.reasons import Code, Notice, Reason
+from gateway.recording.reader import RecordingReader
+from gateway.recording.writer import RecordingWriter
+from gateway.session.core import SessionCore
+from gateway.session.line_content import identify_content
+from gateway.views.wording import notice_text
+from tests.reliability.streams import chunks_of, decodes, notices_of, raw_frames, readdressed, simulated
+from tools.reliability.uart import received
+
+START_NS = 1_700_000_000_000_000_000
+LINK = "serial:/dev/ttyUSB0"
+SECOND_NS = 1_000_000_000
+
+
+@pytest.fixture(scope="module")
+def hub():
+    """20 s of two simulated wheels at low rate: chunks under a serial link's name, and the vehicle."""
+    items, toml = simulated("sim:lab?speed=max&duration=20&seed=4")
+    return [Chunk(LINK, chunk.host_ns, chunk.data) for chunk in chunks_of(items)], parse_vehicle(toml, "lab")
+
+
+def paced(data: bytes, seconds: float = 10.0, link: str = LINK) -> list[Chunk]:
+    """Cut bytes into chunks over some seconds."""
+    size = max(1, len(data) // 500)
+    count = -(-len(data) // size)
+    return [
+        Chunk(link, START_NS + round(at * seconds / count * 1e9), data[at * size : (at + 1) * size])
+        for at in range(count)
+    ]
+
+
+NOT_OF_LINKS = {Code.WHEEL_NOT_CONFIGURED, Code.WHEEL_NOT_IN_CONFIGURATION, Code.HUB_LOG}
+
+
+def of_links(core: SessionCore, items) -> list[Notice]:
+    """Run items through a session; return its notices of links and hubs."""
+    return [notice for notice in notices_of(core, items) if notice.reason.code not in NOT_OF_LINKS]
+
+
+def codes(notices: list[Notice]) -> list[Code]:
+    return [notice.reason.code for notice in notices]
+
+
+def content_of(notice: Notice) -> Reason:
+    """Return the identified content of a line without frames."""
+    assert notice.reason.code is Code.NO_FRAMES
+    content = notice.reason["content"]
+    assert isinstance(content, Reason)
+    return content
+
+
+def test_good_link_gives_no_notice(hub) -> None:
+    chunks, vehicle = hub
+    assert of_links(SessionCore(vehicle), chunks) == []
+
+
+@pytest.mark.parametrize("factor", [0.25, 0.5, 0.9, 1.12, 2.0, 4.0, 8.0])
+def test_wrong_baud_rate(hub, factor: float) -> None:
+    data = b"".join(chunk.data for chunk in hub[0])[:20_000]
+    garbled = received(data, 921600.0, 921600.0 * factor)
+    assert decodes(garbled) == 0
+    (notice,) = of_links(SessionCore(None), paced(garbled))
+    assert content_of(notice) == Reason(Code.LINE_WRONG_BAUD_RATE, default_baud=921600)
+    assert "?baudrate=" in notice_text(notice)
+
+
+def test_uart_model_at_the_right_rate(hub) -> None:
+    data = b"".join(chunk.data for chunk in hub[0])[:5000]
+    assert received(data, 921600.0, 921600.0)[: len(data) - 4] == data[: len(data) - 4]
+    assert received(data, 921600.0, 930000.0)[: len(data) - 4] == data[: len(data) - 4]
+
+
+@pytest.mark.parametrize(
+    ("data", "code"),
+    [
+        (b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n" * 40, Code.LINE_GPS_RECEIVER),
+        (b"T=23.4C RH=51%\r\nT=23.5C RH=51%\r\n" * 60, Code.LINE_TEXT),
+        (b"\x1b[31mboot\x1b[0m \x07ok\n" * 100, None),
+        (bytes(4000), Code.LINE_CONSTANT),
+        (b"\xb5\x62\x01\x07\x5c\x00" + bytes(range(92)), Code.LINE_UBLOX_RECEIVER),
+    ],
+)
+def test_other_device_on_the_port(data: bytes, code: Code | None) -> None:
+    (notice,) = of_links(SessionCore(None), paced(data * 20))
+    content = content_of(notice)
+    assert code in (None, content.code)
+    if content.code is Code.LINE_TEXT:
+        assert content["line"] in ("T=23.5C RH=51%", "[31mboot[0m ok")
+    assert notice_text(notice).isprintable(), "bytes of an unknown device must not reach the terminal raw"
+
+
+def test_damaged_frames_are_not_a_wrong_rate(hub) -> None:
+    frames = [bytearray(frame) for frame in raw_frames(b"".join(chunk.data for chunk in hub[0])[:80_000])]
+    for frame in frames:
+        frame[-1] ^= 0x55
+    (notice,) = of_links(SessionCore(None), paced(b"".join(frames)))
+    assert content_of(notice).code is Code.LINE_ALL_FRAMES_DAMAGED
+
+
+def test_tcp_address_gets_no_advice_on_baud_rates() -> None:
+    content = identify_content("tcp:host:9000", np.random.default_rng(1).bytes(5000))
+    assert content == Reason(Code.LINE_NOT_A_HUB, remedy=Reason(Code.CHECK_SOURCE_ADDRESS))
+
+
+def test_stray_bytes_give_no_notice(hub) -> None:
+    chunks, vehicle = hub
+    stray = [Chunk(LINK, chunks[0].host_ns - 3 * SECOND_NS + i, b"\x00\xff") for i in range(60)]
+    assert of_links(SessionCore(vehicle), [*stray, *chunks]) == []
+
+
+def test_firmware_with_newer_minor_version(hub) -> None:
+    chunks, vehicle = hub
+    newer = []
+    for number, frame in enumerate(raw_frames(b"".join(chunk.data for chunk in chunks))):
+        newer.append(frame)
+        if number % 20 == 0:  # a message unknown to this version, among known ones
+            newer.append(encode_raw(77, b"new", 0, 200, number // 20, 0, version=0x12))
+    core = SessionCore(vehicle)
+    (notice,) = of_links(core, paced(b"".join(newer), 20.0))
+    assert notice.reason == Reason(Code.NEWER_FRAME_LAYOUT, own="1.0")
+    assert core.snapshot(0.0).wheels[0].counters.revolutions > 100, "known frames are read"
+    assert core.snapshot(0.0).links[0].skipped > 50
+
+
+@pytest.mark.parametrize(("version", "code"), [(0x00, Code.FIRMWARE_TOO_OLD), (0x20, Code.FIRMWARE_TOO_NEW)])
+def test_other_major_version(hub, version: int, code: Code) -> None:
+    frames = raw_frames(b"".join(chunk.data for chunk in hub[0])[:100_000])
+    data = b"".join(readdressed(frame, version=version) for frame in frames)
+    (notice,) = of_links(SessionCore(None), paced(data))
+    assert notice.reason == Reason(code, major=version >> 4, own=1)
+
+
+def test_frames_with_unknown_flags(hub) -> None:
+    frames = raw_frames(b"".join(chunk.data for chunk in hub[0])[:100_000])
+    data = b"".join(readdressed(frame, flags=0x80) for frame in frames)
+    assert codes(of_links(SessionCore(None), paced(data))) == [Code.FRAMES_WITH_UNKNOWN_FLAGS]
+
+
+def test_samples_without_a_hello(hub) -> None:
+    chunks, vehicle = hub
+    frames = [f for f in raw_frames(b"".join(c.data for c in chunks)) if f[3] != MessageType.HELLO]
+    (notice,) = of_links(SessionCore(vehicle), paced(b"".join(frames), 20.0))
+    assert (notice.subject, notice.reason.code) == ("W1", Code.NO_HELLO)
+
+
+def test_sensor_falls_silent_and_returns(hub) -> None:
+    chunks, vehicle = hub
+    begin_ns = chunks[0].host_ns
+    quiet = []
+    for chunk in chunks:
+        if begin_ns + 5 * SECOND_NS < chunk.host_ns < begin_ns + 13 * SECOND_NS:
+            hub_only = b"".join(frame for frame in raw_frames(chunk.data) if frame[6] == 0xFF)
+            quiet += [Chunk(LINK, chunk.host_ns, hub_only)] if hub_only else []
+        else:
+            quiet.append(chunk)
+    silent, back = of_links(SessionCore(vehicle), quiet)
+    assert (silent.subject, silent.reason.code) == ("W1", Code.SENSOR_SILENT)
+    assert (back.subject, back.reason.code) == ("W1", Code.SENDS_AGAIN)
+    assert back.reason["away_s"] == pytest.approx(8.0, abs=0.6)
+
+
+def test_open_but_silent_link() -> None:
+    core = SessionCore(None)
+    core.take(LinkEvent(LINK, START_NS, LinkEventKind.CONNECTED))
+    for tenth in range(200):
+        core.tick(START_NS + tenth * SECOND_NS // 10)
+    assert codes(core.take_notices()) == [Code.LINK_CONNECTED, Code.LINK_NO_DATA_YET]
+    core.take(Chunk(LINK, START_NS + 21 * SECOND_NS, b"\0"))
+    core.tick(START_NS + 21 * SECOND_NS)
+    assert codes(core.take_notices()) == [Code.LINK_RESUMED]
+
+
+def test_repeated_restarts_of_a_hub_are_summed_up() -> None:
+    items, toml = simulated("sim:lab?speed=max&duration=40&seed=4&fault=reboot:at=6,every=6,gap=1")
+    found = codes(of_links(SessionCore(parse_vehicle(toml, "lab")), chunks_of(items)))
+    assert found == 3 * [Code.HUB_RESTARTED] + [Code.HUB_RESTARTS_REPEATEDLY]
+
+
+def test_many_damaged_frames_are_reported_once() -> None:
+    items, toml = simulated("sim:lab?speed=max&duration=20&seed=4&fault=flip:rate=0.2")
+    found = of_links(SessionCore(parse_vehicle(toml, "lab")), chunks_of(items))
+    assert codes(found) == [Code.FRAMES_DAMAGED]
+
+
+def test_findings_are_repeated_after_reconnection_and_recorded(tmp_path) -> None:
+    path = tmp_path / "r.mcap"
+    core = SessionCore(None, recorder=RecordingWriter(path, start_ns=START_NS))
+    noise = np.random.default_rng(1).bytes(20_000)
+    again = [Chunk(LINK, chunk.host_ns + 60 * SECOND_NS, chunk.data) for chunk in paced(noise)]
+    restored = LinkEvent(LINK, START_NS + 59 * SECOND_NS, LinkEventKind.RESTORED)
+    notices = notices_of(core, [*paced(noise), restored, *again])
+    assert codes(notices) == [Code.NO_FRAMES, Code.LINK_RESTORED, Code.NO_FRAMES]
+    logged = [json.loads(m.data) for m in RecordingReader(path).messages() if m.channel.topic == "/log"]
+    assert [entry["code"] for entry in logged] == ["no_frames", "no_frames"]
+    assert logged[0]["values"]["content"]["code"] == "line_wrong_baud_rate"
+    assert "wrong baud rate" in logged[0]["text"]
+
+
+def test_findings_do_not_depend_on_chunk_boundaries() -> None:
+    noise = np.random.default_rng(2).bytes(30_000)
+    whole = [Chunk(LINK, START_NS + i * SECOND_NS, noise[i * 3000 : (i + 1) * 3000]) for i in range(10)]
+    fine = [
+        Chunk(LINK, chunk.host_ns, chunk.data[at : at + 7]) for chunk in whole for at in range(0, len(chunk.data), 7)
+    ]
+    assert notices_of(SessionCore(None), whole) == notices_of(SessionCore(None), fine)
