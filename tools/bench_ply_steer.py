@@ -135,7 +135,7 @@ def noise_table() -> None:
     true = truth(ring, shape)
     print(f"{'truth':44s}{columns(true)}")
     print("bound: white noise of one revolution through the definition's row, every order free (order 1 kept)")
-    rows = slopes(lateral_record(run(ring, shape, Sensor(), 3)[0], 0.0), _edges(ring), RADIUS_M).rows
+    rows = slopes(lateral_record(run(ring, shape, Sensor(), 12)[0], 0.0), _edges(ring), RADIUS_M).rows
     cases: list[tuple[str, Sensor, float]] = [
         ("0.125 mg/rtHz", Sensor(noise_mg=0.125), 65.0),
         ("5 mg/rtHz", Sensor(noise_mg=5), 65.0),
@@ -149,7 +149,7 @@ def noise_table() -> None:
     for name, sensor, speed in cases:
         revolutions = run(ring, shape, sensor, 1610, speed)
         one = singly(revolutions)
-        blocks = np.array([estimate(revolutions[i : i + 100])[0] for i in range(0, 1600, 100)])
+        blocks = np.array([estimate(revolutions[i : i + 100])[0] for i in range(0, len(revolutions) - 99, 100)])
         stated = estimate(revolutions[:100])[1]
         omega = speed / 3.6 / RADIUS_M
         bound = sensor.noise_mg * 1e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(2 * math.pi / omega) / omega**2

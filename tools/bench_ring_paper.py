@@ -1,6 +1,6 @@
 """Accuracy of the ring paper's estimator and of the contact edges on the geometrically exact ring.
 
-Prints the tables of docs/ring-paper-estimator.md. Run: python tools/bench_ring_paper.py
+Prints the tables of docs/explanation/ring-paper-estimator.md. Run: python tools/bench_ring_paper.py
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Contacts found in wheels made by independent formulas: missed and false ones, exactness, cost.
 
-Run `python tools/bench_segmentation.py`; `--count 100` takes some minutes and gives the figures of
-docs/segmentation.md. Every row is a family of wheels drawn at random: radius 0.25 to 0.55 m, contact half angle 0.08 to
-0.5 rad, 2 to 25.6 kHz, either sign, AC- or DC-coupled, gain, offset, bandwidth, noise to 15 mg/sqrt(Hz) by default.
+Run `python tools/bench_segmentation.py`; `--count 60` takes some minutes and gives the figures of
+docs/explanation/segmentation.md. Every row is a family of wheels drawn at random: radius 0.25 to 0.55 m, contact half
+angle 0.08 to 0.5 rad, 2 to 25.6 kHz, either sign, AC- or DC-coupled, gain, offset, bandwidth, noise up to
+15 mg/sqrt(Hz) unless stated.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
     python -m tools.ply_steer_trend [--measured DIRECTORY]
 
 Eq. 18 with a flat contact has no trend. Here a finite contact is put on a beam under tension on the sidewall, beside
-the laws of `ply_steer_models`, and every law is judged on points left out. Told in docs/closure-ply-steer-tables.md.
+the laws of `ply_steer_models`, and every law is judged on points left out.
+docs/evidence/closure-ply-steer-tables.md explains the result.
 """
 
 from __future__ import annotations

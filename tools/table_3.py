@@ -2,7 +2,7 @@
 
     python -m tools.table_3
 
-Told in docs/closure-table-3.md.
+Told in docs/evidence/closure-table-3.md.
 """
 
 from __future__ import annotations

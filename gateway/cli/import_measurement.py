@@ -24,7 +24,7 @@ _PROGRESS_FROM_BYTES: Final = 4_000_000
     required=True,
     type=click.Path(path_type=Path),
     metavar="MAP.toml",
-    help="Import map: the meaning of the columns; see docs/importing.md.",
+    help="Import map: the meaning of the columns; see docs/how-to/import-measurements.md.",
 )
 @click.option(
     "--out",

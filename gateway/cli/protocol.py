@@ -64,7 +64,7 @@ def vectors(out: Path | None, force: bool) -> None:
 def tables(specification: Path) -> None:
     """Update the generated tables of the specification.
 
-    SPECIFICATION is the file docs/protocol.md.
+    SPECIFICATION is the file docs/reference/protocol.md.
     """
     from firmware_protocol.spec import updated
 

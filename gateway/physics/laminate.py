@@ -1,8 +1,8 @@
 """Classical laminate theory of a steel belt: a belt of crossed plies shears when it is bent.
 
-Ply steer paper, Eq. 10 to 18, with its misprints repaired (docs/ply-steer.md): gamma is engineering shear throughout,
-as Eq. 13 needs (Eq. 14's factor one half is dropped); Eq. 13 is the N_xy row of Eq. 10 and Eq. 18's angle phi_z is half
-of the belt's slope.
+Ply steer paper, Eq. 10 to 18, with its misprints repaired (docs/explanation/ply-steer.md): gamma is engineering shear
+throughout, as Eq. 13 needs (Eq. 14's factor one half is dropped); Eq. 13 is the N_xy row of Eq. 10 and Eq. 18's angle
+phi_z is half of the belt's slope.
 
 The simulator uses the closed form `crossed_coupling_length`. For a belt whose plies are known, build it with `cord_ply`
 and `stack`, and pass `Laminate.coupling_length_m` to `lateral_belt.LateralBelt`:

@@ -3,7 +3,7 @@
 A steel belt of plies at +delta / -delta that is bent flat in the contact shears in its plane by
 gamma0 = -g (kappa - 1/R), g = B16 / A66 (ply steer paper, Eq. 13; `laminate`). This is the excitation. Beam, tension
 and sidewall determine the lateral shape, and the brush tread (`brush_tread`) adds the road when the tire rolls. Derived
-in docs/ply-steer.md.
+in docs/explanation/ply-steer.md.
 
 Directions: theta is 0 at the contact centre and increases with rotation; y is positive to the vehicle's left.
 """

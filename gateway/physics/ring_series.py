@@ -1,8 +1,8 @@
 """The ring paper's simplified modal model: standing-wave orders from four dimensionless numbers.
 
 Equations are those of "Tire Dimensionless Numbers for Analysis of Tire Characteristics and Intelligent Tire Signals",
-with their misprints repaired (docs/ring-paper-estimator.md lists them). The model is linear about the undeformed
-circle and exact for small loads only. Orders n are integers from 1 up; all functions broadcast over them.
+with their misprints repaired (docs/explanation/ring-paper-estimator.md lists them). The model is linear about the
+undeformed circle and exact for small loads only. Orders n are integers from 1 up; all functions broadcast over them.
 
 Numbers are Bs = EI / (R^4 p0), Cw = b / R, Rs = kw / p0 and Ts = kv / p0 (Eq. 17), in this order; `RingParameters` of
 `rolling_ring` turns them into a ring's stiffnesses and back.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Allocated size over capacity. Samples are written linearly and moved back rarely, so that every view is one contiguous
-# slice (measured to be faster than a circular buffer or writing twice, docs/performance.md).
+# slice (measured to be faster than a circular buffer or writing twice, docs/evidence/performance.md).
 _SLACK: Final = 4
 
 

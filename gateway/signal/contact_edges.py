@@ -3,8 +3,8 @@
 On a belt that rolls steadily the sensor reads s = V^2 kappa: zero on a flat road, the baseline R Omega^2 in the free
 part, overshoots on either side of the contact. The edge is defined as the place where contact pressure ends. The
 steepest slope of the waveform, which is the feature most robust to noise, lies inside it. The distance was measured on
-the geometrically exact ring (docs/ring-paper-estimator.md) and is added here. Its spread over tires and loads is part
-of the standard error.
+the geometrically exact ring (docs/explanation/ring-paper-estimator.md) and is added here. Its spread over tires and
+loads is part of the standard error.
 """
 
 from __future__ import annotations

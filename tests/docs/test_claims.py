@@ -1,4 +1,4 @@
-"""Claims of README.md and the contributing pages that code can check: paths, names, layers, shared equations."""
+"""Claims of README.md and the documentation that code can check: paths, names, layers, shared equations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gateway.estimators.registry import ESTIMATORS
 from tests.test_import_rules import ALLOWED, FOUNDATION, imports
 from tools.docs_site.staging import ROOT
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs" / "contributing").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SOLVER = "gateway.physics.rolling_ring"
 
 
@@ -32,6 +32,13 @@ def test_named_paths_exist(page):
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_named_modules_and_attributes_exist(page):
     names = re.findall(r"`((?:gateway|firmware_protocol)(?:\.\w+)+)`", page.read_text("utf-8"))
+    assert [name for name in names if not resolves(name)] == []
+
+
+def test_new_names_in_the_changelog_exist():
+    page = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    names = re.findall(r"^ *\| `gateway.* \| `(gateway[\w.]+)` \|$", page, re.MULTILINE)
+    assert names
     assert [name for name in names if not resolves(name)] == []
 
 

@@ -14,12 +14,18 @@ def toml_of(page: str) -> str:
 
 
 def test_documented_configuration_is_valid() -> None:
-    config = parse_vehicle(toml_of("configuration.md"), "configuration.md")
+    config = parse_vehicle(toml_of("how-to/describe-a-vehicle.md"), "describe-a-vehicle.md")
     assert [setup.position for setup in config.wheel_setups()] == ["FL", "FR", "RL"]
 
 
 def test_documented_map_is_valid() -> None:
-    assert parse_map(toml_of("importing.md"), "importing.md").columns() == ("acc x", "acc y", "acc z", "p", "T")
+    assert parse_map(toml_of("how-to/import-measurements.md"), "map.md").columns() == (
+        "acc x",
+        "acc y",
+        "acc z",
+        "p",
+        "T",
+    )
 
 
 def test_example_vehicle_is_valid() -> None:

@@ -1,4 +1,4 @@
-"""The figures of docs/closure-ply-steer-tables.md."""
+"""The figures of docs/evidence/closure-ply-steer-tables.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of docs/closure-table-3.md."""
+"""The figures of docs/evidence/closure-table-3.md."""
 
 from __future__ import annotations
 

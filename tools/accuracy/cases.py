@@ -21,7 +21,8 @@ WEAR_MM = (0.0, 2.9, 6.4)
 # ADXL1004, ADXL375, H3LIS331DL class, and four times worse.
 NOISE_MG_RTHZ = (0.125, 5.0, 15.0, 70.0)
 
-# What the forward fit finds on the measured inner-liner recording (docs/accuracy.md): the packet after the contact.
+# What the forward fit finds on the measured inner-liner recording (docs/evidence/accuracy.md):
+# the packet after the contact.
 MEASURED_WAVES = EdgeWaves(amplitude=0.12, order_before=30.0, order_after=52.0, decay_rad=0.9, phase_rad=-1.5)
 # A second pair, which the forward estimator does not model.
 MORE_WAVES = EdgeWaves(amplitude=0.06, order_before=22.0, order_after=37.0, decay_rad=0.6, phase_rad=0.8)

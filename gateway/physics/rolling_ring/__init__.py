@@ -2,7 +2,7 @@
 
 A steadily rolling, pressurised, extensible beam of finite rotation. Its compliant tread is in unilateral contact with
 the road, and the load is imposed. The simulator, the forward estimator and the diagnosis solve it; the linear ring that
-other estimators invert (`ring_series`) has equations of its own. Derived in docs/simulator.md.
+other estimators invert (`ring_series`) has equations of its own. Derived in docs/explanation/simulator.md.
 """
 
 from gateway.physics.rolling_ring.equilibrium import MIN_NODES as MIN_NODES
