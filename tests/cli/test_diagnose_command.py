@@ -236,7 +236,7 @@ class TestEffectsFiles:
         result = CliRunner().invoke(
             treadlink, ["replay", str(recording), "--speed", "max", "--plain", "--effects", str(path)]
         )
-        assert "W0: taken off its axes at 48 to 72 km/h, 3000 to 4000 N: imbalance" in result.output
+        assert "W0: subtracted from its axes at 48 km/h to 72 km/h, 3000 to 4000 N: imbalance" in result.output
 
     def test_replay_subtracts_effects_reproducibly(self, saved, recording, tmp_path):
         def lines(*more):
