@@ -1,4 +1,4 @@
-"""Why something is as it is, as a value: a code with its numbers. `gateway.views.wording` turns it into text."""
+"""Reasons as values: a code with its numbers. `gateway.views.wording` turns them into text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Value: TypeAlias = "float | str | Reason | tuple[Value, ...]"
 
 
 class Code(StrEnum):
-    """What a reason says. The text of each code, with the values it needs, is in `gateway.views.wording`.
+    """Meaning of a reason. The text of each code, with the values it needs, is in `gateway.views.wording`.
 
     Codes appear in JSON output and recordings: a code may be added, but not renamed without an entry in the changelog.
     """
@@ -30,7 +30,7 @@ class Code(StrEnum):
     EFFECTS_OF_OTHER_SENSOR = "effects_of_other_sensor"
 
     # Estimates
-    # - of any estimator
+    # Of any estimator
     AC_COUPLED = "ac_coupled"
     AVERAGE_ERRORS_UNKNOWN = "average_errors_unknown"
     AXIS_MISSING = "axis_missing"
@@ -46,7 +46,7 @@ class Code(StrEnum):
     SAMPLES_LOST_SHARE = "samples_lost_share"
     SPEED_OR_RADIUS_UNKNOWN = "speed_or_radius_unknown"
     TOO_FEW_ORDERS = "too_few_orders"
-    # - of the tire's four numbers
+    # Of the tire's four numbers
     BENDING_LIKE_SHEAR = "bending_like_shear"
     CORRELATED = "correlated"
     FIT_AT_ZERO = "fit_at_zero"
@@ -60,7 +60,7 @@ class Code(StrEnum):
     NOT_DETERMINED = "not_determined"
     ORDERS_UNUSABLE = "orders_unusable"
     RING_DOES_NOT_FIT = "ring_does_not_fit"
-    # - of load and wear
+    # Of load and wear
     BENDING_NOT_POSITIVE = "bending_not_positive"
     FROM_BELT_WIDTH = "from_belt_width"
     FROM_CONTACT_ANGLE = "from_contact_angle"
@@ -79,7 +79,7 @@ class Code(StrEnum):
     PRESSURE_OUTSIDE_CALIBRATION = "pressure_outside_calibration"
     UNKNOWN_ESTIMATOR = "unknown_estimator"
     WORN_SINCE_CALIBRATION = "worn_since_calibration"
-    # - of the lateral axis
+    # Of the lateral axis
     FROM_AXIS_MEANS = "from_axis_means"
     INCLUDES_CONICITY = "includes_conicity"
     NEEDS_BOTH_SLIPS = "needs_both_slips"
@@ -90,14 +90,14 @@ class Code(StrEnum):
     ZERO_SLIP_GIVEN = "zero_slip_given"
     ZERO_SLIP_IS_MEAN = "zero_slip_is_mean"
     ZERO_SLIP_NOT_SETTLED = "zero_slip_not_settled"
-    # - of the sensor's calibration
+    # Of the sensor's calibration
     FLAT_CONTACT_ASSUMED = "flat_contact_assumed"
     NEEDS_TEMPERATURE_CHANGE = "needs_temperature_change"
     NEEDS_TWO_SPEEDS = "needs_two_speeds"
     NO_REVOLUTION_YET = "no_revolution_yet"
     NOT_FINITE = "not_finite"
     OTHER_OFFSET_STATED = "other_offset_stated"
-    # - of what is not locked to the wheel
+    # Of what is not locked to the wheel
     AT_WHEEL_ORDER = "at_wheel_order"
     IN_BAND = "in_band"
     NEEDS_UNINTERRUPTED_ROLLING = "needs_uninterrupted_rolling"
@@ -124,13 +124,73 @@ class Code(StrEnum):
     RECORDING_RECORD_DAMAGED = "recording_record_damaged"
     RECORDING_RECORD_MISSING = "recording_record_missing"
 
+    # Diagnosis: acceptance tests
+    IMPLAUSIBLE_PARAMETER = "implausible_parameter"
+    UNUSUAL_PARAMETER = "unusual_parameter"
+    NOT_A_WHOLE_ORDER = "not_a_whole_order"
+    STANDING_WAVES = "standing_waves"
+    FADES_WITHIN_ONE_WAVE = "fades_within_one_wave"
+    HOLLOW_ROAD = "hollow_road"
+    SIZE_DIFFERS_BETWEEN_RECORDINGS = "size_differs_between_recordings"
+    SIZE_DIFFERS_BETWEEN_AXES = "size_differs_between_axes"
+    ANOTHER_BELT = "another_belt"
+    NO_COMMON_BELT = "no_common_belt"
+    STIFFNESS_RATIO = "stiffness_ratio"
+    TOO_SMALL_BESIDE_OTHERS = "too_small_beside_others"
+    NOT_NEEDED = "not_needed"
+    LEAVES_RESIDUAL = "leaves_residual"
+    LEAVES_RESIDUAL_AT_EDGES = "leaves_residual_at_edges"
+    SMALLER_THAN_EDGE_RESIDUAL = "smaller_than_edge_residual"
+    FOUND_IN_FEW_FOLDS = "found_in_few_folds"
+    NOTHING_REMAINS = "nothing_remains"
+    AXIS_HAS_OTHER_SHARE = "axis_has_other_share"
+    AXIS_SHOULD_BE_QUIET = "axis_should_be_quiet"
+    AXIS_SHOWS_SAME_BAND = "axis_shows_same_band"
+    RECORDING_HAS_OTHER_SIZE = "recording_has_other_size"
+    WRONG_SPEED_EXPONENT = "wrong_speed_exponent"
+    NEEDS_AXIS_OR_SPEED = "needs_axis_or_speed"
+    WRONG_QUADRATURE = "wrong_quadrature"
+    BELOW_SURROUNDINGS = "below_surroundings"
+    ENVELOPE_TOO_STEADY = "envelope_too_steady"
+    LEAVES_DENSITY = "leaves_density"
+    BROADBAND_NOISE_LEFT = "broadband_noise_left"
+    ORDER_OR_FREQUENCY = "order_or_frequency"
+
+    # Diagnosis: deciding recordings
+    RECORD_AT_SPEED = "record_at_speed"
+    RECORD_REVERSED = "record_reversed"
+    RECORD_WARMER = "record_warmer"
+    RECORD_AT_LOAD = "record_at_load"
+    RECORD_AT_PRESSURE = "record_at_pressure"
+    RECORD_AT_REST = "record_at_rest"
+    RECORD_AT_ANOTHER_SPEED = "record_at_another_speed"
+    RECORD_ROAD_AT_ANOTHER_SPEED = "record_road_at_another_speed"
+    RECORD_LIVE = "record_live"
+    RECORD_LIVE_FOR_LONGER = "record_live_for_longer"
+    COMPARE_CLOCK = "compare_clock"
+    NO_RECORDING_DECIDES = "no_recording_decides"
+    DECIDES_AGAINST = "decides_against"
+
+    # Diagnosis: notes
+    MEANS_NOT_COMPARED = "means_not_compared"
+    REVOLUTIONS_LEFT_OUT = "revolutions_left_out"
+    FEW_REVOLUTIONS = "few_revolutions"
+    ONE_SPEED = "one_speed"
+    STATES_NOT_DETERMINED = "states_not_determined"
+    STATE = "state"
+    STATE_WITH_ERROR = "state_with_error"
+    MORE_STATES = "more_states"
+    GROUPS_TOO_SHORT = "groups_too_short"
+    CONTACT_EDGE_JITTER = "contact_edge_jitter"
+    NOISE_ROLLS_OFF = "noise_rolls_off"
+
 
 @dataclass(frozen=True, slots=True, init=False)
 class Reason:
     """A code and the values that belong to it, in SI units with the unit in the name.
 
     Attributes:
-        code: what is said.
+        code: its meaning.
         values: name and value of each number, name or nested reason, in the order given.
     """
 

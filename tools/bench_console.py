@@ -20,7 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.reasons import Code, Reason
 
@@ -76,7 +76,7 @@ def make_result(position: str, index: int, rng: np.random.Generator) -> Revoluti
         Estimate(name, value + std * rng.standard_normal(), std, Status.VALID, (Reason(Code.LINEAR_RING),))
         for name, value, std in known
     )
-    return RevolutionResult(position, 0, revolution, Conditions(RADIUS_M, 5000.0, 210e3, 31.5), estimates)
+    return RevolutionResult(position, 0, revolution, TireConditions(RADIUS_M, 5000.0, 210e3, 31.5), estimates)
 
 
 class FakeSession:

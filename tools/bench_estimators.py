@@ -22,10 +22,10 @@ import scipy
 from bench_ring_paper import BASE, OMEGA, ORDERS, RADIUS_M, revolution_of, sampled, take
 from scipy.optimize import least_squares
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimator, Revolution
+from gateway.estimators.base import AngleAverage, Estimator, Revolution, TireConditions
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
-from gateway.estimators.weak_form_fit import fit_waveforms
+from gateway.estimators.weak_form import fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring import solve_rolling_ring
@@ -39,7 +39,7 @@ LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
 REVOLUTIONS = 64
 WAVEFORMS = 512
 # Inputs of the load and wear estimators, without which they return invalid estimates at once.
-CONDITIONS = Conditions(
+CONDITIONS = TireConditions(
     RADIUS_M,
     LOAD_N,
     PRESSURE_PA,

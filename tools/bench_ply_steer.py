@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Conditions, Revolution
+from gateway.estimators.base import Revolution, TireConditions
 from gateway.estimators.lateral_shape import DEFINITIONS, lateral_record, slopes
 from gateway.estimators.ply_steer import PlySteerEstimator
 from gateway.estimators.ply_steer_models import TABLE_FORCE_N, compare, roll_car_tire, table_points
@@ -75,7 +75,7 @@ def estimate(revolutions: Sequence[Revolution]) -> tuple[FloatArray, FloatArray]
     estimator = PlySteerEstimator()
     latest = average_of(revolutions)
     for revolution in revolutions:
-        result = estimator.update(revolution, latest, Conditions(RADIUS_M))
+        result = estimator.update(revolution, latest, TireConditions(RADIUS_M))
     return np.degrees([e.value for e in result[:3]]), np.degrees([e.std for e in result[:3]])
 
 
@@ -205,7 +205,7 @@ def slip_table() -> None:
         average = average_of(revolutions[:60])
         zero = estimate(revolutions[:59])[0][1]
         estimator = SlipAngleEstimator(zero_slope_rad=math.radians(zero))
-        found = [estimator.update(r, average, Conditions(RADIUS_M)) for r in revolutions][62:77]
+        found = [estimator.update(r, average, TireConditions(RADIUS_M)) for r in revolutions][62:77]
         apparent = np.degrees([e[0].value for e in found])
         right = np.mean([e[1].value == math.copysign(1.0, slip) for e in found])
         print(
@@ -275,7 +275,7 @@ def cost() -> None:
         for _ in range(5):
             start = time.perf_counter()
             for revolution in revolutions:
-                estimator.update(revolution, average, Conditions(RADIUS_M))
+                estimator.update(revolution, average, TireConditions(RADIUS_M))
             best = min(best, (time.perf_counter() - start) / len(revolutions))
         print(f"  {estimator.name:12s} {best * 1e3:.3f} ms")
     start = time.perf_counter()

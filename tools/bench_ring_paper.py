@@ -13,11 +13,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Conditions, Revolution
-from gateway.estimators.determination import NUMBERS
-from gateway.estimators.ring_fit import fit_ring_numbers
-from gateway.estimators.ring_paper import RingPaperEstimator
+from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.estimators.base import AngleAverage, Revolution, TireConditions
+from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.signal import contact_edges as contact
@@ -86,7 +84,7 @@ def ratio_with_truth_given(solution: RingSolution) -> tuple[FloatArray, float]:
     )
     if fit is None:
         raise ValueError("the exact ring's orders cannot be fitted")
-    return fit.numbers / np.array(solution.numbers), fit.residual
+    return fit.numbers / np.array(solution.numbers), fit.residual_share
 
 
 def sampled(solution: RingSolution, revolutions: int, seed: int) -> tuple[FloatArray, FloatArray]:
@@ -140,7 +138,7 @@ def take(average: RunningAverage, revolution: Revolution) -> AngleAverage:
 
 def print_model_error(solutions: list[RingSolution]) -> None:
     print("Estimated / true, no noise, true contact angle and load; new tire, 2.1 bar, orders 1-60")
-    print(f"{'load N':>8}{'half rad':>10}" + "".join(f"{name:>8}" for name in NUMBERS) + f"{'residual':>10}")
+    print(f"{'load N':>8}{'half rad':>10}" + "".join(f"{name:>8}" for name in RING_NUMBERS) + f"{'residual':>10}")
     ratios = []
     for solution in solutions:
         ratio, residual = ratio_with_truth_given(solution)
@@ -154,7 +152,7 @@ def print_model_error(solutions: list[RingSolution]) -> None:
 
 def print_whole_chain() -> None:
     print(f"\nWhole chain: {RATE_HZ:.0f} Hz, {SPEED_KMH:.0f} km/h, gravity, 5 mg/rtHz, average of 20 revolutions")
-    print("load N    half/true  " + "".join(f"{name + ' /true (stated)':>22}" for name in NUMBERS))
+    print("load N    half/true  " + "".join(f"{name + ' /true (stated)':>22}" for name in RING_NUMBERS))
     for load in LOADS_N:
         solution = solve_rolling_ring(BASE, load, 2.1e5, OMEGA, nodes=1440)
         samples, centres = sampled(solution, 22, seed=1)
@@ -162,7 +160,7 @@ def print_whole_chain() -> None:
         for previous, start, end in zip(centres, centres[1:], centres[2:], strict=False):
             revolution = revolution_of(samples, start, end, previous)
             result = take(average, revolution)
-            estimates = estimator.update(revolution, result, Conditions(RADIUS_M, load, 2.1e5))
+            estimates = estimator.update(revolution, result, TireConditions(RADIUS_M, load, 2.1e5))
         half = 0.5 * (result.trailing_edge_rad - result.leading_edge_rad) / solution.half_angle_rad
         row = "".join(
             f"{e.value / t:14.2f} ({e.std / t:.2f})" for e, t in zip(estimates, solution.numbers, strict=False)

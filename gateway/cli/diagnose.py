@@ -157,7 +157,7 @@ def diagnose(
         force=force,
     )
     if html_path is not None:
-        from gateway.views.report.svg import require_report_packages
+        from gateway.views.report.figures import require_report_packages
 
         require_report_packages()
     vehicle = load_vehicle(config_path) if config_path is not None else None
@@ -194,7 +194,7 @@ def _write(
     """
     from gateway.views.report.diagnosis_json import write_json
     from gateway.views.report.html import write_html
-    from gateway.views.report.unsaved import saved_text
+    from gateway.views.report.phrases import saved_text
 
     failed: list[TreadlinkError] = []
     for path, write in ((json_path, write_json), (html_path, write_html), (effects_path, _save_effects)):
@@ -215,7 +215,7 @@ def _write(
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
     if diagnosis.correction is None:
-        from gateway.views.report.unsaved import why_unsaved
+        from gateway.views.report.phrases import why_unsaved
 
         reason, remedy = why_unsaved(diagnosis)
         raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)

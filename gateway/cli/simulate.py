@@ -98,7 +98,7 @@ def simulate(
     sim:SCENARIO`.
     """
     if (out is not None) + pty + ble != 1:
-        raise click.UsageError("Give one of --out, --pty and --ble.")
+        raise click.UsageError("Give one of --out FILE, --pty and --ble.")
     if ble and faults:
         raise click.UsageError("--fault cannot be combined with --ble, which transmits only whole frames.")
     if ble and key_file is not None:

@@ -1,4 +1,4 @@
-"""From a belt's shape to specific force at the sensor: speed, gravity, drift within the revolution, mounting."""
+"""Specific force at the sensor from a belt's shape, speed, gravity, angular acceleration and mounting."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def orders_field(orders: ComplexArray) -> FloatArray:
 
 
 def base_signal(core: Core, shape: Shape, conditions: GroupConditions) -> ModelledBlock:
-    """Return what the starting model alone has a block read along the belt's own directions.
+    """Return the signal of the baseline model alone along the belt's own directions.
 
     omega^2 shape + g gravity + domega/dt (spin + 2 theta' shape), theta' from mid revolution: omega^2 at theta' is
     omega^2 + 2 theta' domega/dt.

@@ -1,4 +1,4 @@
-"""What repeats with the wheel, but not alike all through a recording: the mean residual goes from block to block."""
+"""The non-stationary angle-locked residual: it repeats with the wheel, but changes from block to block."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import f as fisher
 
-from gateway.closure.diagnosis import Unexplained
+from gateway.closure.diagnosis import Scaling, ScalingStatus, Unexplained
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import Group
@@ -19,7 +19,7 @@ from gateway.closure.residual import BANDS, POWER_SHARE, joined
 from gateway.constants import AXIS_NAMES
 from gateway.types import ComplexArray, FloatArray
 
-SCALING: Final = "not known: changes during the recording"
+SCALING: Final = Scaling(ScalingStatus.NON_STATIONARY)
 
 # Power of the change over what the scatter of revolutions makes of it, from which it is no matter of scatter. Even a
 # steady ramp over the five blocks counts in that scatter too, so it takes some 5 revolutions a block to get there.
@@ -31,7 +31,7 @@ _LEAST_REVOLUTIONS: Final = 3
 # Below this share of the signal and of the mean residual (rms) a change is that of whatever stands there.
 _OF_SIGNAL: Final = 3e-3
 _OF_RESIDUAL: Final = 0.1
-# Share of the largest change, of any axis, that is still told (rms).
+# Share of the largest change, of any axis, that is still listed (rms).
 _NEGLIGIBLE: Final = 0.1
 _SIGMAS: Final = 3.0
 
@@ -65,7 +65,7 @@ class _Change:
         return rms, 0.5 * math.sqrt(float(self.variance[axis, orders].sum())) / rms
 
     def evident(self, axis: int, first: int, last: int) -> bool:
-        """Tell whether orders [first, last) change by far more than scatter makes them."""
+        """Return whether orders [first, last) change by far more than scatter makes them."""
         orders = slice(first, last)
         rms, std = self.size(axis, orders)
         mean, signal = (math.sqrt(float(of[axis, orders].sum())) for of in (self.mean, self.signal))
@@ -77,7 +77,7 @@ class _Change:
 
 
 def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
-    """Return what changes during a recording by more than the model lets expect, largest first; an axis each."""
+    """Return the residuals that change during a recording by more than the model predicts, largest first."""
     campaign = fit.model.campaign
     changes = [_change(*one) for one in zip(campaign.groups, data.orders, data.weights, fit.predicted, strict=True)]
     found = []
@@ -92,7 +92,7 @@ def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
 
 
 def beside_changes(left: Sequence[Unexplained], changes: Sequence[Unexplained]) -> tuple[Unexplained, ...]:
-    """Return what is left without what is a change during a recording told once more: its wheel orders over time."""
+    """Return the residuals without those at wheel orders of an axis that is already listed as non-stationary."""
     axes = {entry.axis for entry in changes}
     return tuple(entry for entry in left if entry.lock_known or entry.axis not in axes)
 
@@ -139,11 +139,6 @@ def _entry(
         first = low + int(np.searchsorted(share, 0.02))
         last = min(low + int(np.searchsorted(share, 0.98)), high - 1)
     omegas = [group.conditions.omega_radps / (2.0 * math.pi) for group in groups]
-    name = f"order {first}" if first == last else f"orders {first} to {last}"
-    text = (
-        f"{AXIS_NAMES[axis]} axis, {name}: changes during the recording, by {rms:.2g} m/s^2 rms about its mean "
-        f"(most so in {groups[at].label}); load, slip angle, camber or temperature may: record one state at a time"
-    )
     return Unexplained(
         AXIS_NAMES[axis],
         "angle",
@@ -153,6 +148,6 @@ def _entry(
         SCALING,
         rms,
         std,
-        text,
         changes=True,
+        largest_in=groups[at].label,
     )

@@ -1,4 +1,4 @@
-"""Selection and hold-out together: what is called by its name has been found again without each part of the data."""
+"""Selection with a nested hold-out: a named effect must be found again without each part of the data."""
 
 from __future__ import annotations
 
@@ -21,26 +21,27 @@ from gateway.closure.observation import Campaign
 from gateway.closure.selection import Selection, select
 from gateway.closure.starting import angle_effects
 from gateway.errors import TreadlinkError
+from gateway.reasons import Code, Reason
 
 Progress = Callable[[float, str], None]
 
 # Folds of the nested hold-out: each runs the whole selection again.
 _OUTER_FOLDS: Final = 5
-# Share of folds that must have come to an effect by themselves for it to be called by its name.
+# Share of folds that must find an effect on their own for it to be named.
 _AGREEING: Final = 0.5
-# Shares of the time at which selecting, holding out and comparing rivals end.
+# Shares of the time at which selection and hold-out end.
 _SELECTED, _HELD_OUT = 0.4, 0.8
 
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """A selection that holds out, the errors of its folds, and what became of every effect.
+    """A selection confirmed by hold-out, the errors of its folds, and the finding of every effect.
 
     Attributes:
         selection: the last one.
         errors: of its folds.
-        findings: what became of every effect.
-        undecided: for every effect with rivals the fits with each of them in its place.
+        findings: of every effect.
+        undecided: for every effect with confounders the fits with each of them in its place.
     """
 
     selection: Selection
@@ -57,10 +58,10 @@ def close_loop(
     on_progress: Callable[[float, str], None],
     jobs: int,
 ) -> Closed:
-    """Select, and hold out; an effect that most folds do not come to by themselves is taken out, and all done again.
+    """Select and hold out; an effect that most folds do not find on their own is excluded, and all is repeated.
 
     Raises:
-        TreadlinkError: the starting model cannot be fitted, or a recording is of the other direction than stated.
+        TreadlinkError: the baseline model cannot be fitted, or a recording contradicts its stated direction.
     """
     on_progress = _Forward(on_progress)
     every = angle_effects(candidates(model))
@@ -88,22 +89,22 @@ def close_loop(
             break
         for step in doubtful:
             times = found_in.get(step.effect.name, 0)
-            reason = f"found in {times} of {len(errors)} folds only when one fold is left out"
+            reason = Reason(Code.FOUND_IN_FEW_FOLDS, found=times, folds=len(errors))
             unsteady[step.effect.name] = refused(step, selection.final, reason)
-    on_progress(_HELD_OUT, "comparing rivals")
+    on_progress(_HELD_OUT, "comparing confounders")
     findings, undecided = findings_of(selection, selection.data, every)
     return Closed(selection, errors, [*findings, *unsteady.values()], undecided)
 
 
 def _cannot_be_fitted(model: BaselineModel, error: FitFailedError) -> TreadlinkError:
     return TreadlinkError(
-        f"the starting model '{model}' cannot be fitted to these recordings: {error}",
+        f"the baseline model '{model}' cannot be fitted to these recordings: {error}",
         "Check belt radius, load and pressure in the configuration.",
     )
 
 
 def _check_directions(fit: Fit, data: Whitened) -> None:
-    """Refuse recordings that contradict the direction they are said to be of: no effect could make good for that.
+    """Refuse recordings that contradict their stated direction, which no effect could correct.
 
     Raises:
         TreadlinkError: one does.
@@ -114,21 +115,21 @@ def _check_directions(fit: Fit, data: Whitened) -> None:
         return
     stated = {group.recording for group in campaign.groups if group.conditions.reverse}
     remedies = [
-        f"leave out --reverse {campaign.recordings[number]}"
+        f"remove --reverse {campaign.recordings[number]}"
         if number in stated
-        else f"say --reverse {campaign.recordings[number]}"
+        else f"add --reverse {campaign.recordings[number]}"
         for number in wrong
     ]
     raise TreadlinkError(
-        "the circumferential axis is the opposite of a rolling tire's in "
+        "the sign of the circumferential axis is opposite to that of a rolling tire in "
         + ", ".join(f"'{campaign.recordings[number]}'" for number in wrong),
-        f"If the tire rolled the other way round than stated, {' and '.join(remedies)}; if it did not, "
-        "the sensor's axis points backwards: record or import it with its sign turned.",
+        f"If the tire rolled in the opposite direction, {' and '.join(remedies)}; otherwise the sensor's axis points "
+        "backwards: record or import it with the sign reversed.",
     )
 
 
 class _Forward:
-    """Passes progress on, but never back: selecting and holding out may begin anew."""
+    """Forwards progress, but never backwards: selecting and holding out may be repeated."""
 
     def __init__(self, on_progress: Progress) -> None:
         self._on_progress = on_progress
@@ -140,7 +141,7 @@ class _Forward:
 
 
 class _Steps:
-    """Turns the steps of a selection, whose number nobody knows beforehand, into a share that always grows."""
+    """Turns the steps of a selection, whose number is not known beforehand, into a growing share."""
 
     def __init__(self, on_progress: Progress) -> None:
         self._on_progress = on_progress
@@ -152,4 +153,4 @@ class _Steps:
 
 
 def _held(on_progress: Progress, folds: int, done: int) -> None:
-    on_progress(_SELECTED + (_HELD_OUT - _SELECTED) * done / folds, "holding out")
+    on_progress(_SELECTED + (_HELD_OUT - _SELECTED) * done / folds, "computing held-out errors")

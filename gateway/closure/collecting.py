@@ -1,4 +1,4 @@
-"""Revolutions of one wheel as they come: order coefficients of each, and waveforms of the first of each speed."""
+"""Collection of one wheel's revolutions: order coefficients of each, and waveforms of the first of each speed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.closure.observation import ORDERS
-from gateway.estimators.base import Conditions, Revolution
+from gateway.estimators.base import Revolution, TireConditions
 from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray
 
@@ -17,11 +17,11 @@ MOST_REVOLUTIONS: Final = 20_000
 """Of one recording; at 3 kB each they take 60 MB."""
 
 TOO_MANY: Final = f"beyond the first {MOST_REVOLUTIONS} of a recording"
-NOT_MEASURED: Final = "the radial axis or the rate is not known"
+NOT_MEASURED: Final = "the radial axis or the sampling rate is not known"
 
 # Share of the Nyquist order up to which the pipeline's interpolation is right within 0.5 %.
 _USABLE_BAND: Final = 0.56
-# Waveforms are kept for so many seconds of each speed, and of a recording.
+# Seconds of waveforms kept for each speed, and for a recording.
 _KEPT_S: Final = 30.0
 _KEPT_ALL_S: Final = 240.0
 _SPEED_STEP: Final = 0.03
@@ -44,7 +44,7 @@ def waveform_orders(waveform_mps2: FloatArray) -> ComplexArray:
 
 
 def carried_order(samples_per_revolution: float) -> int:
-    """Return the highest order up to 110 that so many samples a revolution carry within half a percent."""
+    """Return the highest order up to 110 that a number of samples per revolution carries within half a percent."""
     return max(0, min(ORDERS - 1, math.floor(_USABLE_BAND * samples_per_revolution / 2.0)))
 
 
@@ -75,7 +75,7 @@ class RevolutionStore:
         """Number of revolutions kept."""
         return len(self._rows)
 
-    def take(self, revolution: Revolution, conditions: Conditions, host_ns: int) -> None:
+    def take(self, revolution: Revolution, conditions: TireConditions, host_ns: int) -> None:
         """Keep a revolution, or count why not."""
         faults = [fault for fault in revolution.faults if fault.code not in _CUT_OFF]
         if faults:

@@ -1,4 +1,4 @@
-"""What a set of effects adds to the sensor's axes, as a table over speed that estimates can be freed with."""
+"""Contribution of effects to the sensor's axes as a table over speed, for estimators to subtract."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SPEED_MARGIN: Final = 0.1
 _LOAD_MARGIN: Final = 0.05
 _PRESSURE_MARGIN: Final = 0.05
 # What estimators of the lateral axis are there to measure stays in the signal.
-_MEASURED: Final = frozenset({"ply steer", "conicity", "carcass compliance"})
+MEASURED: Final = frozenset({"ply steer", "conicity", "carcass compliance"})
 
 
 def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTable | None:
@@ -32,7 +32,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
     rolls on the car, forward, unless all was recorded in reverse.
     """
     named = {finding.name: finding for finding in findings if finding.verdict is Verdict.NAMED}
-    effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - _MEASURED)
+    effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - MEASURED)
     if not effects:
         return None
     campaign = fit.model.campaign
@@ -62,7 +62,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
         return None
     orders = np.stack(change)
     if way:
-        # A diagnosis turns the circumferential axis of reverse recordings to the rolling direction; nobody else does.
+        # Only a diagnosis turns the circumferential axis of reverse recordings to the rolling direction.
         orders[:, CIRCUMFERENTIAL] *= -1.0
     load, pressure = group.conditions.load_n, group.conditions.pressure_pa
     return CorrectionTable(

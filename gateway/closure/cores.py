@@ -1,4 +1,4 @@
-"""What a starting model has to offer: the shape that the belt takes, from the parameters of a tire's state."""
+"""Interface of baseline models: the belt's shape from the parameters of a tire's state."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Shape:
 
 
 class Core(Protocol):
-    """A starting model.
+    """A baseline model.
 
     Attributes:
         model: which one.

@@ -1,4 +1,4 @@
-"""Which recording would tell two explanations apart: tried on conditions that nobody has recorded yet."""
+"""Experiment design: the recording that would distinguish two explanations, predicted at other conditions."""
 
 from __future__ import annotations
 
@@ -16,32 +16,30 @@ from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.closure.observation import Block, Campaign, Group
 from gateway.closure.witness import CLOCK, HOST_CLOCK
+from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray
 
-# Fall of the misfit at which two explanations count as told apart.
-_TOLD_APART: Final = 25.0
+# Reduction of the misfit at which two explanations count as distinguished.
+_DISTINGUISHED: Final = 25.0
 # Share of an axis's orders that hold nothing but the sensor's own noise.
 _QUIETEST: Final = 0.1
-# What is the same at any speed, load, temperature and direction is decided by other means, or not at all.
-_AT_REST: Final = {
-    frozenset(("camber", "zero-g offset")): "the sensor at rest with the axle level, the tire lifted or off the car, "
-    "would decide: its lateral axis reads the zero-g offset alone there"
-}
-NOTHING: Final = "no recording at another speed, load, temperature or direction tried here would decide"
+# Effects independent of speed, load, temperature and direction need another kind of recording.
+_AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(Code.RECORD_AT_REST)}
+NOTHING: Final = Reason(Code.NO_RECORDING_DECIDES)
 
-_OTHERS: Final[tuple[tuple[str, Callable[[GroupConditions], GroupConditions]], ...]] = (
-    ("at 1.5 times the speed", lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
-    ("at a quarter of the speed", lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
-    ("at 0.6 times the speed", lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
-    ("rolling the other way round", lambda c: replace(c, reverse=not c.reverse)),
-    ("with the tire 20 K warmer", lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0)),
-    ("at 1.4 times the load", lambda c: replace(c, load_n=1.4 * c.load_n)),
-    ("at 0.7 times the pressure", lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa)),
+_OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]], ...]] = (
+    (Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5), lambda c: replace(c, omega_radps=1.5 * c.omega_radps)),
+    (Reason(Code.RECORD_AT_SPEED, speed_ratio=0.25), lambda c: replace(c, omega_radps=0.25 * c.omega_radps)),
+    (Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6), lambda c: replace(c, omega_radps=0.6 * c.omega_radps)),
+    (Reason(Code.RECORD_REVERSED), lambda c: replace(c, reverse=not c.reverse)),
+    (Reason(Code.RECORD_WARMER, difference_k=20.0), lambda c: replace(c, temperature_degc=c.temperature_degc + 20.0)),
+    (Reason(Code.RECORD_AT_LOAD, load_ratio=1.4), lambda c: replace(c, load_n=1.4 * c.load_n)),
+    (Reason(Code.RECORD_AT_PRESSURE, pressure_ratio=0.7), lambda c: replace(c, pressure_pa=0.7 * c.pressure_pa)),
 )
 
 
-def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data: Whitened) -> str:
-    """Return the recording that would tell an effect from its rival, in words.
+def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data: Whitened) -> Reason:
+    """Return the recording that would distinguish an effect from a confounder.
 
     The final model is taken for true; its prediction under other conditions is added to the campaign, and the rival in
     place of the effect is fitted to both.
@@ -52,27 +50,25 @@ def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data
     if at_rest is not None:
         return at_rest
     others = tuple(other for other in final.model.effects if other.name != effect.name)
-    best: tuple[float, str] | None = None
-    for words, change in _OTHERS:
-        gain = _told_apart(final, (*others, rival), change, data)
-        if gain is not None and gain > _TOLD_APART and (best is None or gain > best[0]):
-            best = (gain, words)
-    if best is None:
-        return NOTHING
-    return f"one more recording {best[1]} would decide"
+    best: tuple[float, Reason] | None = None
+    for recording, change in _OTHERS:
+        gain = _distinction(final, (*others, rival), change, data)
+        if gain is not None and gain > _DISTINGUISHED and (best is None or gain > best[0]):
+            best = (gain, recording)
+    return NOTHING if best is None else best[1]
 
 
-def _clock_decides(campaign: Campaign) -> str:
-    """Return what the hub's clock would have to be compared with."""
+def _clock_decides(campaign: Campaign) -> Reason:
+    """Return the comparison of the hub's clock that would decide."""
     _, std = campaign.clock_error
     if not math.isfinite(std):
-        return "a recording made live, with the host's own time stamps, would decide"
+        return Reason(Code.RECORD_LIVE)
     if std > HOST_CLOCK:
-        return f"a longer recording made live would decide: the hub's clock is known to {1e6 * std:.0f} ppm so far"
-    return f"the hub's clock against one that is better than a host's {1e6 * HOST_CLOCK:.0f} ppm would decide"
+        return Reason(Code.RECORD_LIVE_FOR_LONGER, clock_std=std)
+    return Reason(Code.COMPARE_CLOCK, host_clock=HOST_CLOCK)
 
 
-def _told_apart(
+def _distinction(
     final: Fit, effects: tuple[AngleEffect, ...], change: Callable[[GroupConditions], GroupConditions], data: Whitened
 ) -> float | None:
     campaign, size = final.model.campaign, len(final.model.campaign.groups)

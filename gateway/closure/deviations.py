@@ -1,4 +1,4 @@
-"""What single revolutions differ by from their group's mean, put back on the time axis."""
+"""Deviations of single revolutions from their group's mean, on the time axis."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def deviations(
     omega_dot_radps2: FloatArray,
     rate_hz: float,
 ) -> tuple[FloatArray, ...]:
-    """Return what is left of revolutions when what their speed explains of their mean is taken off, run by run.
+    """Return the revolutions of each run minus their mean as predicted at their speed.
 
     Its power is that of the deviation from the true mean: what the mean has taken of the revolutions is put back.
 

@@ -1,4 +1,4 @@
-"""Whether a recording was made rolling the way round that it is said to be."""
+"""Detection of recordings whose rolling direction is not the stated one."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 
 # The sensor sits on or below the belt's neutral layer, where ring and depth move the circumferential axis alike, so
-# that its share of the model's is positive whatever depth, gain or tilt is wrong; rolling backwards makes it negative.
+# that its share of the model's is positive for any error of depth, gain or tilt; rolling backwards makes it negative.
 _OPPOSITE: Final = -0.3
-# Standard errors, by what is left over, that it must be from 0.
+# Standard errors, from the residual, that it must differ from 0.
 _CERTAIN: Final = 5.0
 
 
 def turned_round(fit: Fit, data: Whitened) -> list[int]:
-    """Return the recordings whose circumferential axis is the opposite of what the model says, by number.
+    """Return the numbers of recordings whose circumferential axis has the opposite sign of the model's.
 
     A recording's share b of the model's waveform m minimises sum |w (d - b m)|^2 over its orders d with weights w:
     b = sum w^2 Re(d m*) / sum w^2 |m|^2. Order 0 is left out: it has no direction.
 
     Args:
-        fit: of the starting model.
+        fit: of the baseline model.
         data: whitened.
     """
     groups = fit.model.campaign.groups

@@ -1,4 +1,4 @@
-"""From what single revolutions say of the contact's edges to the finding: is it scatter of edges, and how much."""
+"""The finding of contact-edge jitter, from the edge positions of single revolutions."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ import numpy as np
 from gateway.closure.diagnosis import Finding, Fitted, Verdict
 from gateway.closure.effects.contact import CONTACT_EDGE_JITTER
 from gateway.closure.findings import fitted_parameter
+from gateway.closure.gates import outside_range
 from gateway.closure.observation import Group
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
-# Fall of the deviance that is no chance find, as for effects that are locked to the wheel.
+# Reduction of the deviance that is no chance result, as for angle-locked effects.
 _LEAST_EVIDENCE: Final = 25.0
-# What stands out near the edges when they are put back, over what that took off, from which it is something else.
+# Residual near the corrected edges, relative to what the correction removed, above which the cause is another.
 _LEFT_SHARE: Final = 0.25
 # By how much the rms of one group may differ from that of all, beyond its errors: on a short contact one edge takes
 # the other along.
-_ALIKE: Final = 2.5
+_LARGEST_RATIO: Final = 2.5
 _SIGMAS: Final = 3.0
-# Of the rms that edges make, what may be left when they are put back: 2 to 7 % of scatter by millimetres.
+# Relative residual of corrected edges: 2 to 7 % for jitter of millimetres.
 _LEFT_OF_EDGES: Final = 0.1
 
 
 def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
-    """Return the finding of `contact edge scatter`; none where the data do not speak of it."""
+    """Return the finding of contact-edge jitter; none without evidence."""
     seen = [group for group in groups if group.edges.freedom and group.edges.noise_rad2 > 0.0]
     if not seen:
         return ()
@@ -63,16 +65,16 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
 
 
 def beside_edges(findings: Sequence[Finding], edges: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return findings of what is not locked to the wheel, those refused that moving edges may have left.
+    """Return findings of the time-locked signal, refused where the residual of moving edges may be as large.
 
     Args:
         findings: on deviations of revolutions whose edges were put back.
         edges: what `edge_findings` says.
     """
     doubt = _LEFT_OF_EDGES * max((edge.rms_mps2 for edge in edges), default=0.0)
-    reason = "it is smaller than what putting the contact's edges back may leave"
+    reason = Reason(Code.SMALLER_THAN_EDGE_RESIDUAL)
     return tuple(
-        replace(finding, verdict=Verdict.REFUSED, reason=reason, rivals=(), decide_with="")
+        replace(finding, verdict=Verdict.REFUSED, reason=reason, rivals=(), decide_with=None)
         if finding.verdict is not Verdict.REFUSED and finding.rms_mps2 < doubt
         else finding
         for finding in findings
@@ -80,7 +82,7 @@ def beside_edges(findings: Sequence[Finding], edges: Sequence[Finding]) -> tuple
 
 
 def _gains(groups: Sequence[Group]) -> FloatArray:
-    """Return by how much each fold's deviance falls with the scatter that the group's other folds ask for."""
+    """Return the reduction of each fold's deviance with the jitter fitted to the group's other folds."""
     folds = max(len(group.edges.freedom) for group in groups)
     gains = np.zeros(folds)
     for group in groups:
@@ -103,19 +105,18 @@ def _square_std(group: Group) -> float:
     return total * math.sqrt(2.0 / sum(edges.freedom)) * group.conditions.radius_m**2
 
 
-def _objection(groups: Sequence[Group], square: FloatArray, std: FloatArray, mean: float) -> str:
+def _objection(groups: Sequence[Group], square: FloatArray, std: FloatArray, mean: float) -> Reason | None:
     explained = sum(group.edges.explained_m2ps4 for group in groups)
     left = sum(group.edges.left_m2ps4 for group in groups)
     if left > _LEFT_SHARE * explained > 0.0:
-        return f"it leaves {left / (left + explained):.0%} of what scatters at the edges: a stand-in for something else"
+        return Reason(Code.LEAVES_RESIDUAL_AT_EDGES, residual_share=left / (left + explained))
     for group, own, error in zip(groups, square.tolist(), std.tolist(), strict=True):
-        if own + _SIGMAS * error < mean / _ALIKE**2 or own - _SIGMAS * error > mean * _ALIKE**2:
-            return f"it would have to be of another size in other recordings (most so in {group.label})"
+        if own + _SIGMAS * error < mean / _LARGEST_RATIO**2 or own - _SIGMAS * error > mean * _LARGEST_RATIO**2:
+            return Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=group.label)
     for parameter, value in zip(CONTACT_EDGE_JITTER.parameters, _sizes(groups, mean), strict=True):
         if value > parameter.high:
-            high = 1e3 * parameter.high
-            return f"{parameter.name} would be {1e3 * value:.3g} mm, which is not plausible (0 to {high:g})"
-    return ""
+            return outside_range(parameter, value)
+    return None
 
 
 def _leading_share(groups: Sequence[Group]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Where each revolution's contact began and ended: edges that come early or late, seen one by one and put back."""
+"""Contact-edge jitter: edge positions of single revolutions, and revolutions corrected for them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TERMS: Final = 4
 
 _ROUNDS: Final = 4
 _LEAST: Final = 12
-# The same shapes put where there is no contact tell what everything else makes of them, at the most: what is fixed in
+# The same shapes away from the contact give an upper bound of what everything else makes of them: what is fixed in
 # space makes more of them in some places than in others.
 _ELSEWHERE_RAD: Final = tuple(math.pi + away for away in (-1.0, -0.5, 0.0, 0.5, 1.0))
 # Fall of the deviance from which on revolutions are bent back.
@@ -31,7 +31,7 @@ _FINER: Final = 2
 _SPLINE: Final = 5
 _AT_A_TIME: Final = 128
 _BENDS: Final = 4
-# Periods are compared with their mean over so many.
+# Number of periods in the running mean that periods are compared with.
 _OVER: Final = 9
 _THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / _POINTS) * np.arange(_POINTS, dtype=np.float64)
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
@@ -198,7 +198,7 @@ def _amplitudes(left: ComplexArray, shapes: ComplexArray, weight: FloatArray) ->
 
 
 def _cut_elsewhere(left: ComplexArray) -> list[ComplexArray]:
-    """Return what is left of revolutions (n, 3, ORDERS) as if their contacts lay elsewhere, (n, 3, ORDERS) each.
+    """Return the residuals of revolutions (n, 3, ORDERS) as if their contacts were elsewhere, (n, 3, ORDERS) each.
 
     In time a revolution runs from angle 0 over pi to 0. The last one lacks its end, which is taken from the first.
     """
@@ -256,7 +256,7 @@ def _detrended(values: FloatArray) -> FloatArray:
 
 
 def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_angle_rad: float) -> tuple[float, float]:
-    """Return the mean square over the revolution that bending back takes off, and that still stands out there."""
+    """Return the mean square over the revolution removed by the correction, and that which remains there."""
     usual = np.ones(len(raw), dtype=bool)
     near = np.abs(_THETA) < half_angle_rad + EDGE_REACH_RAD
     far = np.abs(_THETA) > 2.0 * (half_angle_rad + EDGE_REACH_RAD)

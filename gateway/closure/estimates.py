@@ -1,4 +1,4 @@
-"""What a fit says of the tire, with errors that know of what the model leaves."""
+"""Estimates of a fit, with standard errors that include the residual of the model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.diagnosis import Fitted
+from gateway.closure.diagnosis import Fitted, TireState
 from gateway.closure.effects.base import GroupConditions
 from gateway.closure.effects.wheel_nonuniformity import ROLLING_RADIUS
 from gateway.closure.fit import Fit
@@ -104,7 +104,8 @@ def estimates_of(
         if index is None:
             continue
         conditions = groups[index].conditions
-        suffix = "" if state == reference else f" ({state_name(conditions)})"
+        tire_state = None if state == reference else TireState(conditions.load_n, conditions.pressure_pa)
+        suffix = "" if tire_state is None else f" ({state_name(conditions)})"
         known = groups[index].load_known and groups[index].pressure_known
         values = _values(fit, fit.vector, index)
         errors = _errors(fit, covariance, index, values)
@@ -113,13 +114,13 @@ def estimates_of(
             for name, value in values.items():
                 errors[name] = math.hypot(errors[name], max(abs(other[name] - value) for other in others))
         for name, value in values.items():
-            found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""))
+            found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state)
             determined[name + suffix] = state not in far_off and _is_determined(name, values, errors, known)
     return found, determined
 
 
 def state_name(conditions: GroupConditions) -> str:
-    """Return what a state of the tire is called: load and pressure."""
+    """Return the name of a state in the keys of estimates: its load and pressure."""
     return f"{conditions.load_n:.0f} N, {conditions.pressure_pa / 1e3:.0f} kPa"
 
 

@@ -1,4 +1,4 @@
-"""The exact ring as a starting model: shapes from the geometrically exact solver, freed from its grid's error."""
+"""The exact ring as a baseline model: shapes from the geometrically exact solver, freed from its grid's error."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rol
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
-# Of Table 3's tire, whose stiffnesses over its load are where a fit begins whatever the load is.
+# Table 3's tire; its stiffnesses over its load are the start of a fit at any load.
 _NOMINAL_TREAD_NPM2: Final = 7e7
 _MASS_KGPM: Final = 3.5
 # Without damping and rotary inertia the shape is the same at every speed.

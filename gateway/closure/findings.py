@@ -1,4 +1,4 @@
-"""From a selection to findings: every effect that the data speak about, with its figures and its rivals."""
+"""Findings of a selection: every effect with evidence, its figures and its confounders."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import Selection
 from gateway.closure.taking_out import added_by
 from gateway.closure.witness import CLOCK
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 
-def refused(step: Step, fit: Fit, reason: str) -> Finding:
-    """Return the finding of an effect that was added and then taken out again."""
+def refused(step: Step, fit: Fit, reason: Reason) -> Finding:
+    """Return the finding of an effect that was added and then removed."""
     return Finding(
         name=step.effect.name,
         verdict=Verdict.REFUSED,
@@ -43,7 +44,7 @@ def refused(step: Step, fit: Fit, reason: str) -> Finding:
 def findings_of(
     selection: Selection, data: Whitened, effects: Mapping[str, AngleEffect]
 ) -> tuple[list[Finding], list[tuple[Fit, ...]]]:
-    """Return what became of every effect that the data speak about, and for every undecided one its rivals' fits."""
+    """Return the finding of every effect with evidence, and for every undecided one the fits of its confounders."""
     found, undecided = [], []
     final = selection.final
     for step in selection.steps:
@@ -72,19 +73,19 @@ def findings_of(
 
 def _decide_with(
     final: Fit, effect: AngleEffect, rivals: tuple[str, ...], effects: Mapping[str, AngleEffect], data: Whitened
-) -> str:
-    """Return the recording that would tell an effect from one of its rivals; from the clock if that is one of them.
+) -> Reason | None:
+    """Return the recording that would distinguish an effect from a confounder, preferably from the clock.
 
-    No fit is needed for the clock, and a recording with the host's own time tells it whatever else there is.
+    The clock needs no fit: a recording with the host's own time measures it whatever other effects there are.
     """
     if not rivals:
-        return ""
+        return None
     rival = CLOCK if CLOCK in rivals else rivals[0]
-    words = deciding_recording(final, effect, effects[rival], data)
-    return f"against {rival}: {words}" if len(rivals) > 1 else words
+    recording = deciding_recording(final, effect, effects[rival], data)
+    return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
 
 
-def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], decide_with: str) -> Finding:
+def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], decide_with: Reason | None) -> Finding:
     before, _ = estimates_of(step.before, data)
     after, _ = estimates_of(step.after, data)
     return Finding(

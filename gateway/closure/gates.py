@@ -1,4 +1,4 @@
-"""What a candidate must pass before it is called by its name."""
+"""Acceptance tests of a candidate effect."""
 
 from __future__ import annotations
 
@@ -9,31 +9,32 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, SignalEffect
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, Parameter, SignalEffect
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, as_real
 from gateway.closure.model import AngleEffect
 from gateway.constants import AXIS_NAMES
+from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray
 
 Part = tuple[int, slice]
 """A group, and axes of it."""
 
 
-# Fall of the misfit from which something is no chance find among some hundred trials (a chi-square of one degree
-# exceeds 25 once in two million), and what every further parameter adds.
+# Reduction of the misfit that is no chance result among some hundred trials (a chi-square of one degree exceeds 25 once
+# in two million), and the addition for each further parameter.
 LEAST_EVIDENCE: Final = 25.0
 PER_PARAMETER: Final = 3.0
-# How far an effect's size may differ from group to group beyond its errors: its equation is a model as well.
+# Relative difference of an effect's size between groups that is tolerated beyond its errors: its equation is a model.
 _TOLERANCE: Final = 0.15
 _RARE: Final = 1e-4
-# Errors beyond a plausible range that are forgiven.
+# Standard errors beyond a plausible range that are tolerated.
 _BEYOND: Final = 2.0
-# What is left where the effect acts, as a share of what it explains, from which it is a stand-in for something else.
+# Residual where the effect acts, relative to what it explains, above which it stands in for another cause.
 _LEFT_SHARE: Final = 0.25
-# An axis with less than this share of an effect's evidence on its main one does not judge it.
+# An axis with less than this share of the evidence on the main axis is not tested.
 _MAIN_AXIS: Final = 0.3
-# On the whole of its axes as much may be left as it explains: that counts as the share above where it acts.
+# Weight of the residual on the whole of its axes, where as much may remain as it explains.
 _HALF_SHARE: Final = 0.25
 # Share of an effect's evidence that the orders hold in which it is judged.
 _WHERE: Final = 0.9
@@ -49,51 +50,58 @@ def evidence_needed(effect: AngleEffect) -> float:
     return LEAST_EVIDENCE + PER_PARAMETER * (len(effect.parameters) - 1)
 
 
-def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = False) -> str:
-    """Return which parameter lies outside its plausible range, in words; empty when none does.
+def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = False) -> Reason | None:
+    """Return which parameter lies outside its plausible range; None when none does.
 
     Args:
         fit: with the effect in.
         effect: the effect.
         scale: overdispersion.
-        for_now: True forgives as much again as the range is wide: other effects may still be missing.
+        for_now: True widens the range by its width on both sides: other effects may still be missing.
     """
     where = fit.model.layout.effect(effect.name)
     std = np.sqrt(np.diagonal(fit.covariance()))[where] * math.sqrt(scale)
     for parameter, value, error in zip(effect.parameters, fit.vector[where], std, strict=True):
         slack = _BEYOND * float(error) + (parameter.high - parameter.low if for_now else 0.0)
         if not parameter.low - slack <= value <= parameter.high + slack:
-            unit = parameter.display_unit or parameter.unit
-            low, high = parameter.low * parameter.factor, parameter.high * parameter.factor
-            return (
-                f"{parameter.name} would be {value * parameter.factor:.3g} {unit}".rstrip()
-                + f", which is not plausible ({low:.3g} to {high:.3g})"
-            )
+            return outside_range(parameter, float(value))
     return effect.reason_against(fit.vector[where], std)
 
 
-def uneven(fit: Fit, effect: AngleEffect, scale: float) -> str:
-    """Return how an effect fails to be the same in every group, in words; empty when it is."""
+def outside_range(parameter: Parameter, value: float) -> Reason:
+    """Return the refusal of a value outside a parameter's plausible range; its numbers are in the display unit."""
+    return Reason(
+        Code.IMPLAUSIBLE_PARAMETER,
+        parameter=parameter.name,
+        value=value * parameter.factor,
+        low=parameter.low * parameter.factor,
+        high=parameter.high * parameter.factor,
+        unit=parameter.display_unit or parameter.unit,
+    )
+
+
+def uneven(fit: Fit, effect: AngleEffect, scale: float) -> Reason | None:
+    """Return in which group the size of an effect differs most; None when it is the same in all."""
     groups = [(group.label, [(index, slice(None))]) for index, group in enumerate(fit.model.campaign.groups)]
     found = _odd_one(fit, effect, scale, groups)
-    return f"it would have to be of another size in other recordings (most so in {found})" if found else ""
+    return Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=found) if found else None
 
 
-def lopsided(fit: Fit, effect: AngleEffect, scale: float) -> str:
-    """Return how an effect fails to be the same on all of its axes, in words; empty when it is.
+def lopsided(fit: Fit, effect: AngleEffect, scale: float) -> Reason | None:
+    """Return on which axis the size of an effect differs most; None when it is the same on all.
 
-    To be asked at the end: what the model lacks elsewhere bends one axis more than another.
+    For use at the end: effects still missing distort one axis more than another.
     """
     groups = range(len(fit.model.campaign.groups))
-    # Others feel it only through what further effects make of it, and so answer to those.
+    # Other axes are affected only through other effects, and are tested with those.
     own = effect.axes if isinstance(effect, SignalEffect) else (CIRCUMFERENTIAL, RADIAL)
-    axes = [(f"the {AXIS_NAMES[axis]} axis", [(index, slice(axis, axis + 1)) for index in groups]) for axis in own]
+    axes = [(AXIS_NAMES[axis], [(index, slice(axis, axis + 1)) for index in groups]) for axis in own]
     found = _odd_one(fit, effect, scale, axes)
-    return f"it would have to be of another size on other axes (most so on {found})" if found else ""
+    return Reason(Code.SIZE_DIFFERS_BETWEEN_AXES, axis=found) if found else None
 
 
 def _odd_one(fit: Fit, effect: AngleEffect, scale: float, parts: Sequence[tuple[str, list[Part]]]) -> str:
-    """Return the part of the data that wants the effect most unlike the others, where they are not alike; else ""."""
+    """Return the part of the data whose size of the effect differs most, where sizes differ; else ""."""
     if len(parts) < 2:
         return ""
     where = fit.model.layout.effect(effect.name)
@@ -148,8 +156,8 @@ def _verdict(values: FloatArray, spread: FloatArray, labels: list[str]) -> str:
     return labels[worst]
 
 
-def useless(effect: AngleEffect, fall: float, gain: FloatArray, scale: float) -> str:
-    """Return that an effect is not needed beside the others, in words; empty when it is.
+def useless(effect: AngleEffect, fall: float, gain: FloatArray, scale: float) -> Reason | None:
+    """Return why an effect is not needed beside the others; None when it is needed.
 
     Args:
         effect: the effect.
@@ -158,8 +166,8 @@ def useless(effect: AngleEffect, fall: float, gain: FloatArray, scale: float) ->
         scale: overdispersion.
     """
     if fall < evidence_needed(effect) * scale:
-        return "beside the others it is too small to be told from nothing"
-    return "" if float(gain.sum()) > spread(gain) else "without it data held out are predicted as well"
+        return Reason(Code.TOO_SMALL_BESIDE_OTHERS)
+    return None if float(gain.sum()) > spread(gain) else Reason(Code.NOT_NEEDED)
 
 
 def spread(gain: FloatArray) -> float:
@@ -197,7 +205,7 @@ def explained_and_left(fit: Fit, without: Sequence[ComplexArray], data: Whitened
         return 0.0, 0.0
     inside = ranked[: int(np.searchsorted(np.cumsum(flat), _WHERE * flat.sum())) + 1]
     beyond = (left - expected).reshape(-1)[inside].sum()
-    # Also on the whole of its axes: what explains the smaller part of what stands out there is not what is wrong.
+    # Also on the whole of its axes: an effect that explains the smaller part of the residual is not the cause.
     power = gained.sum(axis=1)
     acts = power > _MAIN_AXIS * power.max()
     on_axes = max(0.0, float((left - expected)[acts].sum())) / max(float(gained[acts].sum()), 1e-300)
@@ -206,14 +214,14 @@ def explained_and_left(fit: Fit, without: Sequence[ComplexArray], data: Whitened
 
 
 def of_known_size(effect: AngleEffect) -> bool:
-    """Return whether physics says how large an effect is, so that it cannot stretch itself to stand in for another."""
+    """Return whether physics fixes the size of an effect, so that it cannot stand in for another."""
     return all(parameter.known for parameter in effect.parameters)
 
 
-def stands_in(effect: AngleEffect, explained: float, left: float) -> str:
-    """Return why an effect is a stand-in for something else, in words; empty when it is not."""
+def stands_in(effect: AngleEffect, explained: float, left: float) -> Reason | None:
+    """Return why an effect stands in for another cause; None when it does not."""
     if of_known_size(effect):
-        return ""
+        return None
     if left <= _LEFT_SHARE * explained or left <= LEAST_EVIDENCE:
-        return ""
-    return f"it leaves {left / (left + explained):.0%} of what stands out where it acts: a stand-in for something else"
+        return None
+    return Reason(Code.LEAVES_RESIDUAL, residual_share=left / (left + explained))

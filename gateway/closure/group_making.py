@@ -1,4 +1,4 @@
-"""From the revolutions of one recording to groups of equal conditions with their means and scatter."""
+"""Groups of a recording's revolutions at equal conditions, with their means and scatter."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from gateway.types import FloatArray, IntArray
 ASSUMED_LOAD_N: Final = 4000.0
 ASSUMED_PRESSURE_PA: Final = 2.2e5
 
-WILD: Final = "unlike all others of the same conditions, as after a blow"
-CUT_OFF: Final = "the radial axis is cut off, which is not the rule under the same conditions"
+WILD: Final = "an outlier at the same conditions, as after an impact"
+CUT_OFF: Final = "the radial axis is clipped, unlike in others at the same conditions"
 
 MOST_ALIKE: Final = 5000
 """Revolutions of one group; comparing them takes 30 kB each."""
-ENOUGH: Final = f"beyond the first {MOST_ALIKE} of the same speed, load, pressure and temperature"
+ENOUGH: Final = f"beyond the first {MOST_ALIKE} at the same speed, load, pressure and temperature"
 
 _DEVIATIONS_S: Final = 30.0
 _DRIFT_OVER: Final = 9
@@ -72,7 +72,7 @@ def make_groups(
         table: revolutions in the order of time.
         declared: what is stated.
         folds: blocks of a group, where it has revolutions enough.
-        reject: counts what is left out: reason, revolutions.
+        reject: counts revolutions left out: reason, revolutions.
     """
     load = np.where(np.isfinite(table["load_n"]), table["load_n"], ASSUMED_LOAD_N)
     pressure = np.where(np.isfinite(table["pressure_pa"]), table["pressure_pa"], ASSUMED_PRESSURE_PA)
@@ -92,7 +92,7 @@ def make_groups(
     return made
 
 
-FEW: Final = "too few of the same speed, load, pressure and temperature"
+FEW: Final = "too few at the same speed, load, pressure and temperature"
 
 
 def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[str, int], None]) -> IntArray:

@@ -1,4 +1,4 @@
-"""Which revolutions were made under the same conditions."""
+"""Grouping of revolutions by conditions, and the choice of the most informative groups."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ STATE_LOAD_WIDTH: Final = 0.04
 # How much of a sidewall's stiffness the pressure makes is not known, so that a state holds little of a change.
 STATE_PRESSURE_WIDTH: Final = 0.01
 _ANGLE_WIDTH: Final = 0.08
-# Speeds that are so far apart, as a logarithm, tell as much as they can about what goes with speed.
+# Distance of speeds, as a logarithm, beyond which a further distance adds no information on speed dependence.
 _APART: Final = 0.2
 
 
 def modes(values: FloatArray, width: float) -> IntArray:
     """Return a label for every value so that values of one label lie within `width` of each other.
 
-    The window with the most values is taken first, so a plateau stays in one piece whatever lies beside it. NaN values
+    The window with the most values is taken first, so that a plateau stays in one piece. NaN values
     share a label of their own.
 
     Args:
@@ -91,7 +91,7 @@ def tire_states(
 
 
 def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count: FloatArray, most: int) -> IntArray:
-    """Return the places of at most `most` groups that tell the most, ascending; more where there are more recordings.
+    """Return the places of at most `most` most informative groups, ascending; more where there are more recordings.
 
     Each recording's largest group is in. Then those follow that have many revolutions at a speed far from all taken.
 

@@ -29,7 +29,7 @@ class FoldError:
     """Errors on one fold that its fit has not seen.
 
     Attributes:
-        before: sum of squares of the starting model's error, (m/s^2)^2.
+        before: sum of squares of the baseline model's error, (m/s^2)^2.
         after: with the effects that the other folds asked for.
         empirical: with the mean residual of the other folds added on top.
         noise: what the scatter of revolutions makes it at the least.
@@ -69,7 +69,7 @@ class HoldOut:
 
         Args:
             campaign: the data.
-            model: starting model.
+            model: baseline model.
             start: its vector to begin from.
             folds: which ones.
             without: effects that are no candidates.
@@ -98,7 +98,7 @@ class HoldOut:
         """Do in this process what no other has begun, and wait for the rest.
 
         Args:
-            on_fold: told how many folds are done.
+            on_fold: called with the number of folds done.
 
         Returns:
             the folds' errors in their order; a fold without which nothing can be fitted is missing.
@@ -134,11 +134,11 @@ def hold_out(
 def hold_out_fold(
     campaign: Campaign, model: BaselineModel, start: FloatArray, fold: int, without: frozenset[str] = frozenset()
 ) -> FoldError | None:
-    """Return the error of one fold under what all others ask for; None where nothing can be fitted without it.
+    """Return the error of one fold under the fit of all others; None where nothing can be fitted without it.
 
     Args:
         campaign: the data.
-        model: starting model.
+        model: baseline model.
         start: its vector to begin from; only where the search begins, so nothing leaks from the fold.
         fold: which one.
         without: effects that are no candidates.
@@ -222,7 +222,7 @@ def _squares(
 
 
 def _empirical(fit: Fit, data: Whitened) -> list[ComplexArray]:
-    """Return the mean residual of every group where it stands out, (3, ORDERS) each."""
+    """Return the mean residual of every group where it exceeds the noise, (3, ORDERS) each."""
     residuals = group_residuals(fit, data)
     keep = standing_out(residuals)
     return [np.where(keep, residual.orders_mps2, 0.0)[None] for residual in residuals]

@@ -1,4 +1,4 @@
-"""Which of the effects that are left is to be added: tried, fitted in earnest, and judged."""
+"""Trial, fit and acceptance of the remaining candidate effects."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from gateway.closure.fit import Fit, FitFailedError
 from gateway.closure.likelihood import Whitened
 from gateway.closure.model import AngleEffect
 from gateway.closure.trial import FAR_OFF, Trial, bare, refit, try_effect
+from gateway.reasons import Reason
 from gateway.types import FloatArray
 
 AT_NOISE: Final = 1.2
 """Misfit over degrees of freedom at which nothing is left for effects not yet added."""
 
-# Trials refitted in earnest at a step, and the share of the best promise that makes a trial worth it.
+# Trials refitted at a step, and the smallest share of the best predicted gain of a refitted trial.
 _REFITTED: Final = 4
-_WORTH: Final = 0.4
-# Beside one that leaves nothing but noise, a trial must promise this share of what that one does.
-_NEARLY: Final = 0.8
-# Share of the misfit beyond noise that an effect must take off to be added: best first, the true one takes off a good
-# part of what is left, and what takes off less lives on errors of something bigger.
+_LEAST_GAIN_SHARE: Final = 0.4
+# Beside a trial that leaves only noise, another must predict this share of its gain.
+_EQUAL_GAIN_SHARE: Final = 0.8
+# Smallest share of the misfit beyond noise that an added effect must remove. The true cause removes a large part; an
+# effect that removes less fits the errors of a larger one.
 _LEAST_SHARE: Final = 0.05
 
 
@@ -37,7 +38,7 @@ class Step:
         after: the fit with it.
         gain: (K,) fall of each fold's held-out misfit.
         fall: of the misfit on all data.
-        reason: for which it is refused; empty where it is not.
+        reason: of its refusal; None where it passes.
     """
 
     effect: AngleEffect
@@ -45,7 +46,7 @@ class Step:
     after: Fit
     gain: FloatArray
     fall: float = 0.0
-    reason: str = ""
+    reason: Reason | None = None
 
 
 def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
@@ -56,7 +57,7 @@ def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
 
 
 def judged(fit: Fit, data: Whitened, left: list[AngleEffect]) -> tuple[list[Step], list[Step]]:
-    """Fit the promising ones of the effects that are left; return those that pass, and those refused for a reason."""
+    """Fit the promising effects; return the steps that pass, and those refused."""
     promising = _promising(fit, data, left)
     passed: list[Step] = []
     refused: list[Step] = []
@@ -65,20 +66,20 @@ def judged(fit: Fit, data: Whitened, left: list[AngleEffect]) -> tuple[list[Step
         step = _tried(trial, fit, fit, data) if trial.misfit <= enough else None
         if step is None:
             continue
-        (refused if step.reason else passed).append(step)
-        if not step.reason and gates.overdispersion(step.after, data) <= AT_NOISE:
-            # Nothing can do better than this one by much; only what promises nearly as much is fitted as well.
-            enough = min(enough, step.after.misfit + (1.0 - _NEARLY) * step.fall, FAR_OFF * step.after.misfit)
+        (refused if step.reason is not None else passed).append(step)
+        if step.reason is None and gates.overdispersion(step.after, data) <= AT_NOISE:
+            # Nothing can beat this one by much; only trials that predict nearly as much are fitted as well.
+            enough = min(enough, step.after.misfit + (1.0 - _EQUAL_GAIN_SHARE) * step.fall, FAR_OFF * step.after.misfit)
     if enough < math.inf:
         known = {step.effect.name for step in passed}
         others = [trial.effect for trial in promising if trial.effect.name not in known]
         better = _better(fit, min(passed, key=lambda step: price(step, data)), others, data)
-        passed += [step for step in better if not step.reason]
+        passed += [step for step in better if step.reason is None]
     return passed, refused
 
 
 def _better(fit: Fit, best: Step, others: list[AngleEffect], data: Whitened) -> list[Step]:
-    """Return what does better in the place of the best one, seen from where that one has brought all else."""
+    """Return steps that beat the best one in its place, tried from its fit of the other parameters."""
     there = bare(best.after, best.effect, data)
     if there is None:
         return []
@@ -88,15 +89,20 @@ def _better(fit: Fit, best: Step, others: list[AngleEffect], data: Whitened) -> 
 
 
 def _tried(trial: Trial, fit: Fit, seen_from: Fit, data: Whitened) -> Step | None:
-    """Return a trial's fit with the reason against it; None where there is none, or nothing to speak of."""
+    """Return a trial's fit with the reason to refuse it, if any; None without a fit or without evidence."""
     try:
         after = refit(trial, seen_from, data)
     except FitFailedError:
         return None
     gain = fit.held_out() - after.held_out()
-    scale = gates.overdispersion(after, data)
-    reason = _reason_against(fit, after, trial.effect, gain, scale, _least_fall(fit, data))
-    return None if reason is None else Step(trial.effect, fit, after, gain, fit.misfit - after.misfit, reason)
+    scale, fall = gates.overdispersion(after, data), fit.misfit - after.misfit
+    if fall / scale < gates.evidence_needed(trial.effect) or float(gain.sum()) <= gates.spread(gain):
+        return None
+    if fall < _least_fall(fit, data):
+        return None
+    # Distortion by effects still missing is tolerated as long as there is a residual left for them.
+    reason = gates.implausible(after, trial.effect, scale, for_now=scale > AT_NOISE)
+    return Step(trial.effect, fit, after, gain, fall, reason or gates.uneven(after, trial.effect, scale))
 
 
 def price(step: Step, data: Whitened) -> float:
@@ -108,11 +114,11 @@ def price(step: Step, data: Whitened) -> float:
 def stands(fit: Fit, effect: AngleEffect, data: Whitened) -> bool:
     """Return whether an effect passes in a fit where another one has joined it."""
     scale = gates.overdispersion(fit, data)
-    return not gates.implausible(fit, effect, scale) and not gates.uneven(fit, effect, scale)
+    return gates.implausible(fit, effect, scale) is None and gates.uneven(fit, effect, scale) is None
 
 
 def _promising(fit: Fit, data: Whitened, left: list[AngleEffect]) -> list[Trial]:
-    """Return trials that promise something, best first."""
+    """Return trials with a sufficient predicted gain, best first."""
     before, least = fit.held_out(), _least_fall(fit, data)
     found = []
     for effect in left:
@@ -124,22 +130,9 @@ def _promising(fit: Fit, data: Whitened, left: list[AngleEffect]) -> list[Trial]
             found.append((gain, trial))
     found.sort(key=lambda entry: -entry[0])
     best = found[0][0] if found else 0.0
-    return [trial for gain, trial in found if gain >= _WORTH * best]
+    return [trial for gain, trial in found if gain >= _LEAST_GAIN_SHARE * best]
 
 
 def _least_fall(fit: Fit, data: Whitened) -> float:
     """Return the fall of the misfit from which an effect is worth adding."""
     return _LEAST_SHARE * max(0.0, fit.misfit - data.used)
-
-
-def _reason_against(
-    fit: Fit, after: Fit, effect: AngleEffect, gain: FloatArray, scale: float, least: float
-) -> str | None:
-    """Return why an effect is refused, empty when it passes, None when there is nothing to speak of."""
-    evidence = (fit.misfit - after.misfit) / scale
-    if evidence < gates.evidence_needed(effect) or float(gain.sum()) <= gates.spread(gain):
-        return None
-    if fit.misfit - after.misfit < least:
-        return None
-    # What other effects may still distort is forgiven as long as there is something left for them.
-    return gates.implausible(after, effect, scale, for_now=scale > AT_NOISE) or gates.uneven(after, effect, scale)

@@ -1,4 +1,4 @@
-"""What the belt does sideways when it is sheared, curved or dragged in the contact: unit responses for the effects.
+"""Lateral unit responses of the belt to shear, curvature and drag in the contact.
 
 A shear-flexible beam under tension on the lateral sidewall, a tread that sticks to the road, in closed form order by
 order of the wheel. It shares the beam's equations with `gateway.physics.lateral_belt` (docs/ply-steer.md) but neither

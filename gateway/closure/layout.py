@@ -1,4 +1,4 @@
-"""Where everything sits in the one vector of parameters: states of the tire, contact centres, effects."""
+"""Layout of the parameter vector: states of the tire, contact centres, effects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a starting model with a set of effects predicts for every block of a campaign, and the derivatives of that."""
+"""Prediction of a baseline model with a set of effects for every block of a campaign, and its derivatives."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ _NUDGE: Final = 1e-4
 # Steps of speed (relative) and of its change by which a group's answer to them is taken.
 _SPEED_STEP: Final = 1e-3
 _DRIFT_STEP_RADPS2: Final = 0.01
-# Step of the logarithm of load or pressure, and how far it may differ within a group for nobody to ask.
+# Step of the logarithm of load or pressure, and the difference within a group that is neglected.
 _STATE_STEP: Final = 1e-3
 _STEADY: Final = 1e-5
 
 
 class ClosureModel:
-    """A starting model and a set of effects on a campaign.
+    """A baseline model and a set of effects on a campaign.
 
     Attributes:
         campaign: the data's conditions.
-        core: the starting model.
+        core: the baseline model.
         effects: in the model: ring effects, then signal effects in the order in which they are applied.
         layout: where everything sits in the vector of parameters.
     """

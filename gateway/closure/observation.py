@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 from gateway.closure.effects.base import GroupConditions
+from gateway.reasons import Reason
 from gateway.types import ComplexArray, FloatArray
+
+Remark: TypeAlias = Reason | str
+"""A remark on the data: a reason, or text that a user wrote, as in a configuration."""
 
 ORDERS: Final = 111
 """Orders 0 to 110 are compared: on a measured tire nothing above repeats."""
@@ -36,13 +41,13 @@ class EdgeTiming:
     Of the contact's edges that come b (leading) and a (trailing) early, mean squares of b - a from contact to contact.
 
     Attributes:
-        freedom: independent values behind each fold's mean square; empty where it could not be told.
+        freedom: independent values behind each fold's mean square; empty where it is not known.
         power_rad2: (folds) mean square of b - a, what noise makes included.
         noise_rad2: what noise and all that is not at the edges makes of it.
         leading_share: of the leading edge in the mean square of b - a.
         leading_share_std: one standard error.
         explained_m2ps4: mean square over the revolution that moving edges make, all axes.
-        left_m2ps4: mean square that still stands out near the contact when they are put back.
+        left_m2ps4: mean square of the residual near the corrected edges.
     """
 
     freedom: tuple[float, ...] = ()
@@ -90,8 +95,8 @@ class Group:
         blocks: one a fold.
         variance: (3, ORDERS) (m/s^2)^2 of one real coefficient of one revolution, by scatter; NaN as in `Block`.
         half_angle_rad: of the contact as the pipeline saw it.
-        load_known: whether anybody stated the load.
-        pressure_known: whether anybody stated or measured the pressure.
+        load_known: False where the load is assumed.
+        pressure_known: False where the pressure is assumed.
         declared_offset_m: sensor below the neutral layer, as configured.
         declared_roll_rad: as configured (positive: the radial axis leaks into +lateral).
         declared_pitch_rad: as configured (positive: it leaks into +circumferential).
@@ -129,22 +134,22 @@ class Campaign:
         states: number of tire states.
         rejected: revolutions left out, and why: reason -> count.
         clock_error: share by which the hub's clock runs fast against the host's, and its standard error; NaN unknown.
-        assumed: what nobody stated, in words.
-        notes: what the user must know of the recordings: damage, groups left out.
+        assumed: inputs that were assumed.
+        notes: limitations of the recordings: damage, groups left out.
         sensor_id: serial number of the sensor, None when not known or the recordings are of different ones.
-        stated: what was stated or measured beside the samples, and by whom, in words.
+        stated: inputs that were stated or measured, with their source.
     """
 
     wheel: str
     recordings: tuple[str, ...]
     groups: tuple[Group, ...]
     states: int
-    rejected: dict[str, int]
+    rejected: Mapping[str, int] | Mapping[Remark, int]
     clock_error: tuple[float, float] = (float("nan"), float("nan"))
-    assumed: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    assumed: tuple[Remark, ...] = ()
+    notes: tuple[Remark, ...] = ()
     sensor_id: int | None = None
-    stated: tuple[str, ...] = ()
+    stated: tuple[Remark, ...] = ()
 
     @property
     def folds(self) -> int:

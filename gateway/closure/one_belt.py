@@ -1,4 +1,4 @@
-"""A tire has one belt: what several lateral effects say of its stiffnesses must be one set, and a plausible one."""
+"""Agreement of the belt stiffnesses that several lateral effects of one tire imply."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from scipy.stats import chi2
 from gateway.closure.effects.lateral_loads import STIFFNESSES, LateralLoad
 from gateway.closure.fit import Fit
 from gateway.closure.model import AngleEffect
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray, IntArray
 
-# What an effect's equation leaves may look like a stiffness as far off as this.
+# Error of a stiffness, as a logarithm, by the error of an effect's equation.
 _TOLERANCE: Final = 0.15
 _RARE: Final = 1e-4
-# Of a direction of which data tell less than this share of what the prior does they are not asked.
-_TOLD: Final = 0.01
+# Information of the data relative to the prior below which a direction is not tested.
+_LEAST_INFORMATION: Final = 0.01
 
 
-def another_belt(fit: Fit, effect: AngleEffect, earlier: Iterable[AngleEffect], scale: float) -> str:
-    """Return why an effect cannot be of the same tire as an earlier one, in words; empty when it can.
+def another_belt(fit: Fit, effect: AngleEffect, earlier: Iterable[AngleEffect], scale: float) -> Reason | None:
+    """Return why an effect cannot be of the same tire as an earlier one; None when it can.
 
     Args:
         fit: with all of them in.
@@ -31,7 +32,7 @@ def another_belt(fit: Fit, effect: AngleEffect, earlier: Iterable[AngleEffect], 
         scale: overdispersion.
     """
     if not isinstance(effect, LateralLoad):
-        return ""
+        return None
     covariance = scale * fit.covariance()
     own = _stiffnesses(fit, effect)
     for other in earlier:
@@ -40,12 +41,12 @@ def another_belt(fit: Fit, effect: AngleEffect, earlier: Iterable[AngleEffect], 
         places = np.concatenate([_stiffnesses(fit, other), own])
         values, spread = fit.vector[places], covariance[np.ix_(places, places)]
         if not agree(values, spread):
-            return f"it would need another belt than {other.name}"
+            return Reason(Code.ANOTHER_BELT, effect=other.name)
         # Tightened where the model is off, as the errors are widened.
         belt, odds = common(values, spread, math.sqrt(scale) * fit.prior_std[own])
         if odds < _RARE:
-            return f"it would need another belt than {other.name}: one for both would be no car tire's ({_told(belt)})"
-    return ""
+            return Reason(Code.NO_COMMON_BELT, effect=other.name, stiffnesses=_stiffness_ratios(belt))
+    return None
 
 
 def _stiffnesses(fit: Fit, effect: AngleEffect) -> IntArray:
@@ -53,11 +54,13 @@ def _stiffnesses(fit: Fit, effect: AngleEffect) -> IntArray:
     return np.arange(where.stop - len(STIFFNESSES), where.stop)
 
 
-def _told(belt: FloatArray) -> str:
-    """Return a belt's stiffnesses over a car tire's, in words."""
+def _stiffness_ratios(belt: FloatArray) -> tuple[Reason, ...]:
+    """Return a belt's stiffnesses over a car tire's."""
     names = [parameter.name.removesuffix("_ln") for parameter in STIFFNESSES]
-    shares = [f"{name} {math.exp(value):.2g}" for name, value in zip(names, belt.tolist(), strict=True)]
-    return f"{', '.join(shares)} times as stiff"
+    return tuple(
+        Reason(Code.STIFFNESS_RATIO, name=name, ratio=math.exp(value))
+        for name, value in zip(names, belt.tolist(), strict=True)
+    )
 
 
 def agree(values: FloatArray, covariance: FloatArray) -> bool:
@@ -89,11 +92,11 @@ def common(values: FloatArray, covariance: FloatArray, prior_std: FloatArray) ->
     precision = np.linalg.inv(covariance)
     together: FloatArray = both.T @ precision @ both - np.diag(prior_std**-2.0)
     pull: FloatArray = both.T @ precision @ values
-    # In units of the prior the pull of data that tell `known` is normal with variance known + known^2.
+    # In units of the prior the pull of data with information `known` is normal with variance known + known^2.
     by_prior = prior_std[:, np.newaxis] * (together - np.diag(prior_std**-2.0)) * prior_std
     known, turned = np.linalg.eigh(by_prior)
-    told = known > _TOLD
-    statistic = float(np.sum(np.square(turned.T @ (prior_std * pull))[told] / (known + known * known)[told]))
-    odds = float(chi2.sf(statistic, told.sum())) if told.any() else 1.0
+    informed = known > _LEAST_INFORMATION
+    statistic = float(np.sum(np.square(turned.T @ (prior_std * pull))[informed] / (known + known * known)[informed]))
+    odds = float(chi2.sf(statistic, informed.sum())) if informed.any() else 1.0
     belt: FloatArray = np.linalg.inv(together) @ pull
     return belt, odds

@@ -1,4 +1,4 @@
-"""What one speed does not tell: whether something rings so many times a revolution or at a frequency of its own."""
+"""Effects with a fitted order that one speed does not distinguish from a fixed frequency."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from typing import Final
 from gateway.closure.diagnosis import Finding, Verdict
 from gateway.closure.effects.base import Effect
 from gateway.closure.observation import Campaign
+from gateway.reasons import Code, Reason
 
 # Speeds that differ by less are one.
 _ONE_SPEED: Final = 1.1
 # Held-out error over the noise floor from which there is something in the data that the model does not have.
 _MUCH_LEFT: Final = 1.5
 _ORDER_UNIT: Final = "per revolution"
+FIXED_FREQUENCY: Final = "a resonance at a fixed frequency"
+"""The confounder of effects with an order."""
 
 
 def is_one_speed(campaign: Campaign) -> bool:
@@ -26,7 +29,7 @@ def is_one_speed(campaign: Campaign) -> bool:
 def doubted(
     findings: Sequence[Finding], effects: Sequence[Effect], campaign: Campaign, over_noise: float
 ) -> list[Finding]:
-    """Leave open what is named for its order, where much is left and there is one speed: a loose sensor rings as well.
+    """Make effects with an order undecided at one speed with a large residual: a loose sensor resonates as well.
 
     Args:
         findings: of one diagnosis.
@@ -41,9 +44,9 @@ def doubted(
         replace(
             finding,
             verdict=Verdict.INDISTINGUISHABLE,
-            rivals=(*finding.rivals, "something that rings at a frequency of its own"),
-            decide_with=finding.decide_with or "one more recording at 1.5 times the speed would decide",
-            reason=f"{over_noise:.1f} times the noise is left, and one speed does not tell an order from a frequency",
+            rivals=(*finding.rivals, FIXED_FREQUENCY),
+            decide_with=finding.decide_with or Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5),
+            reason=Reason(Code.ORDER_OR_FREQUENCY, noise_floors=over_noise),
         )
         if finding.verdict is Verdict.NAMED and finding.name in ringing
         else finding

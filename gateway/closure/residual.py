@@ -1,4 +1,4 @@
-"""What is left of the angle-locked signal: where it sits, how it goes with speed, how large it is."""
+"""The angle-locked residual: its place, size and growth with speed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from gateway.closure.assembly import THETA, orders_field
-from gateway.closure.diagnosis import Unexplained
+from gateway.closure.diagnosis import Scaling, ScalingStatus, Unexplained
 from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened
 from gateway.closure.observation import ORDERS, Campaign
@@ -25,15 +25,15 @@ POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 _RARE: Final = 1e-6
 BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
 """Bands of orders looked at, each half again as wide as the one before."""
-# Share of the power that the angle window told to the user holds, and the widest window worth telling.
+# Share of the power that the reported angle window holds, and the widest window reported.
 _WINDOW_SHARE: Final = 0.7
 _WIDEST_RAD: Final = 2.2
-# Speeds must differ by this ratio for a scaling to be told.
+# Speeds must differ by this ratio for an exponent to be fitted.
 _SPEED_RATIO: Final = 1.15
-_SCALINGS: Final = ("constant", "omega^1", "omega^2", "omega^3", "omega^4")
-# Share of an axis's excess power below which a band is not told of beside the others.
+_HIGHEST_EXPONENT: Final = 4
+# Share of the largest residual below which a band is not listed.
 _NEGLIGIBLE: Final = 0.02
-# Standard errors that whatever is told of has at least.
+# Standard errors above which a residual is listed.
 _SIGMAS: Final = 3.0
 
 
@@ -80,7 +80,7 @@ def _excess(residual: GroupResidual) -> FloatArray:
 
 
 def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
-    """Return what stands out of the noise of the angle-locked residual, largest first."""
+    """Return the parts of the angle-locked residual above the noise, largest first."""
     campaign = fit.model.campaign
     residuals = group_residuals(fit, data)
     found = []
@@ -94,7 +94,7 @@ def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
 
 
 def standing_out(residuals: Sequence[GroupResidual]) -> BoolArray:
-    """Return the orders of bands that stand out of the noise, (3, ORDERS)."""
+    """Return the orders of bands above the noise, (3, ORDERS)."""
     result = np.zeros((3, ORDERS), dtype=np.bool_)
     for axis in range(3):
         for first, last in itertools.pairwise(BANDS):
@@ -139,12 +139,7 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
     hz = (low * float(omegas.min()) / (2.0 * math.pi), high * float(omegas.max()) / (2.0 * math.pi))
     scaling = _scaling(omegas, rms, error)
     window = _window(residuals[at], axis, first, last)
-    where = "spread over the revolution"
-    if window is not None:
-        where = f"between {math.degrees(window[0]):.0f} and {math.degrees(window[1]):.0f} deg of the contact's centre"
-    name = f"order {low}" if low == high else f"orders {low} to {high}"
-    text = f"{AXIS_NAMES[axis]} axis, {name}, {where}: {size:.2g} m/s^2 rms that repeats every revolution; {scaling}"
-    return Unexplained(AXIS_NAMES[axis], "angle", (low, high), hz, window, scaling, size, std, text)
+    return Unexplained(AXIS_NAMES[axis], "angle", (low, high), hz, window, scaling, size, std)
 
 
 def _rms_error(residual: GroupResidual, axis: int, first: int, last: int) -> float:
@@ -180,19 +175,19 @@ def _window(residual: GroupResidual, axis: int, first: int, last: int) -> tuple[
     return float(THETA[start]), float(THETA[start]) + float(widths[start]) * step
 
 
-def _scaling(omegas: FloatArray, rms: FloatArray, error: FloatArray) -> str:
-    """Return how a size goes with speed, in words."""
+def _scaling(omegas: FloatArray, rms: FloatArray, error: FloatArray) -> Scaling:
+    """Return the growth of a size with speed."""
     if omegas.max() < _SPEED_RATIO * omegas.min():
-        return "not known: one speed"
+        return Scaling(ScalingStatus.ONE_SPEED)
     sure = rms > 3.0 * error
     if sure.sum() < 2 or omegas[sure].max() < _SPEED_RATIO * omegas[sure].min():
-        return "not known: too weak at other speeds"
+        return Scaling(ScalingStatus.TOO_WEAK)
     weight = rms[sure] / error[sure]
     slope, slope_error = _slope(np.log(omegas[sure]), np.log(rms[sure]), weight)
-    nearest = min(range(len(_SCALINGS)), key=lambda power: abs(slope - power))
+    nearest = min(range(_HIGHEST_EXPONENT + 1), key=lambda power: abs(slope - power))
     if abs(slope - nearest) < max(0.35, 2.0 * slope_error) and slope_error < 0.5:
-        return _SCALINGS[nearest]
-    return f"omega^{slope:.1f}"
+        return Scaling(ScalingStatus.KNOWN, float(nearest))
+    return Scaling(ScalingStatus.KNOWN, slope)
 
 
 def _slope(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""What the exact ring is solved for beside its four numbers and its tread."""
+"""Options of the exact ring beside its four numbers and its tread."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass
 
 @dataclass(frozen=True, slots=True)
 class RingOptions:
-    """Options of one solve, SI; the defaults are the starting model's.
+    """Options of one solve, SI; the defaults are the baseline model's.
 
     Attributes:
         extension_stiffness_n: EA; the default is inextensible to 1e-6.

@@ -1,4 +1,4 @@
-"""Which other effects of the catalogue would do in the place of one that was added."""
+"""Confounders: other effects of the catalogue that explain the data as well as one that was added."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect
 
 
 def fit_without(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
-    """Return the fit with one effect taken out; None where there is none."""
+    """Return the fit with one effect removed; None where there is none."""
     effects = tuple(other for other in fit.model.effects if other.name != effect.name)
     model = ClosureModel(fit.model.campaign, fit.model.core, effects)
     try:

@@ -1,4 +1,4 @@
-"""How revolutions of one group differ: where each one's contact really was, which are wild, and the scatter."""
+"""Scatter of the revolutions of one group: alignment at the contact, outliers, and covariance."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from scipy.signal import savgol_filter
 from gateway.closure.observation import ORDERS
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
-# From so many revolutions on, what follows the speed and its change is taken off before scatter is measured.
+# Number of revolutions from which the dependence on speed and its change is subtracted before scatter is measured.
 _REGRESSED_FROM: Final = 12
 # Relative change of speed from revolution to revolution that may be timing, and over how many it is taken then.
 _STEADY: Final = 1e-3
 _OVER: Final = (9, 17, 33)
 _ALIKE: Final = 1.1
 _ROUNDS: Final = 2
-# A revolution whose deviation has so many times the usual power is wild, and left out where that is rare.
+# Ratio of a deviation's power to the usual one that makes a revolution an outlier, left out where outliers are rare.
 _WILD: Final = 6.0
 _RARE: Final = 0.1
 _TRIMMED_FROM: Final = 6
-# Neighbouring orders are taken together until so many degrees of freedom are behind a variance.
+# Degrees of freedom of a variance, reached by pooling neighbouring orders.
 _FREEDOM: Final = 48
 _WIDEST: Final = 12
 # Weight of the neighbours' level for order 0, which stands alone, in degrees of freedom.

@@ -1,4 +1,4 @@
-"""Forward selection over the catalogue: which effects the starting model lacks."""
+"""Forward selection over the catalogue of the effects that the baseline model lacks."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ from gateway.closure.observation import Campaign
 from gateway.closure.one_belt import another_belt
 from gateway.closure.rivals import fit_without
 from gateway.closure.taking_out import added_by, taken_out
+from gateway.reasons import Reason
 from gateway.types import FloatArray
 
 _MOST_EFFECTS: Final = 10
 # Fall of the misfit by the linear fit, times what is needed, from which an effect is not tried without.
 _SURELY: Final = 10.0
-# What an effect explains is fitted in earnest where a linear estimate, times this, does not suffice to acquit it.
+# Factor on the linear estimate of what an effect explains, below which a full fit tests it.
 _SUSPECT: Final = 0.5
-# Refused candidates that are tried with a second one beside them.
+# Refused candidates that are tried in a pair with another.
 _PAIRED: Final = 2
 
 
 @dataclass(slots=True)
 class Selection:
-    """What a selection came to.
+    """Result of a selection.
 
     Attributes:
-        start: the starting model's fit.
+        start: the baseline model's fit.
         data: with what the equations of the effects leave counted as uncertain.
         steps: effects added, in order.
         refused: effect -> (reason, fall of the misfit, gain by fold, fit with it).
@@ -43,7 +44,7 @@ class Selection:
     start: Fit
     data: Whitened
     steps: list[Step] = field(default_factory=list)
-    refused: dict[str, tuple[str, float, FloatArray, Fit]] = field(default_factory=dict)
+    refused: dict[str, tuple[Reason | None, float, FloatArray, Fit]] = field(default_factory=dict)
 
     @property
     def final(self) -> Fit:
@@ -60,25 +61,25 @@ def select(
     start: FloatArray | None = None,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Selection:
-    """Add effects as long as the data ask for one that passes every gate.
+    """Add effects as long as one passes every acceptance test.
 
     Args:
         campaign: conditions.
-        core: starting model.
+        core: baseline model.
         data: whitened; folds of weight 0 are not seen.
         effects: candidates by name.
-        start: vector of the starting model to begin from.
-        on_step: told what is being done.
+        start: vector of the baseline model to begin from.
+        on_step: called with a description of each step.
 
     Raises:
-        FitFailedError: the starting model cannot be fitted.
+        FitFailedError: the baseline model cannot be fitted.
     """
-    on_step("fitting the starting model")
+    on_step("fitting the baseline model")
     first = fit_model(ClosureModel(campaign, core), data, start, from_afar=start is None)
     selection = Selection(first, data)
     while len(selection.steps) < _MOST_EFFECTS:
         fit, judged = selection.final, selection.data
-        on_step(f"looking for effect {len(selection.steps) + 1}")
+        on_step(f"searching for effect {len(selection.steps) + 1}")
         left = [effect for effect in effects.values() if not is_taken(effect, fit.model.effects)]
         steps = _next_steps(fit, judged, left, selection)
         if not steps:
@@ -92,7 +93,7 @@ def select(
 
 
 def _doubt(selection: Selection, data: Whitened) -> None:
-    """Count what the effects' equations leave as uncertain from now on, where the fit stands that."""
+    """Add the errors of the effects' equations to the variance, if the model can then be fitted."""
     final = selection.final
     errors = [
         [effect.equation_share * np.abs(added[0]) for added in added_by(final, effect)]
@@ -108,7 +109,7 @@ def _doubt(selection: Selection, data: Whitened) -> None:
 
 
 def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> list[Step]:
-    """Return the best candidate that passes; where none does by itself, the best two that pass together."""
+    """Return the best candidate that passes; where none passes alone, the best pair that passes together."""
     passed, refused = judged(fit, data, left)
     for step in refused:
         selection.refused[step.effect.name] = (step.reason, step.fall, step.gain, step.after)
@@ -129,11 +130,11 @@ def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Se
     first, second_step = min(pairs, key=lambda pair: price(pair[1], data))
     for step in (first, second_step):
         selection.refused.pop(step.effect.name, None)
-    return [replace(first, reason=""), second_step]
+    return [replace(first, reason=None), second_step]
 
 
 def _prune(selection: Selection, data: Whitened) -> None:
-    """Take out effects that later ones have made superfluous."""
+    """Remove effects that later ones have made superfluous."""
     while len(selection.steps) > 1:
         final = selection.final
         needless = None
@@ -155,11 +156,11 @@ def _prune(selection: Selection, data: Whitened) -> None:
 
 
 def _judge_leftovers(selection: Selection, data: Whitened) -> None:
-    """Refuse effects that are not needed, or leave too much where they act: stand-ins for what the catalogue lacks."""
+    """Refuse effects that are not needed, or stand in for effects outside the catalogue."""
     while selection.steps:
         final = selection.final
         scale, seen = gates.overdispersion(final, data), final.held_out()
-        suspects: list[tuple[float, Step, str]] = []
+        suspects: list[tuple[float, Step, Reason | None]] = []
         for number, step in enumerate(selection.steps):
             effect, without = step.effect, taken_out(final, step.effect)
             earlier = [other.effect for other in selection.steps[:number]]
@@ -183,8 +184,10 @@ def _judge_leftovers(selection: Selection, data: Whitened) -> None:
             selection.steps[-1] = replace(selection.steps[-1], after=refitted)
 
 
-def _worst(suspects: list[tuple[float, Step, str]], final: Fit, data: Whitened) -> tuple[Step, str, Fit] | None:
-    """Return the first of the effects under suspicion that a fit without it condemns, why, and that fit."""
+def _worst(
+    suspects: list[tuple[float, Step, Reason | None]], final: Fit, data: Whitened
+) -> tuple[Step, Reason, Fit] | None:
+    """Return the first suspect that fails when the model is fitted without it, the reason, and that fit."""
     scale = gates.overdispersion(final, data)
     for _, step, firm in suspects:
         effect, without = step.effect, fit_without(final, step.effect, data)

@@ -1,4 +1,4 @@
-"""The ring paper's series as a starting model: as printed (Eq. 27), and with its kinematics and road force corrected.
+"""The ring paper's series as a baseline model: as printed (Eq. 27), and with its kinematics and road force corrected.
 
 Both are linear about the undeformed circle, under a contact pressure that is given, not found: uniform but for the
 Legendre amounts of the options. What the belt's finite turning in the contact changes is added as a share of the
@@ -30,7 +30,7 @@ from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, waveform_orders
 from gateway.types import FloatArray
 
-# Table 3's tire. Its stiffnesses over its load are where a fit begins whatever the load is.
+# Table 3's tire; its stiffnesses over its load are the start of a fit at any load.
 _NOMINAL: Final = GroupConditions(
     omega_radps=56.0,
     omega_dot_radps2=0.0,

@@ -1,4 +1,4 @@
-"""The starting models by name, and which effects act on what repeats with the wheel."""
+"""Baseline models by name, and the effects that act on the angle-locked signal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gateway.closure.series_core import SeriesCore
 
 
 def make_core(model: BaselineModel) -> Core:
-    """Return a fresh starting model."""
+    """Return a new baseline model."""
     if model is BaselineModel.EXACT:
         return ExactCore()
     return SeriesCore(model)

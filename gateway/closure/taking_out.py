@@ -1,4 +1,4 @@
-"""A fitted effect taken out again, all other parameters adapted to that by the linear fit."""
+"""Ablation of a fitted effect, all other parameters adapted by the linear fit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gateway.types import ComplexArray, FloatArray
 
 @dataclass(frozen=True, slots=True)
 class TakenOut:
-    """What a fit is without one of its effects.
+    """A fit without one of its effects.
 
     Attributes:
         predicted: (blocks, 3, ORDERS) a group, the other parameters adapted.
@@ -31,7 +31,7 @@ class TakenOut:
 def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
     """Return what an effect adds to the orders of every block, (blocks, 3, ORDERS) a group.
 
-    Not by its derivatives: an order or a decay of 0 is not what there is without it.
+    Not by its derivatives: an order or a decay of 0 is not the absence of the effect.
     """
     without = fit.vector.copy()
     where = fit.model.layout.effect(effect.name)

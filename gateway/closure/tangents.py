@@ -1,4 +1,4 @@
-"""Derivatives of a starting model's shape, used again as long as the shape has hardly changed."""
+"""Derivatives of a baseline model's shape, used again as long as the shape has hardly changed."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Tangents:
         """Return the derivatives of `core.shape` by the state's parameters, of a point near by where one is known.
 
         Args:
-            core: the starting model.
+            core: the baseline model.
             place: all of the conditions that the shape depends on.
             parameters: of the state, (K,).
             conditions: of the group.

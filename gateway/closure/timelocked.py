@@ -1,4 +1,4 @@
-"""What the wheel does not repeat: which effects of the catalogue it holds, and what none of them explains."""
+"""Diagnosis of the time-locked signal: its effects of the catalogue, and its unexplained lines and bands."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ from gateway.closure.timelocked_lines import running_median, usable_bins
 from gateway.closure.timelocked_model import JITTER, LOW_PASS, Site, full_density, sites_of, wide_density
 from gateway.closure.timelocked_selection import OTHERS, Selection, Step, place_of
 from gateway.closure.timelocked_spectra import group_spectra
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 FOLDS: Final = 5
 ROAD: Final = "road vibration"
-ANOTHER_SPEED: Final = "a recording at another speed"
 ANTI_ALIAS: Final = "anti-alias filter"
+_ANOTHER_SPEED: Final = Reason(Code.RECORD_AT_ANOTHER_SPEED)
 
 # A refused effect's bins are kept out of later fits where it was this share of the density; an effect that had more
 # of the bins than this is broad, and what is there is taken as the noise's own shape.
@@ -38,44 +39,45 @@ _CLEARLY: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class TimeLocked:
-    """What is not locked to the wheel.
+    """Result for the signal that is not locked to the wheel.
 
     Attributes:
         findings: lock "time"; named first, then indistinguishable, then refused.
         unexplained: lines and bands that no effect explains, largest first.
         spectra: of every group that was long enough.
-        notes: what else the user must know.
+        notes: limitations, and components found that are not effects.
     """
 
     findings: tuple[Finding, ...] = ()
     unexplained: tuple[Unexplained, ...] = ()
     spectra: tuple[Spectra, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Reason, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class _Refusal:
-    """A refused effect; `fit` is the one that the reason is about."""
+    """A refused effect; the reason refers to `fit`."""
 
     effect: SpectrumEffect
     step: Step
     fit: SpectrumFit
-    reason: str
+    reason: Reason
     open: bool
 
 
 def diagnose_time_locked(groups: Sequence[Group], *, changing: bool = False) -> TimeLocked:
-    """Name the effects that what is left beside the wheel's mean waveform holds.
+    """Identify the effects in the signal that remains when the wheel's mean waveform is subtracted.
 
     Args:
         groups: with deviations; those without, or too short for two seconds a fold, are left out and noted.
-        changing: what repeats with the wheel changes during a recording; jitter of edges is no more than a stand-in.
+        changing: whether the angle-locked signal is non-stationary; contact-edge jitter then only stands in for that.
 
     Returns:
-        the findings; nothing at all when no group is long enough.
+        the findings; none when no group is long enough.
     """
     pairs = [(group, spectra) for group in groups if (spectra := group_spectra(group, FOLDS)) is not None]
-    notes = [] if len(pairs) == len(groups) else [_short(len(groups) - len(pairs))]
+    short = len(groups) - len(pairs)
+    notes = [Reason(Code.GROUPS_TOO_SHORT, groups=short, of=len(groups))] if short else []
     if not pairs:
         return TimeLocked(notes=tuple(notes))
     sites = sites_of(*zip(*pairs, strict=True))
@@ -154,7 +156,7 @@ def _worst(selection: Selection, taken: Sequence[Step]) -> _Refusal | None:
         if step.effect is None:
             continue
         reason, still_open = objection(selection.sites, selection.observed, selection.fit, step.effect)
-        if reason:
+        if reason is not None:
             bins = sum(int((part > _HELD).sum()) for part in _shares(selection.sites, selection.fit, step.effect))
             found.append((bins, _Refusal(step.effect, step, selection.fit, reason, still_open)))
     return min(found, key=lambda one: one[0])[1] if found else None
@@ -190,15 +192,13 @@ def _kept_out(
     return tuple(result)
 
 
-def _notes(fit: SpectrumFit, sites: Sequence[Site], *, changing: bool) -> list[str]:
+def _notes(fit: SpectrumFit, sites: Sequence[Site], *, changing: bool) -> list[Reason]:
     notes = []
     if fit.parts.jitter and not changing:
-        size = 1e3 * math.sqrt(_jitter_rad2(fit)[1]) * float(np.mean([s.spectra.conditions.radius_m for s in sites]))
-        notes.append(
-            f"{JITTER} from revolution to revolution, about {size:.2g} mm rms, is part of what is not repeated"
-        )
+        size = math.sqrt(_jitter_rad2(fit)[1]) * float(np.mean([s.spectra.conditions.radius_m for s in sites]))
+        notes.append(Reason(Code.CONTACT_EDGE_JITTER, rms_m=size))
     if fit.parts.low_pass and fit.shared[-1] > 0.0:
-        notes.append(f"the noise ends at about {fit.shared[-1] ** -0.25:.0f} Hz, as behind a low-pass")
+        notes.append(Reason(Code.NOISE_ROLLS_OFF, corner_hz=float(fit.shared[-1] ** -0.25)))
     return notes
 
 
@@ -209,10 +209,6 @@ def _jitter_rad2(fit: SpectrumFit) -> tuple[float, float]:
     value = 0.5 * float(fit.shared[at] + fit.shared[at + 1])
     std = 0.5 * math.sqrt(max(float(fit.covariance[at : at + 2, at : at + 2].sum()), 0.0))
     return value - 2.0 * std, value
-
-
-def _short(count: int) -> str:
-    return f"{count} group{'s' if count > 1 else ''} too short for a spectrum of what the wheel does not repeat"
 
 
 def _drawn(site: Site, density: FloatArray, noise: FloatArray) -> Spectra:
@@ -241,8 +237,8 @@ def _finding(selection: Selection, step: Step, doubted: bool, shaky: bool) -> Fi
     if doubted:
         return _doubtful(made)
     if shaky:
-        reason = "there is broad noise beside it that no effect explains"
-        return replace(made, verdict=Verdict.INDISTINGUISHABLE, reason=reason, decide_with=ANOTHER_SPEED)
+        reason = Reason(Code.BROADBAND_NOISE_LEFT)
+        return replace(made, verdict=Verdict.INDISTINGUISHABLE, reason=reason, decide_with=_ANOTHER_SPEED)
     return made
 
 
@@ -255,14 +251,19 @@ def _doubtful(finding: Finding) -> Finding:
         finding,
         verdict=Verdict.INDISTINGUISHABLE,
         rivals=(ANTI_ALIAS,),
-        decide_with=f"{ANOTHER_SPEED}: the road grows with it, the sensor's own noise does not",
+        decide_with=Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED),
     )
 
 
 def _refused(refusal: _Refusal) -> Finding:
     made = _described(refusal.step, refusal.fit, math.nan)
     if refusal.open:
-        return replace(made, verdict=Verdict.INDISTINGUISHABLE, reason=refusal.reason, decide_with=ANOTHER_SPEED)
+        return replace(
+            made,
+            verdict=Verdict.INDISTINGUISHABLE,
+            reason=refusal.reason,
+            decide_with=_ANOTHER_SPEED,
+        )
     return replace(made, reason=refusal.reason)
 
 

@@ -1,4 +1,4 @@
-"""Whether what an effect explains behaves as the effect must: axes, speed, steadiness, sense, and what is left."""
+"""Acceptance tests of time-locked effects: axes, speed, steadiness, sense of rotation, and residual."""
 
 from __future__ import annotations
 
@@ -9,20 +9,22 @@ from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, GroupConditions, Parameter, SpectrumEffect
+from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, GroupConditions, SpectrumEffect
+from gateway.closure.gates import outside_range
 from gateway.closure.timelocked_fit import Observed, SpectrumFit
 from gateway.closure.timelocked_lines import envelope_moment
 from gateway.closure.timelocked_model import Site, wide_density
 from gateway.closure.timelocked_selection import place_of
 from gateway.closure.timelocked_spectra import held_scaling
 from gateway.constants import AXIS_NAMES
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 # Two axes that must be alike differ by no more than this in rms, and one that must be quiet has no more power.
-_ALIKE: Final = 1.6
+_AXES_RATIO: Final = 1.6
 _QUIET: Final = 0.1
 # rms of one group over what the common parameters say, either way; how far the exponent of speed may lie from 1.
-_GROUPS_ALIKE: Final = 1.6
+_GROUPS_RATIO: Final = 1.6
 _EXPONENT: Final = 0.35
 _KNOWN_EXPONENT: Final = 0.5
 # Relative error of the density, where the effect is most of it.
@@ -92,45 +94,46 @@ def effect_size(sites: Sequence[Site], observed: Sequence[Observed], fit: Spectr
 
 def objection(
     sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit, effect: SpectrumEffect
-) -> tuple[str, bool]:
-    """Return why an effect cannot be what it seems, empty when it can, and whether another speed would tell."""
+) -> tuple[Reason | None, bool]:
+    """Return why an effect fails, None when it passes, and whether another speed would decide."""
     own = fit.shared[place_of(fit.parts, effect)]
     for one, value in zip(effect.parameters, own, strict=True):
         if not one.low <= value <= one.high:
             if value == 0.0:
-                return "beside what else was found there is nothing of it left", False
-            return f"{written(one, float(value))} is not plausible ({one.low:g} to {one.high:g})", False
+                return Reason(Code.NOTHING_REMAINS), False
+            return outside_range(one, float(value)), False
     size = effect_size(sites, observed, fit, effect)
-    said = _axes_differ(effect, size) or _groups_differ(effect, size, sites)
-    if not said and isinstance(effect, Rotating):
-        said = _wrong_sense(sites, fit, effect, own)
-    if not said and isinstance(effect, NarrowNoise):
+    reason = _axes_differ(effect, size) or _groups_differ(effect, size, sites)
+    if reason is None and isinstance(effect, Rotating):
+        reason = _wrong_sense(sites, fit, effect, own)
+    if reason is None and isinstance(effect, NarrowNoise):
         band = effect.noise_band(own)
-        said = _not_alone(sites, effect, band) or _steady(sites, band)
-    if not said:
-        said = _rest(sites, observed, fit, effect, own)
-    if said:
-        return said, False
+        reason = _not_alone(sites, effect, band) or _steady(sites, band)
+    if reason is None:
+        reason = _rest(sites, observed, fit, effect, own)
+    if reason is not None:
+        return reason, False
     return _unusual(sites, effect, own)
 
 
-def _unusual(sites: Sequence[Site], effect: SpectrumEffect, own: FloatArray) -> tuple[str, bool]:
+def _unusual(sites: Sequence[Site], effect: SpectrumEffect, own: FloatArray) -> tuple[Reason | None, bool]:
     usual: tuple[str, float, float] | None = getattr(effect, "usual", None)
     if usual is None or several_speeds(sites):
-        return "", False
+        return None, False
     at = [one.name for one in effect.parameters].index(usual[0])
     if usual[1] <= own[at] <= usual[2]:
-        return "", False
-    return f"{written(effect.parameters[at], float(own[at]))} is unusual, and there is only one speed", True
-
-
-def written(parameter: Parameter, value: float) -> str:
-    """Return a value with its unit behind the parameter's name, which views replace by a label."""
-    return f"{parameter.name} {value:.3g} {parameter.unit}".rstrip()
+        return None, False
+    parameter = effect.parameters[at]
+    return Reason(
+        Code.UNUSUAL_PARAMETER,
+        parameter=parameter.name,
+        value=float(own[at]) * parameter.factor,
+        unit=parameter.display_unit or parameter.unit,
+    ), True
 
 
 def several_speeds(sites: Sequence[Site]) -> bool:
-    """Tell whether the groups differ in speed."""
+    """Return whether the groups differ in speed."""
     speeds = [site.spectra.speed_mps for site in sites]
     return max(speeds) > 1.08 * min(speeds)
 
@@ -143,20 +146,26 @@ def _pooled(size: Size, axis: int) -> tuple[float, float]:
     return float(weight @ size.factor[:, axis]) / total, total**-0.5
 
 
-def _axes_differ(effect: SpectrumEffect, size: Size) -> str:
+def _axes_differ(effect: SpectrumEffect, size: Size) -> Reason | None:
     pooled = [_pooled(size, axis) for axis in range(3)]
     acting = [axis for axis in effect.axes if math.isfinite(pooled[axis][1])]
     mean = float(np.mean([pooled[axis][0] for axis in acting])) if acting else 0.0
     for axis in acting:
         factor, std = pooled[axis]
         high, low = factor + _SIGMAS * std, factor - _SIGMAS * std
-        if high < mean / _ALIKE**2 or low > mean * _ALIKE**2 or factor < _SIGMAS * std < mean / _ALIKE**2:
-            return f"the {AXIS_NAMES[axis]} axis has {math.sqrt(max(factor, 0.0) / mean):.2f} times its share"
+        if (
+            high < mean / _AXES_RATIO**2
+            or low > mean * _AXES_RATIO**2
+            or factor < _SIGMAS * std < mean / _AXES_RATIO**2
+        ):
+            ratio = math.sqrt(max(factor, 0.0) / mean)
+            return Reason(Code.AXIS_HAS_OTHER_SHARE, axis=AXIS_NAMES[axis], ratio=ratio)
     for axis in range(3):
         factor, std = pooled[axis]
         if axis not in effect.axes and factor - _SIGMAS * std > _QUIET * mean:
-            return f"the {AXIS_NAMES[axis]} axis has it too, {math.sqrt(max(factor, 0.0)):.2f} times as much"
-    return ""
+            ratio = math.sqrt(max(factor, 0.0))
+            return Reason(Code.AXIS_SHOULD_BE_QUIET, axis=AXIS_NAMES[axis], ratio=ratio)
+    return None
 
 
 def group_sizes(effect: SpectrumEffect, size: Size) -> tuple[FloatArray, FloatArray]:
@@ -167,24 +176,25 @@ def group_sizes(effect: SpectrumEffect, size: Size) -> tuple[FloatArray, FloatAr
     return (weight * size.factor[:, axes]).sum(axis=1) / total, total**-0.5
 
 
-def _groups_differ(effect: SpectrumEffect, size: Size, sites: Sequence[Site]) -> str:
+def _groups_differ(effect: SpectrumEffect, size: Size, sites: Sequence[Site]) -> Reason | None:
     if len(sites) < 2:
-        return ""
+        return None
     factor, std = group_sizes(effect, size)
     for site, value, error in zip(sites, factor.tolist(), std.tolist(), strict=True):
         away = _SIGMAS * error
-        if value + away < _GROUPS_ALIKE**-2 or value - away > _GROUPS_ALIKE**2:
-            return f"{site.spectra.label} has {math.sqrt(max(value, 0.0)):.2f} times what the others let expect"
+        if value + away < _GROUPS_RATIO**-2 or value - away > _GROUPS_RATIO**2:
+            ratio = math.sqrt(max(value, 0.0))
+            return Reason(Code.RECORDING_HAS_OTHER_SIZE, recording=site.spectra.label, ratio=ratio)
     rms = np.sqrt(np.maximum(factor, 0.05)) * [site.spectra.speed_mps for site in sites]
     error = 0.5 * std / np.maximum(factor, 0.05) * rms
     exponent, unsure = held_scaling([site.spectra for site in sites], rms.tolist(), error.tolist())
     if unsure < _KNOWN_EXPONENT and abs(exponent - 1.0) > _EXPONENT + 2.0 * unsure:
-        return f"it grows with speed to the power {exponent:.2f} +- {unsure:.2f} instead of 1"
-    return ""
+        return Reason(Code.WRONG_SPEED_EXPONENT, exponent=exponent, exponent_std=unsure)
+    return None
 
 
-def _wrong_sense(sites: Sequence[Site], fit: SpectrumFit, effect: Rotating, own: FloatArray) -> str:
-    """Compare the cross density of the two axes with what a force that stands still makes of it."""
+def _wrong_sense(sites: Sequence[Site], fit: SpectrumFit, effect: Rotating, own: FloatArray) -> Reason | None:
+    """Compare the cross density of the two axes with that of a force fixed in space."""
     top = below = 0.0
     seen = False
     for g, site in enumerate(sites):
@@ -200,15 +210,15 @@ def _wrong_sense(sites: Sequence[Site], fit: SpectrumFit, effect: Rotating, own:
         top += float((weight * expected * spectra.wide(spectra.cross.imag)).sum())
         below += float((weight * expected * expected).sum())
     if not seen:
-        return "" if several_speeds(sites) else "without circumferential axis and at one speed nothing tells it apart"
+        return None if several_speeds(sites) else Reason(Code.NEEDS_AXIS_OR_SPEED)
     ratio, std = top / below, below**-0.5
     if abs(ratio - 1.0) > _QUADRATURE + _SIGMAS * std or std > _QUADRATURE:
-        return f"radial and circumferential axis are in quadrature to {ratio:.2f} +- {std:.2f} of what it takes"
-    return ""
+        return Reason(Code.WRONG_QUADRATURE, ratio=ratio, ratio_std=std)
+    return None
 
 
-def _not_alone(sites: Sequence[Site], effect: SpectrumEffect, band: tuple[float, float]) -> str:
-    """Look for a narrow band on axes that must be quiet beside its own surroundings, whatever else was fitted there."""
+def _not_alone(sites: Sequence[Site], effect: SpectrumEffect, band: tuple[float, float]) -> Reason | None:
+    """Look for the narrow band on axes that must be quiet, compared with neighbouring frequencies and not the fit."""
     above = np.zeros((len(sites), 3))
     std = np.full((len(sites), 3), np.inf)
     width = band[1] - band[0]
@@ -223,19 +233,19 @@ def _not_alone(sites: Sequence[Site], effect: SpectrumEffect, band: tuple[float,
             std[g, axis] = math.sqrt(error / float(site.spectra.freedom.sum()))
     own = float(above[:, list(effect.axes)].sum())
     if own <= 0.0:
-        return "it does not stand out of its surroundings"
+        return Reason(Code.BELOW_SURROUNDINGS)
     for axis in range(3):
         seen = np.isfinite(std[:, axis])
         if axis in effect.axes or not seen.any():
             continue
         total, error = float(above[seen, axis].sum()), math.sqrt(float(np.square(std[seen, axis]).sum()))
         if math.isfinite(error) and total - _SIGMAS * error > _QUIET * own:
-            return f"the {AXIS_NAMES[axis]} axis has the same band, {math.sqrt(total / own):.2f} times as much"
-    return ""
+            return Reason(Code.AXIS_SHOWS_SAME_BAND, axis=AXIS_NAMES[axis], ratio=math.sqrt(total / own))
+    return None
 
 
-def _steady(sites: Sequence[Site], band: tuple[float, float]) -> str:
-    """Tell a tone, however its frequency wanders, from noise, whose envelope fades in and out."""
+def _steady(sites: Sequence[Site], band: tuple[float, float]) -> Reason | None:
+    """Distinguish a tone, however its frequency drifts, from noise, whose envelope fades in and out."""
     values, weights = [], []
     for site in sites:
         value, number = envelope_moment(site.spectra.runs, site.spectra.rate_hz, RADIAL, band)
@@ -245,14 +255,14 @@ def _steady(sites: Sequence[Site], band: tuple[float, float]) -> str:
     mean = float(np.average(values, weights=weights)) if total > 0.0 else 2.0
     # 2 of noise, 1 of a tone; the standard error of noise is 2 / sqrt(number).
     if mean < 2.0 - max(0.3, _SIGMAS * 2.0 / math.sqrt(max(total, 1.0))):
-        return f"its envelope is too steady for noise (fourth over squared second moment {mean:.2f})"
-    return ""
+        return Reason(Code.ENVELOPE_TOO_STEADY, fourth_moment=mean)
+    return None
 
 
 def _rest(
     sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit, effect: SpectrumEffect, own: FloatArray
-) -> str:
-    """Say that what an effect leaves where it is most of the density is not small beside it."""
+) -> Reason | None:
+    """Return the share an effect leaves where it is most of the density, where that share is not small."""
     top = below = 0.0
     for g, (site, one) in enumerate(zip(sites, observed, strict=True)):
         density = wide_density(site, fit.parts, fit.levels[g], fit.shared)[0]
@@ -263,4 +273,4 @@ def _rest(
         top += float((weight * (np.square(one.power / density - 1.0) - noise)).sum())
         below += float(weight.sum())
     error = math.sqrt(max(top, 0.0) / below) if below > 0.0 else 0.0
-    return f"it leaves {100.0 * error:.0f} % where it should be most of the density" if error > _REST else ""
+    return Reason(Code.LEAVES_DENSITY, residual_share=error) if error > _REST else None

@@ -1,4 +1,4 @@
-"""What contact edges that come early or late leave beside the mean: pulses of the waveform's slope, turn by turn."""
+"""Residual of contact-edge jitter beside the mean: pulses of the waveform's slope in each revolution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lines and bands that stand out of the fitted density: what no effect of the catalogue explains."""
+"""Unexplained spectral lines and bands above the fitted density."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.diagnosis import Unexplained
+from gateway.closure.diagnosis import Scaling, ScalingStatus, Unexplained
 from gateway.closure.timelocked_gates import several_speeds
 from gateway.closure.timelocked_lines import rare_ratio
 from gateway.closure.timelocked_model import Site
@@ -17,7 +17,7 @@ from gateway.closure.timelocked_spectra import held_scaling
 from gateway.constants import AXIS_NAMES
 from gateway.types import BoolArray, FloatArray
 
-# Widths that are looked through, in bins, and how rarely noise exceeds what is taken for real: once in some 1e8.
+# Widths searched, in bins, and the quantile that noise exceeds once in some 1e8.
 _WIDTHS: Final = (1, 5, 15, 45, 135)
 _QUANTILE: Final = 5.6
 _ENDS: Final = 2.0
@@ -29,7 +29,7 @@ _SIDEBAND_TURNS: Final = 3.0
 _BESIDE_A_LINE: Final = 0.15
 _BESIDE_TURNS: Final = 10.0
 _MOST_PARTS: Final = 16
-# Standard errors of its rms that anything told of has at least.
+# Standard errors above which a residual is listed.
 _SIGMAS: Final = 3.0
 _LINE_HZ: Final = 8.0
 _SAME_HZ: Final = 1.0
@@ -43,7 +43,7 @@ _SPEEDS_APART: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Something that stands out of one axis of one group.
+    """A line or band above the model on one axis of one group.
 
     Attributes:
         group: its index.
@@ -72,7 +72,7 @@ class Part:
 
 
 def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, level: FloatArray) -> list[Part]:
-    """Return what stands out of one group.
+    """Return the lines and bands above the model of one group.
 
     Args:
         site: the group.
@@ -150,7 +150,7 @@ def _parts(
         half = width // 2
         first, last = min(first + half, peak), max(last - half, peak)
         first, last = max(0, min(first, peak - 1)), min(len(ratio) - 1, max(last, peak + 1))
-        # What stands out only as a whole, of a wide window, is told as wide as that.
+        # A band that exceeds the model only as a whole keeps the width of its window.
         for part in (slice(first, last + 1), _within(free, peak, half)):
             excess = power[part] - density[part]
             total = float(excess.sum()) * step
@@ -179,7 +179,7 @@ def _within(free: BoolArray, peak: int, half: int) -> slice:
 
 
 def _at_multiples(frequency: FloatArray, excess: FloatArray, centre_hz: float, wheel_hz: float) -> bool:
-    """Tell whether what stands out of some bins does so at multiples of the wheel's frequency."""
+    """Return whether the excess of some bins lies at multiples of the wheel's frequency."""
     if frequency[-1] - frequency[0] <= min(_LINE_HZ, wheel_hz):
         order = round(centre_hz / wheel_hz)
         return order > 0 and abs(centre_hz - order * wheel_hz) <= max(_MULTIPLE_HZ, _SAME_ORDER * wheel_hz)
@@ -220,7 +220,7 @@ def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
 
 
 def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
-    """Return the speeds that parts were found at, told apart by some percent."""
+    """Return the speeds that parts were found at, distinguished by a few percent."""
     return {round(math.log(sites[part.group].spectra.speed_mps) / _SPEEDS_APART) for part in parts}
 
 
@@ -262,41 +262,36 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
                 orders = max(1, round(np.mean(ratios))), max(1, round(np.mean(ratios)))
         else:
             orders = math.floor(min(ends[0])), math.ceil(max(ends[1]))
-    if locked:
-        step = "not alike in every revolution" if doubtful else "not in step with it"
-        where = f"order {np.mean(ratios):.2f} of the wheel, moving with speed, but {step},"
-    elif line:
-        where = f"{np.mean([part.centre_hz for part in own]):.1f} Hz"
-    else:
-        where = f"{low:.0f} to {high:.0f} Hz"
-    if doubtful and not locked:
-        where += ", where the wheel's orders are: locked to time or, changing, to the wheel,"
-    same = _at_speeds(sites, parts) if locked is False else ""
-    also = ", ".join(f"{value:.2g} m/s^2 {AXIS_NAMES[one]}" for one, value in sizes.items() if one != axis)
-    text = (
-        f"{'A line' if line else 'A band'} at {where}{same} on the {AXIS_NAMES[axis]} axis, {size:.2g} m/s^2 rms"
-        f"{f' (and {also})' if also else ''}; scaling: {scaling}."
-    )
     return Unexplained(
-        AXIS_NAMES[axis], "time", orders, (low, high), None, scaling, size, error, text, lock_known=not doubtful
+        AXIS_NAMES[axis],
+        "time",
+        orders,
+        (low, high),
+        None,
+        scaling,
+        size,
+        error,
+        lock_known=not doubtful,
+        narrow=line,
+        centre_order=float(np.mean(ratios)) if locked else math.nan,
+        centre_hz=float(np.mean([part.centre_hz for part in own])) if line and not locked else math.nan,
+        speeds=_number_of_speeds(sites, parts) if locked is False else None,
+        other_axes=tuple((AXIS_NAMES[one], value) for one, value in sizes.items() if one != axis),
     )
 
 
-def _at_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> str:
-    """Return at how many of the speeds parts are seen, in words."""
+def _number_of_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> tuple[int, int]:
+    """Return the number of speeds at which parts are seen, and that of all speeds."""
     there = len({round(math.log(site.spectra.speed_mps) / _SPEEDS_APART) for site in sites})
-    seen = len(_speeds(parts, sites))
-    return " at every speed" if seen == there else f" at {seen} of {there} speeds"
+    return len(_speeds(parts, sites)), there
 
 
-def _scaling(exponent: float, unsure: float, *, several: bool) -> str:
+def _scaling(exponent: float, unsure: float, *, several: bool) -> Scaling:
     if not math.isfinite(exponent):
-        return "not known: seen at one speed on this axis" if several else "not known: one speed"
+        return Scaling(ScalingStatus.SEEN_AT_ONE_SPEED if several else ScalingStatus.ONE_SPEED)
     if unsure > 0.5:
-        return f"not known: omega^({exponent:.1f} +- {unsure:.1f})"
-    if abs(exponent) < 0.3 + unsure:
-        return "constant"
-    for whole in (1, 2):
+        return Scaling(ScalingStatus.UNCERTAIN, exponent, unsure)
+    for whole in (0.0, 1.0, 2.0):
         if abs(exponent - whole) < 0.3 + unsure:
-            return f"omega^{whole}"
-    return f"omega^{exponent:.1f}"
+            return Scaling(ScalingStatus.KNOWN, whole)
+    return Scaling(ScalingStatus.KNOWN, exponent)

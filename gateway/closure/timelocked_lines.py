@@ -46,7 +46,7 @@ def envelope_moment(
             continue
         spectrum = np.fft.rfft(run[axis])[low:high]
         power = np.square(np.abs(np.fft.ifft(spectrum, 4 * len(spectrum))))
-        # As samples of the band's own rate: so many are independent.
+        # Number of independent samples: those at the band's own rate.
         second += float(power.mean()) * len(spectrum)
         fourth += float(np.square(power).mean()) * len(spectrum)
         length += len(spectrum)

@@ -1,4 +1,4 @@
-"""Which components the spectra need: forward, by what they gain on segments that no fit has seen."""
+"""Forward selection of the components of the spectra by their gain on held-out segments."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Step:
 
     @property
     def accepted(self) -> bool:
-        """Whether the held-out data want it, by one standard error and by a level that noise does not reach."""
+        """Whether the held-out gain exceeds one standard error and a level that noise does not reach."""
         return self.chi2 > _LOOKED_AT and self.gain > max(_ACCEPTED, self.gain_std)
 
 
@@ -85,7 +85,7 @@ class Selection:
         self._held = self._held_out(self.fit)
 
     def steps(self, candidates: Sequence[SpectrumEffect], others: Sequence[str]) -> list[Step]:
-        """Return what each candidate would do, those that the data want, best first."""
+        """Return the accepted steps of the candidates, best first."""
         found = [self._step(effect.name, effect) for effect in candidates]
         found += [self._step(name, None) for name in others]
         wanted = [step for step in found if step is not None and step.accepted]

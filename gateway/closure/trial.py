@@ -1,4 +1,4 @@
-"""What adding one effect would bring: the linear fit of all parameters with its columns beside the model's."""
+"""Trial of one more effect: the linear fit of all parameters with its columns added to the model's."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from gateway.closure.likelihood import Normal, Whitened, as_real
 from gateway.closure.model import AngleEffect, ClosureModel
 from gateway.types import FloatArray, IntArray
 
-# Steps of a refit: what is right comes to rest in five to fifteen, what wanders further is not what is wrong.
+# Steps of a refit: a correct effect converges in five to fifteen; one that needs more is not the cause.
 _TRIAL_STEPS: Final = 30
-# Where much is left whatever a trial does, it need not be followed down to the last of it.
+# Tolerance of a refit with a large residual, which need not converge fully.
 _ROUGH: Final = 3e-3
 # Logarithm of a state's parameters from which the ring is far out of shape.
 _BENT: Final = 1.5

@@ -1,4 +1,4 @@
-"""What is known of an effect beside the waveforms: the hub's clock against the host's."""
+"""Side information on effects: the hub's clock against the host's."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HOST_CLOCK: Final = 5e-5
 
 
 class Witness(NamedTuple):
-    """One parameter measured otherwise.
+    """One parameter measured independently of the waveforms.
 
     Attributes:
         effect: whose only parameter it is; 0 where the effect is absent.
@@ -31,7 +31,7 @@ class Witness(NamedTuple):
 
 
 def witnesses(campaign: Campaign) -> tuple[Witness, ...]:
-    """Return what a campaign knows beside its waveforms."""
+    """Return the side information of a campaign."""
     share, std = campaign.clock_error
     if not (math.isfinite(share) and math.isfinite(std)):
         return ()

@@ -177,14 +177,15 @@ def _field_at(model: type[BaseModel], location: Location) -> tuple[type[BaseMode
     for depth, name in enumerate(names):
         field = owner.model_fields.get(name) if owner else None
         if depth < len(names) - 1:
-            owner = _model_in(field.annotation) if field else None
+            owner = model_in(field.annotation) if field else None
     return owner, field
 
 
-def _model_in(annotation: object) -> type[BaseModel] | None:
+def model_in(annotation: object) -> type[BaseModel] | None:
+    """Return the model of a table within an annotation, such as `Tire | None` or `tuple[Wheel, ...]`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next((found for part in get_args(annotation) if (found := _model_in(part))), None)
+    return next((found for part in get_args(annotation) if (found := model_in(part))), None)
 
 
 def _bounds(field: FieldInfo) -> tuple[float | None, float | None, bool]:
@@ -202,7 +203,7 @@ def _bounds(field: FieldInfo) -> tuple[float | None, float | None, bool]:
 
 
 def _allowed(field: FieldInfo | None, message: str) -> str:
-    """Return what a field may hold, with its description; `message` where the field tells nothing."""
+    """Return the allowed values of a field with its description, or `message` if the field states neither."""
     if field is None:
         return message
     low, high, exclusive = _bounds(field)
@@ -230,7 +231,7 @@ def _kind(annotation: object) -> str:
     if origin is Literal:
         return " or ".join(show(part) for part in parts)
     if origin is tuple:
-        return "a list of tables" if _model_in(annotation) else "a list"
+        return "a list of tables" if model_in(annotation) else "a list"
     if origin in (Union, types.UnionType):
         return next((kind for part in parts if (kind := _kind(part))), "")
     return ""

@@ -1,4 +1,4 @@
-"""The vehicle configuration: its schema with the user's units in the keys, SI properties, and reading from TOML."""
+"""Vehicle configuration: schema with the user's units in the keys, SI properties, and reading from TOML."""
 
 from __future__ import annotations
 

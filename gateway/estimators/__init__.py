@@ -1,1 +1,1 @@
-"""Estimators: one interface, one registry."""
+"""Estimators of tire quantities from single and averaged revolutions."""

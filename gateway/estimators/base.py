@@ -1,4 +1,4 @@
-"""What every estimator sees and returns."""
+"""Interface of estimators: the revolution and conditions that they take, the estimates that they return."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Protocol, Self
 from gateway.estimators.tire_data import TireData
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import (
-    AngleAverage as AngleAverage,  # what the average hands out is what estimators see
+    AngleAverage as AngleAverage,  # part of the interface
 )
 from gateway.types import ComplexArray, FloatArray
 
 
 class Status(StrEnum):
-    """How far an estimate can be trusted."""
+    """Validity of an estimate."""
 
     VALID = "valid"
     PROVISIONAL = "provisional"
@@ -29,11 +29,11 @@ class Estimate:
     """A number with its unit, uncertainty and validity.
 
     Attributes:
-        name: what it is, unit included where it has one: `speed_mps`, `Bs`.
-        value: in the unit the name tells; NaN when invalid.
+        name: of the quantity, with its unit where it has one: `speed_mps`, `Bs`.
+        value: in the unit of the name; NaN when invalid.
         std: one standard error, same unit; NaN when not known.
         status: valid, provisional or invalid.
-        reasons: why it is not valid, or what it rests on.
+        reasons: why it is not valid, or notes on a valid one.
     """
 
     name: str
@@ -49,21 +49,21 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
-    """What is known of the tire beside its acceleration, at the time of a revolution.
+class TireConditions:
+    """State of the tire during a revolution, apart from the acceleration of its sensor.
 
     Attributes:
         radius_m: belt radius (2 pi radius_m is the rolling circumference).
-        load_n: vertical load, or None when nobody stated it.
+        load_n: vertical load as stated; None when it is not.
         pressure_pa: inflation (gauge) pressure, measured or stated, or None.
         temperature_degc: inner-liner temperature, or None.
         load_std_n: one standard error of the load.
         pressure_std_pa: one standard error of the pressure.
         radius_std_m: one standard error of the belt radius.
-        sensor_offset_m: how far the sensor sits below (inside) the belt's neutral layer.
+        sensor_offset_m: distance of the sensor below (inside) the belt's neutral layer.
         tire: the new tire's reference numbers, thickness and load calibration.
-        given: what the estimators that ran before this one made of this revolution: estimator, then estimate, by name.
-            Estimators run in the order of the registry. Empty outside `Estimator.update`.
+        given: estimates that earlier estimators made of this revolution, by name of the estimator, then of the
+            estimate. Estimators run in the order of the registry. Empty outside `Estimator.update`.
     """
 
     radius_m: float
@@ -88,12 +88,12 @@ class Revolution:
 
     Attributes:
         index: running number of the wheel's revolutions.
-        start_s: device time of the first contact centre, s since the hub's start.
+        start_s: hub time of the first contact centre, s since the hub's start.
         period_s: duration.
         omega_radps: mean angular speed, 2 pi / period_s.
         omega_dot_radps2: angular acceleration over the revolution.
-        radial_mps2: (n,) radial specific force, positive inward, gravity and the revolution's speed drift removed, so
-            that a steady free-rolling ring gives the same curve every time.
+        radial_mps2: (n,) radial specific force, positive inward, gravity and the revolution's angular
+            acceleration removed, so that a steady free-rolling ring gives the same curve every time.
         axes_mps2: (3, n) circumferential, lateral, radial as measured in the angle domain; NaN rows for absent axes.
         orders_mps2: (61,) complex coefficients c - i s of `radial_mps2`, orders 0 to 60: radial = c_0 + sum c_n cos n
             theta + s_n sin n theta; NaN above the highest order that the sampling rate carries.
@@ -142,15 +142,15 @@ def not_used(faults: Iterable[Reason]) -> Reason:
 
 
 class Estimator(Protocol):
-    """Turns revolutions into estimates. One instance per wheel; deterministic; keeps its own warm start."""
+    """Turns revolutions into estimates; one instance per wheel, deterministic, keeps its own warm start."""
 
     @property
     def name(self) -> str:
         """Name in the registry."""
         ...
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
-        """Return this revolution's estimates; never raises on bad data, returns invalid estimates with a reason."""
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
+        """Return this revolution's estimates; on bad data they are invalid with a reason, nothing is raised."""
         ...
 
     def reset(self) -> None:

@@ -1,7 +1,7 @@
 """Damped Gauss-Newton (Levenberg-Marquardt) for a few parameters that cannot be negative.
 
-Where the model cannot follow the data, Gauss-Newton creeps; the model may then supply its curvature and the steps are
-Newton's.
+Where the model cannot follow the data, Gauss-Newton converges slowly. A model may supply its curvature; the steps are
+then Newton's.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 Curvature = Callable[[FloatArray, FloatArray], FloatArray]
 
 _FIRST_DAMPING: Final = 1e-3
-_HOPELESS_DAMPING: Final = 1e12
-_LEAST_DAMPING: Final = 1e-12
-_LARGEST_GROWTH: Final = 10.0
+_MAX_DAMPING: Final = 1e12
+_MIN_DAMPING: Final = 1e-12
+_MAX_GROWTH: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class BoundedFit:
-    """Where a fit ended.
+    """Result of a fit.
 
     Attributes:
         parameters: (k,) at least 0.
@@ -37,7 +37,7 @@ class BoundedFit:
         jacobian: (m, k) of the model.
         cost: sum of squared residuals.
         iterations: evaluations of the model.
-        converged: False when the evaluations ran out first.
+        converged: False when the fit ran out of evaluations.
     """
 
     parameters: FloatArray
@@ -64,7 +64,7 @@ def fit_nonnegative(
     about 1: the tolerance is on their largest change.
 
     Args:
-        model: the function to fit; need not be defined for all p = 0.
+        model: the function to fit; need not be defined at p = 0.
         data: (m,) finite.
         start: (k,) at least 0.
         curvature: of the model, for Newton steps where the cost is convex.
@@ -72,7 +72,7 @@ def fit_nonnegative(
         max_evaluations: of the model.
 
     Returns:
-        The end point; deterministic.
+        The minimum found; deterministic.
     """
     here = start.copy()
     values, jacobian = model(here)
@@ -84,8 +84,8 @@ def fit_nonnegative(
     normal, gradient = _normal(here, residuals, jacobian, curvature), jacobian.T @ residuals
     while evaluations < max_evaluations and not converged:
         step = _projected_step(normal, gradient, here, damping)
-        # Data that no parameters describe drive these to infinity, and squared at every step.
-        there = np.clip(here + step, 0.0, _LARGEST_GROWTH * max(1.0, float(here.max())))
+        # Data that no parameters describe would drive them to infinity, quadratically with every step.
+        there = np.clip(here + step, 0.0, _MAX_GROWTH * max(1.0, float(here.max())))
         reach = float(np.abs(there - here).max())
         if reach <= tolerance * float(here.max()):
             converged = True
@@ -98,17 +98,17 @@ def fit_nonnegative(
             here, residuals, jacobian = there, new_residuals, new_jacobian
             cost = new_cost
             normal, gradient = _normal(here, residuals, jacobian, curvature), jacobian.T @ residuals
-            damping = max(damping * 0.1, _LEAST_DAMPING)
+            damping = max(damping * 0.1, _MIN_DAMPING)
         else:
             damping *= 8.0
-            if damping > _HOPELESS_DAMPING:
+            if damping > _MAX_DAMPING:
                 converged = True
     free = (here > 0.0) | (gradient > 0.0)
     return BoundedFit(here, free, residuals, jacobian, cost, evaluations, converged)
 
 
 def _normal(here: FloatArray, residuals: FloatArray, jacobian: FloatArray, curvature: Curvature | None) -> FloatArray:
-    """Return the Hessian of half the cost where it is positive definite, else Gauss-Newton's part of it."""
+    """Return the Hessian of half the cost where it is positive definite, else its Gauss-Newton part."""
     normal: FloatArray = jacobian.T @ jacobian
     if curvature is None:
         return normal
@@ -121,10 +121,10 @@ def _normal(here: FloatArray, residuals: FloatArray, jacobian: FloatArray, curva
 
 
 def _projected_step(normal: FloatArray, gradient: FloatArray, here: FloatArray, damping: float) -> FloatArray:
-    """Return the damped step with the parameters that would leave the bound taken out."""
+    """Return the damped step of the parameters that are not held on their bound."""
     free = (here > 0.0) | (gradient > 0.0)
     step = np.zeros_like(here)
-    # A free parameter that the step carries below zero ends on its bound; the others are then solved anew without it.
+    # A free parameter that the step carries below zero ends on its bound; the others are then solved without it.
     for _ in range(len(here)):
         count = int(np.count_nonzero(free))
         if not count:

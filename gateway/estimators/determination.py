@@ -1,9 +1,9 @@
-"""Which of the four numbers the data determine, and the estimates that say so.
+"""Estimates of the four ring numbers, and the test of which of them the data determine.
 
-A standard error that knows only noise is wrong on a real tire: what repeats every revolution and is not the model's is
-averaged into the numbers. So estimators hand in two covariances: of noise, and of model error, which is how far the
-numbers move when the fit's residual is added back with its signs or phases drawn anew. A number is determined when it
-lies DETERMINED standard errors, of both together, from zero.
+A standard error from noise alone is too small on a real tire: whatever repeats every revolution and is not in the model
+is averaged into the numbers. So estimators pass two covariances: of noise, and of model error, which is the change of
+the numbers when the fit's residual is added back with random signs or phases. A number is determined when it lies
+DETERMINED standard errors, of both together, from zero.
 """
 
 from __future__ import annotations
@@ -14,23 +14,25 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status, not_used
+from gateway.constants import RING_NUMBERS, RING_RATIOS
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.reasons import Code, Reason
 from gateway.types import BoolArray, FloatArray
 
-NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
-RATIOS: Final = ("Bs/Cw", "Rs/Cw", "Ts/Cw")
 _CW: Final = 1
 
-# Effective revolutions in the average from which estimates are called valid.
+NUMBER_UNITS: Final[FloatArray] = np.array(TABLE_3_NUMBERS) / 0.2325
+"""Units of the four numbers in fits: all are about 1 for a car tire at load number 1. 0.2325 is Table 3's, rounded."""
+
+# Effective revolutions in an average from which its estimates are valid.
 SETTLED_REVOLUTIONS: Final = 8.0
-# Orders that are needed at least: tangential stiffness lives on orders up to 4, bending on orders up to 14 (95 % of
-# their sensitivity).
+# Least number of orders: 95 % of the sensitivity to tangential stiffness lies in orders up to 4, to bending up to 14.
 LEAST_ORDERS: Final = 16
 
 DETERMINED: Final = 3.0
-# Bending below this share of Cw changes the shape within millimetres of the edges only, where a real tire has waves of
-# its own: it must be determined this many times better.
+# Bs below this share of Cw changes the shape only within millimetres of the edges, where a real tire has waves of its
+# own: it must be determined better by this factor.
 _WEAK_BENDING: Final = 1e-3
 _WEAK_FACTOR: Final = 2.0
 # Correlations above this are reported.
@@ -39,13 +41,13 @@ _CONFOUNDED: Final = 0.95
 
 @dataclass(frozen=True, slots=True)
 class FittedNumbers:
-    """The four numbers as an estimator found them, in the order of NUMBERS.
+    """The four numbers of an estimator, in the order of RING_NUMBERS.
 
     Attributes:
         values: (4,) 0 where on the bound.
         free: (4,) False where the fit puts a number on its bound 0.
-        noise: (4, 4) covariance of what changes from revolution to revolution, and of the contact edges.
-        model: (4, 4) covariance of model error: residual added back.
+        noise: (4, 4) covariance from noise and from the contact edges.
+        model: (4, 4) covariance from model error.
     """
 
     values: FloatArray
@@ -56,14 +58,14 @@ class FittedNumbers:
 
 @dataclass(frozen=True, slots=True)
 class Determination:
-    """How well the data determine the four numbers.
+    """Accuracy with which the data determine the four numbers.
 
     Attributes:
         relative_error: (4,) standard error over value, noise and model; inf where on the bound.
         model_share: (4,) share of the model error in the variance.
         correlation: (4, 4) of noise and model error together; 0 where not free.
         condition: of the correlation of the free numbers; 1 when they are independent.
-        determined: (4,) whether each is.
+        determined: (4,) True where a number is determined.
     """
 
     relative_error: FloatArray
@@ -76,7 +78,7 @@ class Determination:
         """Return why a number, or its ratio to Cw of that relative error, is not determined."""
         error = float(self.relative_error[index] if relative_error is None else relative_error)
         if not math.isfinite(error):
-            return (Reason(Code.FIT_AT_ZERO, number=NUMBERS[index]),)
+            return (Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[index]),)
         reasons = [Reason(Code.NOT_DETERMINED, relative_error=error)]
         if self.model_share.any():
             reasons.append(Reason(Code.MODEL_ERROR_SHARE, share=float(self.model_share[index])))
@@ -84,7 +86,7 @@ class Determination:
         other = int(np.argmax(others))
         if others[other] > _CONFOUNDED:
             correlation = float(self.correlation[index, other])
-            reasons.append(Reason(Code.CORRELATED, correlation=correlation, number=NUMBERS[other]))
+            reasons.append(Reason(Code.CORRELATED, correlation=correlation, number=RING_NUMBERS[other]))
         return tuple(reasons)
 
 
@@ -111,12 +113,12 @@ def determination(fitted: FittedNumbers) -> Determination:
 
 
 def number_estimates(
-    fitted: FittedNumbers, conditions: Conditions, doubts: tuple[Reason, ...], notes: tuple[Reason, ...] = ()
+    fitted: FittedNumbers, conditions: TireConditions, doubts: tuple[Reason, ...], notes: tuple[Reason, ...] = ()
 ) -> tuple[Estimate, ...]:
     """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
 
-    Without load or pressure the four are invalid and the ratios stand, for all four are proportional to
-    Q / (p0 R^2); the relative errors of Q, p0 and R^2 are added to theirs.
+    All four numbers are proportional to Q / (p0 R^2), so their errors include those of Q, p0 and R^2. Without load or
+    pressure they are invalid, but not the ratios.
 
     Args:
         fitted: the numbers; those of any load number when `conditions` lack load or pressure.
@@ -128,7 +130,7 @@ def number_estimates(
     std = np.sqrt(np.maximum(np.diagonal(fitted.noise + fitted.model), 0.0))
     missing = missing_conditions(conditions)
     estimates = []
-    for i, name in enumerate(NUMBERS):
+    for i, name in enumerate(RING_NUMBERS):
         if missing:
             estimates.append(Estimate.invalid(name, *missing))
             continue
@@ -145,9 +147,9 @@ def _ratios(
     covariance = fitted.noise + fitted.model
     cw = float(fitted.values[_CW])
     estimates = []
-    for name, i in zip(RATIOS, (0, 2, 3), strict=True):
+    for name, i in zip(RING_RATIOS, (0, 2, 3), strict=True):
         if not fitted.free[_CW] or not cw > 0.0:
-            estimates.append(Estimate.invalid(name, Reason(Code.FIT_AT_ZERO, number=NUMBERS[_CW])))
+            estimates.append(Estimate.invalid(name, Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[_CW])))
             continue
         ratio = fitted.values[i] / cw
         gradient = np.zeros(4)
@@ -174,8 +176,8 @@ def _estimate(
     return Estimate(name, float(value), float(std), Status.VALID, notes)
 
 
-def load_number(conditions: Conditions) -> float:
-    """Return Q / (p0 R^2); 1 when load or pressure are not known, which gives the right ratios."""
+def load_number(conditions: TireConditions) -> float:
+    """Return Q / (p0 R^2); 1 when load or pressure are not known, which leaves the ratios right."""
     if missing_conditions(conditions):
         return 1.0
     assert conditions.load_n is not None
@@ -183,8 +185,8 @@ def load_number(conditions: Conditions) -> float:
     return conditions.load_n / (conditions.pressure_pa * conditions.radius_m**2)
 
 
-def scale_error(conditions: Conditions) -> float:
-    """Return the relative standard error of Q / (p0 R^2), which is that of all four numbers."""
+def scale_error(conditions: TireConditions) -> float:
+    """Return the relative standard error of Q / (p0 R^2), which all four numbers share."""
     assert conditions.load_n is not None
     assert conditions.pressure_pa is not None
     return math.hypot(
@@ -194,7 +196,7 @@ def scale_error(conditions: Conditions) -> float:
     )
 
 
-def missing_conditions(conditions: Conditions) -> tuple[Reason, ...]:
+def missing_conditions(conditions: TireConditions) -> tuple[Reason, ...]:
     """Return what is missing for absolute numbers; empty when nothing is."""
     missing = []
     if not positive(conditions.load_n):
@@ -213,7 +215,7 @@ def doubt_about(revolution: Revolution, average: AngleAverage) -> tuple[Reason, 
     return ()
 
 
-def unusable(average: AngleAverage, conditions: Conditions) -> Reason | None:
+def unusable(average: AngleAverage, conditions: TireConditions) -> Reason | None:
     """Return why no ring can be fitted to the average at all; None when one can."""
     orders = int(np.count_nonzero(np.isfinite(average.orders_mps2[1:])))
     if orders < LEAST_ORDERS:
@@ -227,7 +229,7 @@ def unusable(average: AngleAverage, conditions: Conditions) -> Reason | None:
 
 def all_invalid(*reasons: Reason) -> tuple[Estimate, ...]:
     """Return the four numbers and the ratios as invalid."""
-    return tuple(Estimate.invalid(name, *reasons) for name in (*NUMBERS, *RATIOS))
+    return tuple(Estimate.invalid(name, *reasons) for name in (*RING_NUMBERS, *RING_RATIOS))
 
 
 def positive(value: float | None) -> bool:

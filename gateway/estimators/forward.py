@@ -1,9 +1,9 @@
-"""The forward estimator: the exact ring, with tire-locked waves beside it, fitted to the averaged waveform.
+"""Forward estimator: the exact ring with tire-locked edge waves, fitted to the averaged waveform.
 
-Where the weak form takes every wave that repeats for shape of the belt, this one has a place for it, and for a
-shear-flexible, extensible belt, a soft tread, damping and a sidewall that stiffens: with priors, so that what the data
-do not tell widens the errors. A fit takes about a second, so there is one at updates 1, 2, 4, ... 32 and then every
-32; in between the numbers stand, at the current load and pressure. docs/accuracy.md says what they are worth.
+The weak form takes every repeating wave for a shape of the belt. This model has parameters for edge waves, and for a
+shear-flexible, extensible belt, a soft tread, damping and a stiffening sidewall. All have priors, so that parameters
+that the data do not determine widen the errors. A fit takes about a second, so fits are made at updates 1, 2, 4, ... 32
+and then every 32; in between, the numbers follow the current load and pressure. docs/accuracy.md gives their errors.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.determination import (
     FittedNumbers,
     all_invalid,
@@ -30,16 +30,16 @@ from gateway.reasons import Code, Reason
 SHAPE: Final = ("half_angle_rad", "edge_wave_before", "edge_wave_after")
 
 REFIT_EVERY: Final = 32
-# Share of the signal left over from which the ring is no description of it; 0.08 on the measured tire.
-WORST_LEFT_OVER: Final = 0.35
-# Standard errors of orders that are not known, as a share of the mean.
+# Residual, as a share of the signal, above which the ring is rejected; 0.08 on the measured tire.
+MAX_RESIDUAL_SHARE: Final = 0.35
+# Standard error assumed for orders without one, as a share of the mean.
 _UNKNOWN_STD: Final = 1e-3
-# Correlation from which bending and shear are called one.
-_ALIKE: Final = 0.7
+# Correlation from which bending and shear are reported as not separable.
+_INSEPARABLE: Final = 0.7
 
 
 class ForwardEstimator:
-    """Bs, Cw, Rs, Ts, their ratios to Cw, the contact's half angle and the size of the waves at its edges."""
+    """Bs, Cw, Rs, Ts, their ratios to Cw, the contact half angle and the amplitudes of the edge waves."""
 
     def __init__(self) -> None:
         """Start cold."""
@@ -56,21 +56,22 @@ class ForwardEstimator:
         self._fit: ForwardFit | None = None
         self._failure = Reason(Code.NO_RING_EQUILIBRIUM)
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw, then `SHAPE`.
 
-        Waves are a share of R omega^2 at the edges. Without load or pressure the four numbers are invalid and the
-        ratios stand. Provisional until the average has settled, on a revolution with faults, and where the data do not
-        determine a number, model error and priors counted. Never raises on values.
+        Edge waves are amplitudes at the edges as a share of R omega^2. Without load or pressure the four numbers are
+        invalid, but not the ratios. Estimates are provisional until the average has settled, on a revolution with
+        faults, and where the data do not determine a number (noise, model error and priors included). Never raises on
+        values.
         """
         reason = unusable(average, conditions)
         if reason:
-            return _nothing(reason)
+            return _invalid(reason)
         if self._due():
             self._refit(revolution, average, conditions)
         fit = self._fit
         if fit is None:
-            return _nothing(self._failure)
+            return _invalid(self._failure)
         doubts = doubt_about(revolution, average)
         if not fit.converged:
             doubts = doubts or (Reason(Code.FIT_NOT_CONVERGED),)
@@ -81,7 +82,7 @@ class ForwardEstimator:
         fitted = FittedNumbers(
             values, np.ones(4, dtype=np.bool_), fit.noise[first, first] * scale, fit.model[first, first] * scale
         )
-        numbers = [_told(estimate, fit) for estimate in number_estimates(fitted, conditions, doubts)]
+        numbers = [_with_shear_doubt(estimate, fit) for estimate in number_estimates(fitted, conditions, doubts)]
         return (*numbers, *_shape(fit, doubts))
 
     def _due(self) -> bool:
@@ -89,7 +90,7 @@ class ForwardEstimator:
         count = self._updates
         return self._fit is None or count % REFIT_EVERY == 0 or (count < REFIT_EVERY and not count & (count - 1))
 
-    def _refit(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> None:
+    def _refit(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> None:
         carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         steady = conditions.radius_m * average.omega_radps**2
         orders = average.orders_mps2[: carried + 1] / steady
@@ -102,31 +103,31 @@ class ForwardEstimator:
         use_mean = not revolution.ac_coupled
         start = None if self._fit is None else self._fit.parameters
         found = fit_forward(orders, order_std, half_angle, model, start=start, use_mean=use_mean)
-        if start is not None and (found is None or found.left_over > WORST_LEFT_OVER):
+        if start is not None and (found is None or found.residual_share > MAX_RESIDUAL_SHARE):
             found = fit_forward(orders, order_std, half_angle, model, use_mean=use_mean)
         if found is None:
             self._fit, self._failure = None, Reason(Code.NO_RING_EQUILIBRIUM)
-        elif found.left_over > WORST_LEFT_OVER:
+        elif found.residual_share > MAX_RESIDUAL_SHARE:
             self._fit = None
-            self._failure = Reason(Code.RING_DOES_NOT_FIT, residual=found.left_over, limit=WORST_LEFT_OVER)
+            self._failure = Reason(Code.RING_DOES_NOT_FIT, residual=found.residual_share, limit=MAX_RESIDUAL_SHARE)
         else:
             self._fit = found
 
 
-def _told(estimate: Estimate, fit: ForwardFit) -> Estimate:
-    """Say so when bending is lost against shear."""
+def _with_shear_doubt(estimate: Estimate, fit: ForwardFit) -> Estimate:
+    """Add the reason when bending is not determined because shear has the same effect."""
     if estimate.status is not Status.PROVISIONAL or not estimate.name.startswith("Bs"):
         return estimate
     covariance = fit.noise + fit.model
     correlation = covariance[P.BS, P.SHEAR] / math.sqrt(covariance[P.BS, P.BS] * covariance[P.SHEAR, P.SHEAR])
-    if abs(correlation) < _ALIKE or not any(reason.code is Code.NOT_DETERMINED for reason in estimate.reasons):
+    if abs(correlation) < _INSEPARABLE or not any(reason.code is Code.NOT_DETERMINED for reason in estimate.reasons):
         return estimate
     alike = Reason(Code.BENDING_LIKE_SHEAR, correlation=float(correlation))
     return replace(estimate, reasons=(*estimate.reasons, alike))
 
 
 def _shape(fit: ForwardFit, doubts: tuple[Reason, ...]) -> list[Estimate]:
-    """Return half angle and waves."""
+    """Return half angle and amplitudes of the edge waves."""
     std = np.sqrt(np.diagonal(fit.noise + fit.model))
     before, after = fit.solution.packets()
     values = (
@@ -138,5 +139,5 @@ def _shape(fit: ForwardFit, doubts: tuple[Reason, ...]) -> list[Estimate]:
     return [Estimate(name, value, error, status, doubts) for name, (value, error) in zip(SHAPE, values, strict=True)]
 
 
-def _nothing(reason: Reason) -> tuple[Estimate, ...]:
+def _invalid(reason: Reason) -> tuple[Estimate, ...]:
     return (*all_invalid(reason), *(Estimate.invalid(name, reason) for name in SHAPE))

@@ -1,20 +1,19 @@
 """Fit of the forward model to an averaged waveform: Gauss-Newton with priors, weighted by noise and model error.
 
-Orders are weighted with the inverse of their variance, of noise plus model error. Model error is what the fit leaves
-beyond noise, band of orders by band, and is found along the way: a waveform that the model cannot follow gets a flat
-weight, one that it can follow the noise's.
+Orders are weighted with the inverse variance of noise plus model error. Model error is the residual's power beyond
+noise in bands of orders, estimated during the fit: where the model cannot follow the waveform, the weights are flat;
+where it can, they are those of the noise.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from gateway.estimators.forward_model import (
-    NOMINAL_LOAD_NUMBER,
     PRIOR_MEAN,
     PRIOR_STD,
     SIZE,
@@ -23,7 +22,7 @@ from gateway.estimators.forward_model import (
     P,
     stacked,
 )
-from gateway.estimators.forward_start import begin_waves, cold_start, place_centre
+from gateway.physics.reference_tire import TABLE_3_LOAD_NUMBER
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
@@ -31,25 +30,25 @@ from gateway.types import BoolArray, ComplexArray, FloatArray
 _REACH: Final[FloatArray] = np.minimum(np.where(np.arange(SIZE) < P.DAMPING, 0.5, 0.5 * PRIOR_STD), 2.0)
 
 # Bands of orders [first, next) of equal model error.
-BANDS: Final = (0, 2, 5, 8, 12, 17, 23, 30, 38, 47, 57, 68, 80, 94, 110, 128)
+ERROR_BANDS: Final = (0, 2, 5, 8, 12, 17, 23, 30, 38, 47, 57, 68, 80, 94, 110, 128)
 MAX_ORDER: Final = 110
-# Order 1 of the signal is gravity's and the hub's.
-_LEFT_OUT: Final = 1
-# No order is known better than this share of the mean: resampling, rounding, and what is left of the grid's error.
+# Order 1 of the signal belongs to gravity and the hub.
+_UNUSED_ORDER: Final = 1
+# Least standard error of an order, as a share of the mean: resampling, rounding and the remaining error of the grid.
 _LEAST_STD: Final = 1e-5
-# Model error before the first look at the data, as a share of the mean.
+# Model error assumed at first, as a share of the mean.
 _FIRST_ERROR: Final = 0.02
-# A band's own model error counts as known from its degrees of freedom, the overall one as from this many.
-_POOLED: Final = 2.0
+# Degrees of freedom that the model error over all bands counts for in that of one band.
+_POOLED_FREEDOM: Final = 2.0
 
-# Gauss-Newton step at which the packets' orders are looked for: the ring is in place by then.
+# Gauss-Newton step at which the orders of the packets are searched: the ring has settled by then.
 _WAVES_FROM: Final = 3
-# Amplitude over its standard error from which a packet has an order.
+# Amplitude over its standard error from which the order and decay of a packet are fitted.
 _DISTINCT: Final = 3.0
-# Model error of the mean, which only the gain has to follow.
+# Model error of the mean, which only the gain follows.
 _MEAN_ERROR: Final = 1e-4
-# A packet lost in the noise has no order and no decay to settle on.
-_SETTLES: Final[BoolArray] = np.array(
+# Parameters that decide convergence: order and decay of a packet in the noise never settle.
+_DECISIVE: Final[BoolArray] = np.array(
     [place not in (P.BEFORE_ORDER, P.BEFORE_DECAY, P.AFTER_ORDER, P.AFTER_DECAY) for place in P]
 )
 
@@ -58,22 +57,26 @@ _MAX_STEPS: Final = 40
 _CONVERGED: Final = 0.1
 _HALVINGS: Final = 4
 
+_SEARCH_ORDERS: Final = range(15, 90)
+# Amplitude, as a share of R omega^2, below which a packet's order is searched again.
+_FAINT: Final = 0.01
+
 
 @dataclass(frozen=True, slots=True)
 class ForwardFit:
-    """Where the fit ended.
+    """Result of a fit.
 
     Attributes:
-        solution: the model there.
-        model_orders: (m,) its orders, freed from the grid's error.
+        solution: the fitted model.
+        model_orders: (m,) its orders, extrapolated to zero grid step.
         residual: (m,) complex, data minus model, shares of the data's mean.
         noise: (SIZE, SIZE) covariance of the parameters from the noise of the orders.
-        model: (SIZE, SIZE) covariance from model error (the residual by bands, signs drawn anew) and priors.
+        model: (SIZE, SIZE) covariance from model error (the residual by bands, with random signs) and priors.
         misfit: mean square of the residual over its noise; about 1 when the model is right.
-        half_angle_rad: half of the contact angle, freed from the grid's error.
+        half_angle_rad: half of the contact angle, extrapolated to zero grid step.
         half_angle_gradient: (SIZE,) derivative of the contact's half angle by the parameters.
         steps: of Gauss-Newton.
-        converged: False when the steps ran out first.
+        converged: False when the fit ran out of steps.
     """
 
     solution: ForwardSolution
@@ -95,12 +98,12 @@ class ForwardFit:
     def numbers(self, load_number: float) -> FloatArray:
         """Return Bs, Cw, Rs, Ts at a load number Q / (p0 R^2), (4,)."""
         numbers = self.solution.ring.numbers
-        result: FloatArray = np.array(numbers) * (load_number / NOMINAL_LOAD_NUMBER)
+        result: FloatArray = np.array(numbers) * (load_number / TABLE_3_LOAD_NUMBER)
         return result
 
     @property
-    def left_over(self) -> float:
-        """Rms of what is left over from order 2 on, as a share of the signal's."""
+    def residual_share(self) -> float:
+        """Rms of the residual from order 2 on, as a share of the signal's."""
         left, all_of_it = (float(np.sum(np.abs(orders[2:]) ** 2)) for orders in (self.residual, self.data))
         return math.sqrt(left / all_of_it)
 
@@ -129,12 +132,12 @@ def fit_forward(
         orders: (m,) coefficients c - i s over R omega^2, orders 0 to model.max_order.
         order_std: (m,) standard error of one real coefficient, positive.
         half_angle_rad: of the contact as seen in the waveform, for a cold start.
-        model: what is not fitted; its grid is made finer where bending decays faster than that resolves.
+        model: what is not fitted; its grid is refined where the bending layer is thinner than it resolves.
         start: (SIZE,) parameters of a fit of nearly the same waveform; None starts from Table 3's tire.
         use_mean: False where the sensor does not pass the steady value.
 
     Returns:
-        The fit; None when the ring has no equilibrium anywhere near the data.
+        The fit; None when no ring in equilibrium was found near the data.
     """
     if start is not None:
         return _fit(orders, order_std, half_angle_rad, model.resolving(start), start, use_mean)
@@ -159,46 +162,21 @@ def _fit(
     variance = np.square(np.maximum(order_std, _LEAST_STD))
     variance[0] *= 0.5
     used = np.ones(len(orders), dtype=np.bool_)
-    used[_LEFT_OUT] = False
+    used[_UNUSED_ORDER] = False
     used[0] = use_mean
-    free = np.ones(SIZE, dtype=np.bool_)
-    free[P.SHEAR] = model.shear
     try:
         here = model.solve(cold_start(model, half_angle_rad) if start is None else start.copy())
         if start is None:
             here = place_centre(model, here, orders)
-        correction = model.refined(here)[0] - here.orders
-        error = np.full(len(orders), _FIRST_ERROR**2)
-        size = math.inf
-        for step in range(1, _MAX_STEPS + 1):
-            if step == (_WAVES_FROM if start is None else 1):
-                left = orders - here.orders - correction
-                here = begin_waves(model, here, left, variance + error, used, all_sides=start is None)
-            residual = orders - here.orders - correction
-            rows = np.where(free[:, np.newaxis], model.derivatives(here)[0], 0.0)
-            normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
-            error = _model_error(residual, variance, _leverage(rows, normal, variance + error, used), used)
-            normal, gradient = _normal(rows, residual, variance + error, used, here.parameters)
-            posterior = np.linalg.inv(normal)
-            std = np.sqrt(np.diagonal(posterior))
-            change = _limited(np.where(free, posterior @ gradient, 0.0))
-            size = float(np.max(np.abs(change) / std, where=_SETTLES, initial=0.0))
-            there = _move(model, here, change, orders - correction, variance + error, used)
-            if there is None:
-                break
-            here = there
-            free = _distinct(here.parameters, std, free)
-            if size < _CONVERGED and (start is not None or step > _WAVES_FROM):
-                break
-            if size < 1.0:
-                correction = model.refined(here)[0] - here.orders
+        end = _converge(model, here, orders, variance, used, cold=start is None)
+        here = end.solution
         fine, half_angle = model.refined(here)
         derivatives, half_angle_gradient = model.derivatives(here)
-        rows = np.where(free[:, np.newaxis], derivatives, 0.0)
     except (RingNotConvergedError, ValueError, np.linalg.LinAlgError):
         return None
+    rows = np.where(end.free[:, np.newaxis], derivatives, 0.0)
     residual = np.where(used, orders - fine, 0.0)
-    by_noise, by_model = _covariances(rows, residual, variance, error, used, here.parameters)
+    by_noise, by_model = _covariances(rows, residual, variance, end.error, used, here.parameters)
     return ForwardFit(
         solution=here,
         model_orders=fine,
@@ -208,9 +186,67 @@ def _fit(
         misfit=float(np.mean(np.abs(residual[used]) ** 2 / (2.0 * variance[used]))),
         half_angle_rad=half_angle,
         half_angle_gradient=half_angle_gradient,
-        steps=step,
-        converged=size < 1.0,
+        steps=end.steps,
+        converged=end.converged,
     )
+
+
+class _End(NamedTuple):
+    """State in which the Gauss-Newton iteration ended.
+
+    Attributes:
+        solution: the model.
+        free: (SIZE,) parameters that were fitted.
+        error: (m,) variance of model error.
+        steps: number of steps.
+        converged: whether the last step was smaller than the standard errors.
+    """
+
+    solution: ForwardSolution
+    free: BoolArray
+    error: FloatArray
+    steps: int
+    converged: bool
+
+
+def _converge(
+    model: ForwardModel,
+    here: ForwardSolution,
+    orders: ComplexArray,
+    variance: FloatArray,
+    used: BoolArray,
+    *,
+    cold: bool,
+) -> _End:
+    """Iterate from `here`; model error and the order of the edge waves are updated on the way."""
+    free = np.ones(SIZE, dtype=np.bool_)
+    free[P.SHEAR] = model.shear
+    correction = model.refined(here)[0] - here.orders
+    error = np.full(len(orders), _FIRST_ERROR**2)
+    size = math.inf
+    for step in range(1, _MAX_STEPS + 1):
+        if step == (_WAVES_FROM if cold else 1):
+            left = orders - here.orders - correction
+            here = begin_waves(model, here, left, variance + error, used, all_sides=cold)
+        residual = orders - here.orders - correction
+        rows = np.where(free[:, np.newaxis], model.derivatives(here)[0], 0.0)
+        normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
+        error = _model_error(residual, variance, _leverage(rows, normal, variance + error, used), used)
+        normal, gradient = _normal(rows, residual, variance + error, used, here.parameters)
+        posterior = np.linalg.inv(normal)
+        std = np.sqrt(np.diagonal(posterior))
+        change = _limited(np.where(free, posterior @ gradient, 0.0))
+        size = float(np.max(np.abs(change) / std, where=_DECISIVE, initial=0.0))
+        there = _move(model, here, change, orders - correction, variance + error, used)
+        if there is None:
+            break
+        here = there
+        free = _distinct(here.parameters, std, free)
+        if size < _CONVERGED and (not cold or step > _WAVES_FROM):
+            break
+        if size < 1.0:
+            correction = model.refined(here)[0] - here.orders
+    return _End(here, free, error, step, size < 1.0)
 
 
 def _covariances(
@@ -233,7 +269,7 @@ def _covariances(
 
 
 def _limited(change: FloatArray) -> FloatArray:
-    """Keep a step within reach: the ring's parameters together, the packets' each by itself."""
+    """Limit a step to _REACH: the ring's parameters by a common factor, the packets' one by one."""
     ring = change[: P.BEFORE_COSINE] / _REACH[: P.BEFORE_COSINE]
     limited = np.clip(change, -_REACH, _REACH)
     limited[: P.BEFORE_COSINE] = change[: P.BEFORE_COSINE] / max(1.0, float(np.abs(ring).max()))
@@ -241,7 +277,7 @@ def _limited(change: FloatArray) -> FloatArray:
 
 
 def _distinct(parameters: FloatArray, std: FloatArray, free: BoolArray) -> BoolArray:
-    """Hold order and decay of a packet that does not stand out of the noise."""
+    """Hold order and decay of packets within the noise."""
     result = free.copy()
     for first in (P.BEFORE_COSINE, P.AFTER_COSINE):
         amplitude = math.hypot(parameters[first], parameters[first + 1])
@@ -257,7 +293,7 @@ def _move(
     variance: FloatArray,
     used: BoolArray,
 ) -> ForwardSolution | None:
-    """Take the step, or a part of it that makes the fit better; None when none does."""
+    """Take the step, or a part of it that improves the fit; None when no part does."""
     before = _cost(here, data, variance, used)
     for _ in range(_HALVINGS + 1):
         try:
@@ -304,18 +340,81 @@ def _leverage(rows: ComplexArray, normal: FloatArray, variance: FloatArray, used
 def _model_error(residual: ComplexArray, variance: FloatArray, leverage: FloatArray, used: BoolArray) -> FloatArray:
     """Return the variance of model error of one coefficient of each order, (m,).
 
-    The residual's power beyond noise over the degrees of freedom that the fit has left in the band. A band that the
-    fit can follow whatever it holds tells little about itself, so it borrows from all bands.
+    It is the residual's power beyond noise over the degrees of freedom that the fit leaves in the band. A band that
+    the fit can follow in any case says little about its model error, so the mean over all bands is added.
     """
     shaped = used.copy()
     shaped[0] = False
     power = np.where(shaped, np.abs(residual) ** 2, 0.0)
     freedom = np.where(shaped, np.maximum(2.0 - leverage, 0.0), 0.0)
-    begins = [begin for begin in BANDS if begin < len(variance)]
+    begins = [begin for begin in ERROR_BANDS if begin < len(variance)]
     of_band = np.add.reduceat(np.stack([power, freedom, np.where(shaped, variance, 0.0) * freedom]), begins, axis=1)
     overall = max(float(of_band[0].sum() - of_band[2].sum()) / max(float(of_band[1].sum()), 1.0), 0.0)
-    excess = (np.maximum(of_band[0] - of_band[2], 0.0) + _POOLED * overall) / (of_band[1] + _POOLED)
+    excess = (np.maximum(of_band[0] - of_band[2], 0.0) + _POOLED_FREEDOM * overall) / (of_band[1] + _POOLED_FREEDOM)
     error: FloatArray = np.repeat(excess, np.diff([*begins, len(variance)]))
-    # The mean is the gain's, which absorbs what is wrong with it.
+    # The gain absorbs the error of the mean.
     error[0] = _MEAN_ERROR**2
     return error
+
+
+def cold_start(model: ForwardModel, half_angle_rad: float) -> FloatArray:
+    """Return Table 3's tire, made stiffer or softer as a whole until its contact has the measured length."""
+    start = PRIOR_MEAN.copy()
+    scaled = [P.BS, P.CW, P.RS, P.TS, P.TREAD, P.EXTENSION]
+    solution = model.solve(start)
+    for _ in range(3):
+        # The half angle grows with about the 0.8th power of load over stiffness.
+        step = 1.25 * math.log(solution.half_angle_rad / half_angle_rad)
+        start = start.copy()
+        start[scaled] += np.clip(step, -1.0, 1.0)
+        solution = model.solve(start, solution.ring)
+    return start
+
+
+def place_centre(model: ForwardModel, here: ForwardSolution, orders: ComplexArray) -> ForwardSolution:
+    """Return the model with the contact centre and the gain of the data."""
+    moved = here.parameters.copy()
+    n = np.arange(2, min(40, len(orders)))
+    trials = np.linspace(-0.06, 0.06, 121)
+    overlap = (np.exp(1j * np.multiply.outer(trials, n)) @ (orders[n] * here.orders[n].conj())).real
+    moved[P.CENTRE] = trials[int(np.argmax(overlap))]
+    moved[P.GAIN] = math.log(max(float(overlap.max() / np.sum(np.abs(here.orders[n]) ** 2)), 0.3))
+    return model.solve(moved, here.ring)
+
+
+def begin_waves(
+    model: ForwardModel,
+    here: ForwardSolution,
+    residual: ComplexArray,
+    variance: FloatArray,
+    used: BoolArray,
+    *,
+    all_sides: bool,
+) -> ForwardSolution:
+    """Give each packet the order that explains most of the residual.
+
+    Without `all_sides` only faint packets are changed, so that a fit that continues keeps what it has found.
+    """
+    p = here.parameters.copy()
+    weight = np.where(used, 1.0 / np.sqrt(variance), 0.0)
+    data = stacked(residual * weight)
+    for place, packet in zip((P.BEFORE_ORDER, P.AFTER_ORDER), here.packets(), strict=True):
+        if not all_sides and packet.amplitude > _FAINT:
+            continue
+        best = -1.0
+        for order in _SEARCH_ORDERS:
+            if order > 0.9 * model.max_order:
+                break
+            trial = p.copy()
+            trial[place] = order
+            basis = (
+                model.wave_orders(trial, here.ring)[:2]
+                if place is P.BEFORE_ORDER
+                else (model.wave_orders(trial, here.ring)[6:8])
+            )
+            columns = np.stack([stacked(row * weight) for row in basis], axis=1)
+            found, *_ = np.linalg.lstsq(columns, data, rcond=None)
+            gain = float(data @ (columns @ found))
+            if gain > best:
+                best, p[place] = gain, order
+    return model.solve(p, here.ring)

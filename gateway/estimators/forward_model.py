@@ -1,7 +1,15 @@
-"""The forward model: what a sensor on the exact rolling ring, with tire-locked edge waves, reads; and its derivatives.
+"""Forward model of the sensor signal: the exact rolling ring with tire-locked edge waves, and its derivatives.
 
-The shape of a loaded ring depends on its stiffnesses over the load only, so it is solved at one nominal load number
-Q / (p0 R^2), radius 1 and pressure 1, and speed drops out. Numbers at another load number are in proportion to it.
+The shape of a loaded ring depends only on its stiffnesses over the load, and speed drops out. So the ring is solved at
+one nominal load number Q / (p0 R^2), that of Table 3. The numbers at another load number are proportional to it.
+
+Edge waves are wave packets that a tread sends along the belt from both edges of the contact. On measured tires they
+repeat every revolution, so averaging keeps them (docs/accuracy.md). At a distance d before the leading edge or behind
+the trailing edge a packet is
+
+    (a cos(n d) + b sin(n d)) exp(-d / decay) (1 - exp(-(d / onset)^2)),
+
+with its own order n and decay on each side; it is linear in the amplitudes a and b.
 """
 
 from __future__ import annotations
@@ -9,30 +17,27 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from gateway.estimators.forward_waves import Packet, packet_basis
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import ComplexArray, FloatArray
 
-# Table 3's tire: 5000 N, 2.1 bar, 0.32 m.
-NOMINAL_LOAD_NUMBER: Final = 5000.0 / (2.1e5 * 0.32**2)
-# The ring is solved at this size; the result does not depend on it.
-_RADIUS_M: Final = 0.32
-_PRESSURE_PA: Final = 2.1e5
+# The result does not depend on the speed at which the ring is solved.
 _OMEGA_RADPS: Final = 56.0
-_LOAD_N: Final = NOMINAL_LOAD_NUMBER * _PRESSURE_PA * _RADIUS_M**2
 COARSE_NODES: Final = 480
-_GRIDS: Final = (480, 720, 960, 1440)
+_NODE_COUNTS: Final = (480, 720, 960, 1440)
 _NODES_PER_LAYER: Final = 8.0
+
+# Angle over which a packet grows from zero: the edge itself belongs to the ring.
+_ONSET_RAD: Final = 0.03
 
 
 class P(IntEnum):
-    """Places in the vector of parameters. Up to SHEAR, and GAIN and the decays, they are natural logarithms."""
+    """Indices of the parameter vector. BS to SHEAR, GAIN and the decays are natural logarithms."""
 
     BS = 0
     CW = 1
@@ -59,7 +64,7 @@ class P(IntEnum):
 
 SIZE: Final = len(P)
 
-# Mean and standard deviation of the parameters before the data are seen; 1.5 of a natural logarithm is a factor of 4.5.
+# Prior mean and standard deviation of the parameters; 1.5 of a natural logarithm is a factor of 4.5.
 PRIORS: Final[dict[P, tuple[float, float]]] = {
     P.BS: (0.0, 2.0),
     P.CW: (0.0, 1.5),
@@ -86,9 +91,9 @@ PRIORS: Final[dict[P, tuple[float, float]]] = {
 PRIOR_MEAN: Final[FloatArray] = np.array([PRIORS[place][0] for place in P])
 PRIOR_STD: Final[FloatArray] = np.array([PRIORS[place][1] for place in P])
 
-# Change of a logarithm (of a loss angle: 1) for the derivatives.
+# Step of the numerical derivatives, in the parameter's unit.
 _STEP: Final = 1e-3
-_REFERENCE = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=_RADIUS_M, pressure_pa=_PRESSURE_PA)
+_REFERENCE = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=TABLE_3_RADIUS_M, pressure_pa=TABLE_3_PRESSURE_PA)
 # EI / (GA R^2) at P.SHEAR = 0: a shear length of a hundredth of the radius.
 _SHEAR_UNIT: Final = 1e-4
 _RING_PARAMETERS: Final = tuple(place for place in P if place < P.CENTRE)
@@ -124,7 +129,7 @@ class ForwardSolution:
 
 @dataclass(frozen=True, slots=True)
 class ForwardModel:
-    """What is known beforehand and not fitted.
+    """The model, with what is known beforehand and not fitted.
 
     Attributes:
         max_order: highest order of the result.
@@ -141,10 +146,10 @@ class ForwardModel:
     nodes: int = COARSE_NODES
 
     def resolving(self, parameters: FloatArray) -> Self:
-        """Return the model on a grid that resolves what bending smooths: sqrt(EI / (p0 b R)) at the contact's edges."""
+        """Return the model on a grid that resolves the bending layer sqrt(EI / (p0 b R)) at the contact's edges."""
         layer_rad = math.sqrt(TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(parameters[P.BS] - parameters[P.CW]))
         wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
-        nodes = next((nodes for nodes in _GRIDS if nodes >= wanted), _GRIDS[-1])
+        nodes = next((nodes for nodes in _NODE_COUNTS if nodes >= wanted), _NODE_COUNTS[-1])
         return replace(self, nodes=max(nodes, self.nodes))
 
     def ring(self, parameters: FloatArray) -> RingParameters:
@@ -162,10 +167,12 @@ class ForwardModel:
             tangential_stiffness_npm2=_REFERENCE.tangential_stiffness_npm2 * factor[P.TS],
             tread_stiffness_npm2=tread,
             extension_stiffness_n=_REFERENCE.extension_stiffness_n * factor[P.EXTENSION],
-            shear_stiffness_n=bending / (_SHEAR_UNIT * math.exp(p[P.SHEAR]) * _RADIUS_M**2) if self.shear else math.inf,
+            shear_stiffness_n=bending / (_SHEAR_UNIT * math.exp(p[P.SHEAR]) * TABLE_3_RADIUS_M**2)
+            if self.shear
+            else math.inf,
             foundation_damping_nspm2=p[P.DAMPING] * radial / _OMEGA_RADPS,
             tread_damping_nspm2=p[P.TREAD_DAMPING] * tread / _OMEGA_RADPS,
-            sidewall_stiffening_pm=p[P.STIFFENING] / _RADIUS_M,
+            sidewall_stiffening_pm=p[P.STIFFENING] / TABLE_3_RADIUS_M,
         )
 
     def solve(self, parameters: FloatArray, start: RingSolution | None = None) -> ForwardSolution:
@@ -177,13 +184,13 @@ class ForwardModel:
         """
         ring = solve_rolling_ring(
             self.ring(parameters),
-            _LOAD_N,
-            _PRESSURE_PA,
+            TABLE_3_LOAD_N,
+            TABLE_3_PRESSURE_PA,
             _OMEGA_RADPS,
             nodes=self.nodes,
-            sensor_offset_m=self.offset * _RADIUS_M,
-            drum_radius_m=self.drum * _RADIUS_M,
-            axle_torque_nm=float(parameters[P.TRACTION]) * _LOAD_N * _RADIUS_M,
+            sensor_offset_m=self.offset * TABLE_3_RADIUS_M,
+            drum_radius_m=self.drum * TABLE_3_RADIUS_M,
+            axle_torque_nm=float(parameters[P.TRACTION]) * TABLE_3_LOAD_N * TABLE_3_RADIUS_M,
             start=start if start is not None and len(start.theta_rad) == self.nodes else None,
         )
         return ForwardSolution(parameters, ring, self._orders(parameters, ring))
@@ -193,13 +200,13 @@ class ForwardModel:
         basis = self.wave_orders(p, ring)
         wave = p[P.BEFORE_COSINE] * basis[0] + p[P.BEFORE_SINE] * basis[1]
         wave += p[P.AFTER_COSINE] * basis[6] + p[P.AFTER_SINE] * basis[7]
-        orders: ComplexArray = (waveform_orders(ring.sensor.radial_m / _RADIUS_M, self.max_order) + wave) * self._turn(
-            p
-        )
+        orders: ComplexArray = (
+            waveform_orders(ring.sensor.radial_m / TABLE_3_RADIUS_M, self.max_order) + wave
+        ) * self._turn(p)
         return orders
 
     def _turn(self, p: FloatArray) -> ComplexArray:
-        """Return gain and turn of each order: the waveform is that of theta - centre."""
+        """Return gain and phase of each order: the waveform is that of theta - centre."""
         turn: ComplexArray = math.exp(p[P.GAIN]) * np.exp(-1j * p[P.CENTRE] * np.arange(self.max_order + 1))
         return turn
 
@@ -243,7 +250,7 @@ class ForwardModel:
         return rows, half_angle
 
     def refined(self, at: ForwardSolution) -> tuple[ComplexArray, float]:
-        """Return orders and half angle at `at`, freed from the grid's error: it falls with the square of the step."""
+        """Return orders and half angle at `at`, extrapolated to zero grid step: the error falls with its square."""
         fine = replace(self, nodes=2 * self.nodes).solve(at.parameters)
         return (
             fine.orders + (fine.orders - at.orders) / 3.0,
@@ -254,3 +261,48 @@ class ForwardModel:
 def stacked(orders: ComplexArray) -> FloatArray:
     """Return real and imaginary parts side by side, (..., 2 m)."""
     return np.concatenate([orders.real, orders.imag], axis=-1)
+
+
+class Packet(NamedTuple):
+    """Wave packet of one side.
+
+    Attributes:
+        cosine: amplitude a, as a share of the signal's mean.
+        sine: amplitude b.
+        order: waves per revolution.
+        decay_rad: angle over which it falls to 1/e.
+    """
+
+    cosine: float
+    sine: float
+    order: float
+    decay_rad: float
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude at the edge."""
+        return math.hypot(self.cosine, self.sine)
+
+
+def packet_basis(
+    theta_rad: FloatArray, edge_rad: float, direction: int, free_rad: float, order: float, decay_rad: float
+) -> FloatArray:
+    """Return cosine and sine packet and their derivatives by order and by the logarithm of the decay, (6, n).
+
+    Rows: cosine, sine, d cosine / d order, d sine / d order, d cosine / d ln decay, d sine / d ln decay.
+
+    Args:
+        theta_rad: (n,) angles.
+        edge_rad: where the packet begins.
+        direction: +1 behind the trailing edge, -1 ahead of the leading edge.
+        free_rad: angle out of contact; the packet ends there.
+        order: waves per revolution.
+        decay_rad: angle over which it falls to 1/e.
+    """
+    distance = np.mod(direction * (theta_rad - edge_rad), 2.0 * math.pi)
+    envelope = np.where(
+        distance < free_rad, np.exp(-distance / decay_rad) * (1.0 - np.exp(-((distance / _ONSET_RAD) ** 2))), 0.0
+    )
+    cosine, sine = envelope * np.cos(order * distance), envelope * np.sin(order * distance)
+    stretch = distance / decay_rad
+    return np.stack([cosine, sine, -distance * sine, distance * cosine, stretch * cosine, stretch * sine])

@@ -1,4 +1,4 @@
-"""Speed and contact from the timing and the edges of one revolution; needs no tire model but the belt radius."""
+"""Estimator of speed and contact length from timing and contact edges; needs only the belt radius."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.reasons import Code, Reason
 
 NAMES: Final = ("speed_mps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m")
 
-# Share of interpolated samples above which edges, which may lie in the gap, are provisional.
-_MUCH_MISSING: Final = 0.01
+# Share of interpolated samples above which the edges, which may lie in the gap, are provisional.
+_MAX_MISSING_SHARE: Final = 0.01
 
 
 class KinematicEstimator:
-    """Speed, both contact edges and contact length, of each revolution by itself."""
+    """Speed, both contact edges and contact length of each single revolution."""
 
     @property
     def name(self) -> str:
@@ -24,23 +24,23 @@ class KinematicEstimator:
         return "kinematic"
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """Do nothing: the estimator has no memory."""
 
     def update(
         self,
         revolution: Revolution,
-        average: AngleAverage,  # noqa: ARG002 - the interface's; a revolution by itself is enough here
-        conditions: Conditions,
+        average: AngleAverage,  # noqa: ARG002 - part of the interface
+        conditions: TireConditions,
     ) -> tuple[Estimate, ...]:
         """Return speed_mps, leading_edge_rad, trailing_edge_rad and contact_length_m of this revolution.
 
-        The standard error of the speed is that of the timing of the two contacts; an error of the belt radius comes on
+        The standard error of the speed is that of the timing of the two contacts. An error of the belt radius comes on
         top and scales speed and contact length alike. Contact length is the material length R (trailing - leading).
         Never raises on values.
         """
         return tuple(self._estimates(revolution, conditions))
 
-    def _estimates(self, revolution: Revolution, conditions: Conditions) -> Iterator[Estimate]:
+    def _estimates(self, revolution: Revolution, conditions: TireConditions) -> Iterator[Estimate]:
         radius = conditions.radius_m
         leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
         leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
@@ -49,7 +49,7 @@ class KinematicEstimator:
         yield _estimate(NAMES[0], speed, speed * revolution.period_std_s / revolution.period_s, status, reasons)
         yield _estimate(NAMES[1], leading, leading_std, status, reasons)
         yield _estimate(NAMES[2], trailing, trailing_std, status, reasons)
-        # The two edges' definition may be off the same way: the errors add without cancelling.
+        # The definition of both edges may be wrong in the same direction: their errors add.
         length_std = radius * (leading_std + trailing_std)
         yield _estimate(NAMES[3], radius * (trailing - leading), length_std, status, reasons)
 
@@ -61,10 +61,10 @@ def _estimate(name: str, value: float, std: float, status: Status, reasons: tupl
 
 
 def _condition(revolution: Revolution) -> tuple[Status, tuple[Reason, ...]]:
-    """Return how far this revolution's timing and edges can be trusted, and why not further."""
+    """Return the status of this revolution's timing and edges, with the reasons."""
     reasons = list(revolution.faults)
     if revolution.saturated:
         reasons.append(Reason(Code.RADIAL_SATURATED))
-    if revolution.missing_fraction > _MUCH_MISSING:
+    if revolution.missing_fraction > _MAX_MISSING_SHARE:
         reasons.append(Reason(Code.SAMPLES_LOST_SHARE, share=revolution.missing_fraction))
     return (Status.PROVISIONAL if reasons else Status.VALID), tuple(dict.fromkeys(reasons))

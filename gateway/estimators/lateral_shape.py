@@ -1,4 +1,4 @@
-"""What lateral estimators share: a revolution as coefficients, its average, and slopes with their errors."""
+"""Shape of the lateral signal: coefficients of a revolution, their average, and slopes with their errors."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.constants import AXIS_NAMES
-from gateway.estimators.base import AngleAverage, Conditions, Revolution, not_used
+from gateway.estimators.base import AngleAverage, Revolution, TireConditions, not_used
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import Phase, angle_grid
 from gateway.signal.lateral_deformation import (
@@ -29,7 +29,7 @@ from gateway.types import FloatArray
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
 
 ORDERS: Final = trusted_orders(HIGHEST_ORDER)
-# Shorter contacts have no slope to speak of on the angle grid.
+# Shorter contacts span too few grid points for a slope.
 _LEAST_CONTACT_RAD: Final = 0.08
 
 _SIZE: Final = 2 * len(ORDERS)
@@ -43,10 +43,10 @@ class LateralRecord(NamedTuple):
 
     Attributes:
         lateral_m: (2 k,) coefficients of the lateral axis over Omega^2, roll tilt removed.
-        radial_m: (2 k,) of the radial axis: what a further roll tilt of 1 rad would add.
-        along_m: (2 k,) of the circumferential axis: what a yaw of 1 rad would add.
+        radial_m: (2 k,) of the radial axis: the change of `lateral_m` per rad of further roll tilt.
+        along_m: (2 k,) of the circumferential axis: the change of `lateral_m` per rad of yaw.
         covariance: (2 k, 2 k) of `lateral_m`.
-        order_max: highest order that was seen.
+        order_max: highest order that the sampling carried.
     """
 
     lateral_m: FloatArray
@@ -61,7 +61,7 @@ class Slopes(NamedTuple):
 
     Attributes:
         values_rad: (3,) peak, first_half, adhesion_line.
-        rows: (3, 2 k) that give them from a record.
+        rows: (3, 2 k) linear maps from the coefficients of a record to the slopes.
         stretch_rad: first and last angle of the adhesion line.
     """
 
@@ -74,16 +74,16 @@ DEFINITIONS: Final = ("peak", "first_half", "adhesion_line")
 
 
 class LateralAverage:
-    """Running average of lateral records, with the roll tilt calibrated on the way."""
+    """Running average of lateral records, with calibration of the roll tilt."""
 
     def __init__(self, horizon_revolutions: float, roll: RollCalibration) -> None:
-        """Start empty; `roll` is updated by every revolution taken in and may be shared."""
+        """Start empty; `roll` is updated by every revolution and may be shared."""
         self._floor = 1.0 / horizon_revolutions
         self.roll = roll
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything but the calibration, which has its own reset."""
+        """Forget everything but the calibration, which is reset separately."""
         self._lateral = RunningMoments(_SIZE, covariance=True)
         # Radial, circumferential, and the tilt that each revolution was corrected with.
         self._others = RunningMoments(2 * _SIZE + 1)
@@ -96,7 +96,7 @@ class LateralAverage:
         return float(1.0 / np.asarray(self._lateral.weight_square)) if self._lateral.count else 0.0
 
     def update(self, revolution: Revolution) -> LateralRecord:
-        """Take a revolution in; return it by itself, corrected with the tilt known now."""
+        """Add a revolution; return its record, corrected with the present tilt."""
         axes = revolution.axes_mps2
         if not revolution.ac_coupled:
             self.roll.update(float(axes[LATERAL].mean()), float(axes[RADIAL].mean()))
@@ -113,30 +113,30 @@ class LateralAverage:
         return record
 
     def record(self) -> LateralRecord:
-        """Return the average with the latest tilt; its covariance is that of the mean, without the tilt's."""
+        """Return the average with the latest tilt; its covariance is that of the mean, without that of the tilt."""
         radial, along = self._others.mean[:_SIZE], self._others.mean[_SIZE:-1]
         late = self.roll.roll_rad - float(self._others.mean[-1])
-        # Scatter of less than three revolutions says less than the noise above the tire's orders.
+        # With less than three revolutions the noise above the tire's orders is a better estimate than their scatter.
         scatter = self._lateral.variance() if self._lateral.count >= 3 else self._noise * np.eye(_SIZE)
         covariance = scatter * np.asarray(self._lateral.weight_square)
         return LateralRecord(self._lateral.mean - late * radial, radial, along, covariance, self._order_max)
 
 
 def lateral_record(revolution: Revolution, roll_rad: float) -> LateralRecord:
-    """Return one revolution's coefficients, its drift of speed removed.
+    """Return one revolution's coefficients, corrected for its angular acceleration.
 
-    Raises nothing; the lateral axis must be there (`has_lateral`).
+    The revolution must have a lateral axis (`has_lateral`). Raises nothing.
     """
     axes = revolution.axes_mps2
     n = axes.shape[1]
     lateral = remove_roll(axes[LATERAL], axes[RADIAL], roll_rad)
-    # Offset and camber do not grow with the speed, so they go before the drift is taken out.
+    # Offset and camber do not grow with the speed, so they are removed before the acceleration is corrected.
     waveforms = np.stack([lateral - lateral.mean(), axes[RADIAL], np.nan_to_num(axes[CIRCUMFERENTIAL])])
-    waveforms *= _drift_gain(revolution, n) / revolution.omega_radps**2
+    waveforms *= _acceleration_gain(revolution, n) / revolution.omega_radps**2
     orders = trusted_orders(revolution.order_max)
     coefficients = np.zeros((3, 2, len(ORDERS)))
     coefficients[:, :, : len(orders)] = lateral_coefficients(waveforms, orders).reshape(3, 2, -1)
-    # The radial axis's noise stands in for the lateral's, from the same sensor, until scatter is known.
+    # The noise of the radial axis of the same sensor stands for that of the lateral axis until the scatter is known.
     noise = revolution.noise_mps2 * math.sqrt(2.0 / n) / revolution.omega_radps**2
     variance = noise**2 if math.isfinite(noise) else 0.0
     flat = coefficients.reshape(3, -1)
@@ -160,7 +160,7 @@ def why_unusable(revolution: Revolution) -> Reason | None:
     return None
 
 
-def contact_edges(average: AngleAverage, conditions: Conditions) -> tuple[float, float] | Reason:
+def contact_edges(average: AngleAverage, conditions: TireConditions) -> tuple[float, float] | Reason:
     """Return the contact edges that slopes are taken between, or why there are none."""
     leading, trailing = average.leading_edge_rad, average.trailing_edge_rad
     if not (-math.pi < leading < trailing < math.pi and trailing - leading > _LEAST_CONTACT_RAD):
@@ -171,10 +171,10 @@ def contact_edges(average: AngleAverage, conditions: Conditions) -> tuple[float,
 def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: float) -> Slopes:
     """Return the slopes between two contact edges.
 
-    peak: the steepest slope that has the sign of the least-squares line through the whole contact. first_half: mean
-    slope from the leading edge to the contact's middle. adhesion_line: least-squares line through the lateral
-    displacement over the stretch around the peak in which the slope keeps its sign, as one would lay a ruler on the
-    rising part of the plotted deformation.
+    peak: the steepest slope with the sign of the least-squares line through the whole contact. first_half: mean slope
+    from the leading edge to the middle of the contact. adhesion_line: least-squares line through the lateral
+    displacement over the range around the peak in which the slope keeps its sign, like a ruler laid on the rising part
+    of the plotted deformation.
     """
     leading, trailing = edges_rad
     angles = _ANGLES
@@ -204,9 +204,9 @@ def edge_errors(
     edges_std_rad: tuple[float, float],
     radius_m: float,
 ) -> FloatArray:
-    """Return what the contact edges' standard errors do to the three slopes, (3,) rad.
+    """Return the errors of the three slopes from those of the contact edges, (3,) rad.
 
-    The peak does not depend on them, the adhesion line only where an edge cuts it short.
+    The peak does not depend on the edges, the adhesion line only where it ends at one.
     """
     total = np.zeros(len(DEFINITIONS))
     for edge, std in enumerate(edges_std_rad):
@@ -221,7 +221,7 @@ def edge_errors(
     return np.sqrt(total)
 
 
-def _drift_gain(revolution: Revolution, n: int) -> FloatArray:
+def _acceleration_gain(revolution: Revolution, n: int) -> FloatArray:
     """Return (mean speed / speed)^2 on the angle grid; 1 when the acceleration is not known."""
     period, acceleration = revolution.period_s, revolution.omega_dot_radps2
     rate = 2.0 * math.pi / period - 0.5 * acceleration * period
@@ -232,7 +232,7 @@ def _drift_gain(revolution: Revolution, n: int) -> FloatArray:
 
 
 def _vertex(angles: FloatArray, height: FloatArray, at: int) -> float:
-    """Return the angle of the parabola's top through three neighbours of a maximum."""
+    """Return the vertex angle of the parabola through a maximum and its two neighbours."""
     left, middle, right = height[at - 1], height[at], height[(at + 1) % len(height)]
     bend = left - 2.0 * middle + right
     shift = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
@@ -240,6 +240,6 @@ def _vertex(angles: FloatArray, height: FloatArray, at: int) -> float:
 
 
 def _zero(angles: FloatArray, slope: FloatArray, before: int) -> float:
-    """Return where the slope crosses zero between a grid point and the next."""
+    """Return the angle at which the slope crosses zero between a grid point and the next."""
     share = slope[before] / (slope[before] - slope[before + 1])
     return float(angles[before] + share * (angles[before + 1] - angles[before]))

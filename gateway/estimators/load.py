@@ -1,8 +1,8 @@
-"""Vertical load from the contact, for wheels that nobody weighed, or beside a stated load for comparison.
+"""Estimator of the vertical load from the contact, for wheels without a stated load or for comparison with it.
 
-Two ways, each with its own needs: from contact half angle and pressure by a power law calibrated per tire (`treadlink
-calibrate`), which follows every revolution; and from the weak form, whose rows return the load when the belt's width is
-known instead: all four numbers are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw at any assumed load Q0.
+There are two methods. One is a power law of contact half angle and pressure, calibrated for the tire (`treadlink
+calibrate`); it follows every revolution. The other uses the belt width, which wear does not change: all four numbers
+are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Estimator, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
@@ -19,12 +19,12 @@ from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
 
 _ASSUMED_LOAD_N: Final = 4000.0
-# Wear from which the calibration is off by more than its usual error: 6.4 mm make it 28 % too high on the exact ring.
+# Wear from which the calibration is wrong by more than its usual error: 6.4 mm make it 28 % too high on the exact ring.
 _WORN_MM: Final = 1.0
 
 
 class LoadEstimator:
-    """Load by contact angle and by belt width, the better of the two, and the pressure number."""
+    """Load from contact angle and from belt width, the better of the two, and the pressure number."""
 
     def __init__(self) -> None:
         """Start cold."""
@@ -36,27 +36,28 @@ class LoadEstimator:
         return "load"
 
     def reset(self) -> None:
-        """Forget the warm start of the weak form."""
+        """Forget the warm start of the estimator that gives Cw."""
         self._numbers: Estimator | None = None
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return load_n, load_by_angle_n, load_by_width_n and pressure_number Q / (2 p0 theta R^2) (Eq. 33).
 
-        The pressure number takes the stated load where there is one. Never raises on values.
+        The pressure number uses the stated load where there is one. Never raises on values.
         """
         pressure = conditions.pressure_pa
         if pressure is None or not (pressure > 0.0 and conditions.radius_m > 0.0):
             return tuple(Estimate.invalid(name, Reason(Code.NEEDS_PRESSURE)) for name in NAMES)
         half = 0.5 * (revolution.trailing_edge_rad - revolution.leading_edge_rad)
         half_std = 0.5 * math.hypot(
-            _own_error(revolution.leading_edge_std_rad), _own_error(revolution.trailing_edge_std_rad)
+            _error_beyond_definition(revolution.leading_edge_std_rad),
+            _error_beyond_definition(revolution.trailing_edge_std_rad),
         )
         by_angle = _by_angle(revolution, conditions, half, half_std, pressure)
         by_width = self._by_width(revolution, average, conditions)
         load = _better(by_angle, by_width)
         return load, by_angle, by_width, _pressure_number(load, conditions, half, half_std, pressure)
 
-    def _by_width(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> Estimate:
+    def _by_width(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> Estimate:
         reference = conditions.tire.reference
         if reference.Cw is None:
             return Estimate.invalid(NAMES[2], Reason(Code.NEEDS_REFERENCE_NUMBER, number="Cw"))
@@ -76,14 +77,14 @@ class LoadEstimator:
         if width.status is Status.INVALID:
             return Estimate.invalid(NAMES[2], *width.reasons)
         value = load * reference.Cw / width.value
-        # The stated load's error is in that of Cw, and not in this: it cancels.
+        # The error of the stated load is part of that of Cw, but cancels here.
         relative2 = max(0.0, (width.std / width.value) ** 2 - (load_std / load) ** 2)
         std = value * math.sqrt(relative2 + (reference.Cw_std / reference.Cw) ** 2)
         return Estimate(NAMES[2], value, std, width.status, width.reasons)
 
 
 def _by_angle(
-    revolution: Revolution, conditions: Conditions, half: float, half_std: float, pressure: float
+    revolution: Revolution, conditions: TireConditions, half: float, half_std: float, pressure: float
 ) -> Estimate:
     calibration = conditions.tire.load_calibration
     if calibration is None:
@@ -107,7 +108,7 @@ def _by_angle(
 
 
 def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
-    """Return the estimate of better status, then of smaller error, as load_n."""
+    """Return the estimate with the better status, then the smaller error, as load_n."""
     rank = {Status.VALID: 0, Status.PROVISIONAL: 1, Status.INVALID: 2}
     best = min(by_angle, by_width, key=lambda found: (rank[found.status], found.std))
     if best.status is Status.INVALID:
@@ -120,7 +121,9 @@ def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
     return Estimate(NAMES[0], best.value, best.std, best.status, (source, *best.reasons))
 
 
-def _pressure_number(load: Estimate, conditions: Conditions, half: float, half_std: float, pressure: float) -> Estimate:
+def _pressure_number(
+    load: Estimate, conditions: TireConditions, half: float, half_std: float, pressure: float
+) -> Estimate:
     value, std, status, reasons = load.value, load.std, load.status, load.reasons
     if conditions.load_n is not None:
         value, std, status, reasons = conditions.load_n, conditions.load_std_n, Status.VALID, ()
@@ -129,14 +132,14 @@ def _pressure_number(load: Estimate, conditions: Conditions, half: float, half_s
     if not (half > 0.0 and math.isfinite(half_std) and value > 0.0):
         return Estimate.invalid(NAMES[3], Reason(Code.NO_CONTACT_EDGES))
     number = value / (2.0 * pressure * half * conditions.radius_m**2)
-    # The edge's definition counts here: this angle is compared with other tires'.
+    # The error of the edge's definition counts here, because the number is compared between tires.
     half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)
     relative = math.hypot(std / value, half_std / half, conditions.pressure_std_pa / pressure)
     return Estimate(NAMES[3], number, number * relative, status, reasons)
 
 
-def _own_error(edge_std_rad: float) -> float:
-    """Return what an edge errs by beyond its definition, which a calibration has taken up."""
+def _error_beyond_definition(edge_std_rad: float) -> float:
+    """Return the error of an edge without that of its definition, which the calibration has absorbed."""
     if not math.isfinite(edge_std_rad):
         return math.nan
     return math.sqrt(max(0.0, edge_std_rad**2 - EDGE_MODEL_STD_RAD**2))

@@ -1,4 +1,4 @@
-"""What the wheel does not repeat, such as road and cavity resonance: its size, and its strongest line."""
+"""Estimator of the signal that is not locked to the wheel, such as road and cavity resonance."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status, not_used
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.nonsynchronous_spectrum import Spectrum, spectral_lines, welch_spectrum
@@ -16,21 +17,21 @@ from gateway.types import FloatArray
 
 NAMES: Final = ("asynchronous_rms_mps2", "asynchronous_line_hz", "asynchronous_line_rms_mps2")
 
-# The spectrum: up to 800 Hz in steps of 1 Hz. Cavity resonance lies at 190 to 250 Hz, the road below 500 Hz. Sampled
-# much faster, so that noise above does not fold into it.
+# The spectrum reaches 800 Hz in steps of 1 Hz. Cavity resonance lies at 190 to 250 Hz, the road below 500 Hz. The rate
+# is much higher, so that noise above the band does not alias into it.
 RATE_HZ: Final = 4000.0
 SEGMENT: Final = 4000
 BAND_HZ: Final = (5.0, 800.0)
-# Looked at once in so many seconds of rolling; later spectra push earlier ones out by this share.
-_EVERY_S: Final = 4.0
-_SHARE: Final = 0.25
-_SETTLED_REVOLUTIONS: Final = 8.0
-# A line so close to a multiple of the wheel's frequency may be what the average has not taken off, in steps.
-_LOCKED_STEPS: Final = 0.6
+# Seconds of rolling per spectrum, and weight of a new spectrum in the running mean.
+_SPECTRUM_S: Final = 4.0
+_WEIGHT: Final = 0.25
+# Distance of a line from a multiple of the wheel's frequency, in steps of the spectrum, within which it may be a part
+# of the wheel-locked signal that the average has not removed.
+_LOCKED_WITHIN_STEPS: Final = 0.6
 
 
 class NonsynchronousEstimator:
-    """Root mean square of what is not locked to the wheel, and frequency and size of its strongest line."""
+    """Root mean square of the signal not locked to the wheel, frequency and rms of its strongest line."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -58,11 +59,11 @@ class NonsynchronousEstimator:
         self,
         revolution: Revolution,
         average: AngleAverage,
-        conditions: Conditions,  # noqa: ARG002 - the interface's; nothing of the tire is needed
+        conditions: TireConditions,  # noqa: ARG002 - part of the interface
     ) -> tuple[Estimate, ...]:
         """Return asynchronous_rms_mps2 (5 to 800 Hz, sensor noise included), asynchronous_line_hz and its rms.
 
-        Made anew every four seconds of uninterrupted rolling, the same in between. Never raises on values.
+        They are updated every four seconds of uninterrupted rolling. Never raises on values.
         """
         reason = _unusable(revolution, average)
         if reason is not None:
@@ -71,18 +72,18 @@ class NonsynchronousEstimator:
             if revolution.index != self._next:
                 self._clear()
             self._take(revolution, average)
-            if self._duration_s >= _EVERY_S:
+            if self._duration_s >= _SPECTRUM_S:
                 self._look(revolution.omega_radps / (2.0 * math.pi))
                 self._clear()
             self._next = revolution.index + 1
         if not self._found:
-            waiting = reason or Reason(Code.NEEDS_UNINTERRUPTED_ROLLING, duration_s=_EVERY_S)
+            waiting = reason or Reason(Code.NEEDS_UNINTERRUPTED_ROLLING, duration_s=_SPECTRUM_S)
             return tuple(Estimate.invalid(name, waiting) for name in NAMES)
         return self._found
 
     def _take(self, revolution: Revolution, average: AngleAverage) -> None:
-        """Put one revolution's difference from the average on the time axis, thinned to what the spectrum needs."""
-        # The average holds this revolution by its own weight.
+        """Add one revolution's difference from the average over time, decimated to what the spectrum needs."""
+        # The average contains this revolution with this weight.
         weight = max(1.0 / average.count, 1.0 / DEFAULT_HORIZON_REVOLUTIONS)
         n = len(revolution.radial_mps2)
         difference = np.roll(revolution.radial_mps2 - average.radial_mps2, -(n // 2)) / (1.0 - weight)
@@ -99,19 +100,19 @@ class NonsynchronousEstimator:
         self._duration_s += revolution.period_s
 
     def _look(self, wheel_hz: float) -> None:
-        """Make the spectrum and what is told of it."""
+        """Update the spectrum and the estimates from it."""
         times, values = np.concatenate(self._times), np.concatenate(self._values)
         even = np.arange(times[0], times[-1], 1.0 / RATE_HZ)
         fresh = welch_spectrum(np.interp(even, times, values), RATE_HZ, SEGMENT)
         if fresh is None:
             return
-        # Means over blocks and straight lines between them let high frequencies down; that is put back.
+        # Means over blocks and linear interpolation between them attenuate high frequencies; this is corrected.
         step_hz = len(times) / (times[-1] - times[0])
         density = fresh.density_m2ps3 / np.sinc(np.minimum(fresh.frequency_hz / step_hz, 0.6)) ** 6
         self._spectra += 1
-        share = max(1.0 / self._spectra, _SHARE)
+        share = max(1.0 / self._spectra, _WEIGHT)
         old = density if self._spectrum is None else self._spectrum.density_m2ps3
-        averages = fresh.averages * min(self._spectra, 2.0 / _SHARE - 1.0)
+        averages = fresh.averages * min(self._spectra, 2.0 / _WEIGHT - 1.0)
         self._spectrum = Spectrum(fresh.frequency_hz, old + share * (density - old), averages)
         high = min(BAND_HZ[1], 0.4 * step_hz)
         rms, rms_std = self._spectrum.rms_mps2(BAND_HZ[0], high)
@@ -123,7 +124,7 @@ class NonsynchronousEstimator:
             return
         line = lines[0]
         order = line.frequency_hz / wheel_hz
-        locked = abs(order - round(order)) * wheel_hz < _LOCKED_STEPS * self._spectrum.step_hz
+        locked = abs(order - round(order)) * wheel_hz < _LOCKED_WITHIN_STEPS * self._spectrum.step_hz
         doubts = (Reason(Code.AT_WHEEL_ORDER, order=round(order)),) if locked else ()
         status = Status.PROVISIONAL if locked else Status.VALID
         self._found = (
@@ -137,8 +138,8 @@ def _unusable(revolution: Revolution, average: AngleAverage) -> Reason | None:
     """Return why a revolution's difference from the average cannot be used; None when it can."""
     if revolution.faults:
         return not_used(revolution.faults)
-    if average.effective_count < _SETTLED_REVOLUTIONS:
-        return Reason(Code.NOT_SETTLED, revolutions=average.effective_count, needed=_SETTLED_REVOLUTIONS)
+    if average.effective_count < SETTLED_REVOLUTIONS:
+        return Reason(Code.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
     if not np.isfinite(revolution.radial_mps2 - average.radial_mps2).all():
         return Reason(Code.AXIS_NOT_FINITE, axis="radial")
     return None

@@ -1,4 +1,4 @@
-"""Errors of the orders of an averaged waveform, taken as equally strong within bands of orders."""
+"""Standard errors of the orders of an averaged waveform, equal within bands of orders."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ import numpy as np
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import FloatArray
 
-# Bands of orders [first, next); orders 0 and 1 count to the first.
+# Bands of orders [first, next); orders 0 and 1 belong to the first.
 BANDS: Final = (2, 4, 6, 9, 13, 18, 24, 31, 39, 48, ORDER_COUNT)
 _BAND_OF: Final = np.searchsorted(np.array(BANDS), np.arange(ORDER_COUNT), side="right").clip(1) - 1
 _BAND_COUNT: Final = len(BANDS) - 1
-# No order is taken as known better than this share of the mean: resampling and rounding are worse.
+# Least standard error of an order, as a share of the mean: resampling and rounding.
 _LEAST_STD: Final = 1e-6
 
 
 def relative_std(order_std: FloatArray, mean: float, orders: FloatArray, max_order: int) -> FloatArray:
     """Return standard errors of the relative signal's orders, smoothed by band, (ORDER_COUNT,).
 
-    Few revolutions know the scatter of one order poorly, that of a band well. What the sampling does not carry is
-    unknown by as much as the last orders that it carries are large.
+    From a few revolutions the scatter of one order is poorly known, that of a band well. Orders above those that the
+    sampling carries get an error as large as the last orders that it does carry.
 
     Args:
         order_std: (ORDER_COUNT,) measured standard errors; NaN where not known.
         mean: of the signal, in the same unit.
         orders: (>= max_order + 1,) size of the relative orders.
-        max_order: highest order carried.
+        max_order: highest order that the sampling carries.
     """
     variance = np.square(order_std / mean)
     known = np.isfinite(variance)
@@ -71,10 +71,10 @@ def _quarter_turn() -> FloatArray:
     k, n = np.meshgrid(np.arange(ORDER_COUNT), np.arange(ORDER_COUNT), indexing="ij")
     odd = (k - n) % 2 == 1
     turned: FloatArray = np.where(odd, 4.0 * k / (math.pi * np.where(odd, k**2 - n**2, 1)), 0.0)
-    turned[:, : BANDS[0]] = 0.0  # the mean and order 1 are not free: calibration and closure
+    turned[:, : BANDS[0]] = 0.0  # the mean is fixed by calibration, order 1 by closure
     return turned
 
 
 _MASKS: Final[FloatArray] = _masks()
 QUARTER_TURN: Final[FloatArray] = _quarter_turn()
-"""What a phase of 90 degrees makes of even orders, waves that run out of both edges alike: orders @ QUARTER_TURN."""
+"""Matrix that turns the phase of even orders, of waves equal at both edges, by 90 degrees: orders @ QUARTER_TURN."""

@@ -1,6 +1,6 @@
-"""Ply steer angle from the lateral axis: the slope of the streamline in the contact, in three named definitions.
+"""Estimator of the ply steer angle: the slope of the streamline in the contact, in three definitions.
 
-docs/ply-steer.md says what the number means, how good it is and what it cannot tell.
+docs/ply-steer.md has the meaning of the angle, its errors and its limits.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.lateral_shape import (
     DEFINITIONS,
     ORDERS,
@@ -29,20 +30,18 @@ from gateway.types import FloatArray
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
 ROLL_NAME: Final = "sensor_roll_rad"
 
-# Memory of the average: ply steer changes with load, pressure and temperature only.
+# Memory of the average: ply steer changes only with load, pressure and temperature.
 HORIZON_REVOLUTIONS: Final = 100.0
-# Effective revolutions in the average from which the angle is called valid.
-SETTLED_REVOLUTIONS: Final = 8.0
-# Orders without which the peak is off by more than 0.01 deg.
+# Least number of orders: with fewer the peak is wrong by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
 
 
 class Separated(NamedTuple):
-    """Ply steer and conicity told apart by rolling both ways.
+    """Ply steer and conicity, separated by rolling both ways.
 
     Attributes:
-        plysteer: changes sign with the direction of rotation; as it is when rolling forward.
-        conicity: does not.
+        plysteer: part that changes sign with the direction of rotation, as when rolling forward.
+        conicity: part that does not.
         std: one standard error of either.
     """
 
@@ -54,12 +53,12 @@ class Separated(NamedTuple):
 def separate_plysteer_conicity(
     forward: ArrayLike, reverse: ArrayLike, forward_std: ArrayLike = 0.0, reverse_std: ArrayLike = 0.0
 ) -> Separated:
-    """Tell ply steer from conicity by the same quantity rolling forward and in reverse.
+    """Separate ply steer and conicity by the same quantity rolling forward and in reverse.
 
-    Quantities are first-half slopes, side forces or whole deformations over the angle in the direction of travel; peak
-    and adhesion line lie elsewhere on every shape, so their halves do not add up. The lateral axis must be fixed to the
-    tire: the car is driven backwards, the tire is not turned round on the rim (then swap the
-    roles: what changes sign on the vehicle's axis is conicity).
+    Quantities are first-half slopes, side forces or whole deformations over the angle in the direction of travel. Peak
+    and adhesion line do not work, because they lie at another place on every shape. The lateral axis must be fixed to
+    the tire: the car is driven backwards. If the tire is turned on the rim instead, the roles are swapped: conicity is
+    what changes sign on the vehicle's axis.
 
     Args:
         forward: rolling forward, any shape.
@@ -73,7 +72,7 @@ def separate_plysteer_conicity(
 
 
 class PlySteerEstimator:
-    """Ply steer angle of the running average; nothing when the sensor has no lateral axis."""
+    """Ply steer angle of the running average; no estimates when the sensor has no lateral axis."""
 
     def __init__(
         self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = HORIZON_REVOLUTIONS
@@ -82,7 +81,7 @@ class PlySteerEstimator:
 
         Args:
             offset_std_mps2: one standard error of the constant in the lateral mean (zero-g offset, camber).
-            horizon_revolutions: revolution count of the average's memory.
+            horizon_revolutions: memory of the average.
         """
         self._average = LateralAverage(horizon_revolutions, RollCalibration(offset_std_mps2))
 
@@ -96,13 +95,13 @@ class PlySteerEstimator:
         self._average.reset()
         self._average.roll.reset()
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return ply_steer_peak_rad, ply_steer_first_half_rad, ply_steer_adhesion_line_rad and sensor_roll_rad.
 
-        One direction of rotation holds the sum of ply steer and conicity, and the mean slip angle of the averaged
-        revolutions on top; a reason says so. The standard error covers scatter, roll calibration, a mounting yaw of
-        1 deg and the contact edges; what the definition of "slope" makes of it is the difference of the three. Never
-        raises on values.
+        With one direction of rotation the angle is the sum of ply steer, conicity and the mean slip angle of the
+        averaged revolutions; a reason says so. The standard error covers scatter, roll calibration, a mounting yaw of
+        1 deg and the contact edges. It does not cover the definition of the slope, in which the three angles differ.
+        Never raises on values.
         """
         if not has_lateral(revolution):
             return ()

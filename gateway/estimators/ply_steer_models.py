@@ -1,8 +1,8 @@
-"""Candidate laws for the ply steer angle over load and pressure, held against Tables I and II of the ply steer paper.
+"""Candidate laws for the ply steer angle over load and pressure, compared with Tables I and II of the ply steer paper.
 
-Eq. 18 with the curvature change of a flat contact, 1/R, has no trend at all; the table below tries what could. Each
-candidate is fitted in relative terms and judged on points left out. Contact length, deflection and curvature are those
-of a rolling ring; take the length from the radial axis where there is one.
+Eq. 18 with the curvature change of a flat contact, 1/R, has no trend; the candidates do. Each is fitted to relative
+errors and compared by its error at points left out of the fit. Contact length, deflection and curvature are those of a
+rolling ring; with a radial axis the measured contact length can be used.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """How a candidate fares.
+    """Fit of a candidate and its errors.
 
     Attributes:
         name: formula.
@@ -179,7 +179,7 @@ def compare(points: Points, angle_rad: FloatArray) -> list[Comparison]:
 
 
 def _fit(basis: FloatArray, angle_rad: FloatArray, logarithmic: bool) -> FloatArray:
-    """Least squares of the relative error."""
+    """Return the constants with the least relative error."""
     target = np.log(angle_rad) if logarithmic else np.ones_like(angle_rad)
     scaled = basis if logarithmic else basis / angle_rad[:, None]
     return np.asarray(np.linalg.lstsq(scaled, target, rcond=None)[0], dtype=np.float64)

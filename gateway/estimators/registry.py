@@ -1,4 +1,4 @@
-"""The one registry of estimators."""
+"""Registry of estimators."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Final
 from gateway.errors import ConfigError
 from gateway.estimators.base import Estimator
 
-# name -> "module:class"; the class is called without arguments, once per wheel. They run in this order: what uses the
-# estimates of others comes after them.
+# name -> "module:class"; the class is called without arguments, once per wheel. Estimators run in this order: one that
+# uses the estimates of others comes after them.
 ESTIMATORS: Final[dict[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
     "self-calibration": "gateway.estimators.self_calibration:SelfCalibrationEstimator",
@@ -29,13 +29,13 @@ DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "weak-form", "wear", 
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Return names in the order in which the estimators run, unknown ones last."""
+    """Return estimator names in running order, unknown ones last."""
     known = list(ESTIMATORS)
     return sorted(names, key=lambda name: known.index(name) if name in known else len(known))
 
 
 def make_estimator(name: str) -> Estimator:
-    """Make a fresh estimator by name.
+    """Return a new estimator.
 
     Raises:
         ConfigError: no estimator of that name.

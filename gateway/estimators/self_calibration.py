@@ -1,15 +1,15 @@
-"""Self-calibration of a sensor by physics that every revolution repeats: gain, zero-g offset, tilts, mounting offset.
+"""Self-calibration of a sensor: gain, zero-g offset, tilts and mounting offset from the rolling itself.
 
-Gain and zero-g offset from two facts per revolution. A closed belt has mean(s) = R Omega^2 (1 - e/R mean(k^2)), and
-gravity turns through the sensor's axis with amplitude g, order 1 of the signal less what the closing belt itself has of
-it. In unknowns (gain G, offset z, change of gain by temperature G', belt stretch a):
+Gain and zero-g offset follow from two equations per revolution. A closed belt has mean(s) = R Omega^2 (1 - e/R
+mean(k^2)). Gravity rotates through the sensor's axis with amplitude g; it is order 1 of the signal minus the order 1 of
+the closed belt. With the unknowns gain G, offset z, change of gain with temperature G' and belt stretch a:
 
     mean(s)           = (G + G' dT) R Omega^2 (1 - e/R mean(k^2)) + z
     order 1 - closure = (G + G' dT) g q + a R Omega^2
 
-both linear, taken together over revolutions with prior errors as a data sheet has them. Revolutions at other speeds
-part z from G, and a from g. Pitch tilt and mounting offset come from the circumferential axis
-(`gateway.signal.sensor_mounting`), roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
+Both are linear and are accumulated over revolutions, with prior errors as in a data sheet. Revolutions at different
+speeds separate z from G, and a from g. Pitch tilt and mounting offset come from the circumferential axis,
+roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status, not_used
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import contact_interior
 from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows
@@ -35,22 +35,22 @@ NAMES: Final = (
 )
 _CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
 
-# Errors that a data sheet leaves: gain 10 %, zero-g offset 1 g, gain 0.05 % per degree; belt stretch as order 1 of
-# R Omega^2, 2.4e-4 on a belt of 5 MN at 5000 N.
+# Prior standard errors of G, z, G' and a: 10 %, 1 g and 0.05 % per degree as in a data sheet; belt stretch as order 1
+# of R Omega^2, 2.4e-4 on a belt of 5 MN at 5000 N.
 _PRIOR_STDS: Final = (0.1, STANDARD_GRAVITY_MPS2, 5e-4, 3e-4)
-# Scatter of a revolution's mean beside noise: road, speed within the revolution.
+# Scatter of a revolution's mean without noise: road, speed within the revolution.
 _MEAN_STD_MPS2: Final = 0.5
-# What the closure leaves out and does not scatter, of R Omega^2: 1.3e-4 on a belt of 5 MN.
+# Systematic error of the closure as a share of R Omega^2: 1.3e-4 on a belt of 5 MN.
 _CLOSURE_STD: Final = 1.5e-4
-# Middle of a flat contact, of R Omega^2, on the exact ring over loads; what it strays by, steadily.
-_FLOOR: Final = (-0.025, 0.035)
-# Tilts and mounting offset are ratios of two axes, whose gains may differ by this.
+# Signal in the middle of a flat contact as a share of R Omega^2, on the exact ring over loads, and its error.
+_CONTACT_LEVEL: Final = (-0.025, 0.035)
+# Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
 _AXES_STD: Final = 0.02
-# Belt stretch and contact shear in the circumferential axis.
+# Errors from belt stretch and contact shear in the circumferential axis.
 _OFFSET_MODEL_M: Final = 2e-5
 _PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
-# The offset counts as found when the revolutions leave this share of its prior error.
+# Share of its prior error below which the zero-g offset counts as determined.
 _SEPARATED: Final = 0.3
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 _LEAST_REVOLUTIONS: Final = 8
@@ -63,10 +63,10 @@ class _Found(NamedTuple):
 
 
 class SelfCalibrationEstimator:
-    """Gain, zero-g offset, gain over temperature, roll, pitch and mounting offset, better with every revolution."""
+    """Gain, zero-g offset, gain over temperature, roll, pitch and mounting offset, improved by every revolution."""
 
     def __init__(self) -> None:
-        """Start from the data sheet."""
+        """Start from the priors."""
         self._roll = RollCalibration(offset_std_mps2=_PRIOR_STDS[1])
         self.reset()
 
@@ -90,12 +90,13 @@ class SelfCalibrationEstimator:
         self._belt: BeltKinematics | None = None
         self._floor: Estimate | None = None
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
-        """Return the estimates of NAMES; a gain of 1 reads true.
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
+        """Return the estimates of NAMES; a perfect sensor has gain 1.
 
-        A revolution with faults, a clipped one above all, is not used, and what is known so far is returned with the
-        reason. The gain's error contains that of the belt radius. AC-coupled: neither offsets nor roll, which live in
-        means that are lost, and the gain only from the contact, which is flat on a flat road. Never raises on values.
+        A revolution with faults, such as a clipped one, is not used; the estimates so far are returned with the reason.
+        The error of the gain includes that of the belt radius. An AC-coupled sensor gives neither offsets nor roll,
+        which need the lost means, and its gain only from the contact, which is flat on a flat road. Never raises on
+        values.
         """
         refused = _refused(revolution, average, conditions)
         if refused is None:
@@ -106,8 +107,8 @@ class SelfCalibrationEstimator:
             *self._mounting_estimates(conditions, refused),
         )
 
-    def _take(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> None:
-        """Learn from one good revolution."""
+    def _take(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> None:
+        """Add one revolution without faults."""
         self._count += 1
         belt = self._belt_of(average, conditions)
         axes = revolution.axes_mps2
@@ -127,22 +128,22 @@ class SelfCalibrationEstimator:
             return
         self._roll.update(float(axes[_LATERAL].mean()), float(axes[_RADIAL].mean()))
         if conditions.sensor_offset_m or self._mounting is None or self._count > _LEAST_REVOLUTIONS:
-            # Before, the mounting offset that the mean depends on is not known.
+            # Before that, the mounting offset, which the mean depends on, is not known.
             self._take_gain(revolution, average, conditions, belt)
 
-    def _belt_of(self, average: AngleAverage, conditions: Conditions) -> BeltKinematics:
-        """Return what the average says of the belt, looked at anew every few revolutions."""
-        if self._belt is None or self._looks_again():
+    def _belt_of(self, average: AngleAverage, conditions: TireConditions) -> BeltKinematics:
+        """Return the belt's kinematics from the average, updated every few revolutions."""
+        if self._belt is None or self._belt_is_due():
             self._ratio = self._offset_ratio(conditions)
             centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
             self._belt = belt_kinematics(average.radial_mps2, self._ratio, centre)
         return self._belt
 
-    def _looks_again(self) -> bool:
+    def _belt_is_due(self) -> bool:
         return self._count <= _LEAST_REVOLUTIONS + 1 or self._count % _BELT_EVERY == 0
 
     def _take_gain(
-        self, revolution: Revolution, average: AngleAverage, conditions: Conditions, belt: BeltKinematics
+        self, revolution: Revolution, average: AngleAverage, conditions: TireConditions, belt: BeltKinematics
     ) -> None:
         """Add the two equations of one revolution."""
         degc = conditions.temperature_degc
@@ -154,7 +155,7 @@ class SelfCalibrationEstimator:
         mean = float(revolution.radial_mps2.mean())
         centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
         order_1 = complex(revolution.orders_mps2[1]) * complex(math.cos(centre), math.sin(centre))
-        # Gravity was taken off as if the gain were 1; what it leaves is seen against the closure of the belt.
+        # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
         gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
         left = order_1.real - belt.signal_order_1 * mean
         scatter = float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count)
@@ -169,8 +170,8 @@ class SelfCalibrationEstimator:
         self._weighted = self._keep * self._weighted + found @ rows
         self._steady = self._keep * self._steady + by_mean * (expected / _MEAN_STD_MPS2)
 
-    def _offset_ratio(self, conditions: Conditions) -> float:
-        """Return e / R, the configured one where there is one, else the estimated one as soon as it is good."""
+    def _offset_ratio(self, conditions: TireConditions) -> float:
+        """Return e / R as configured, else as estimated once its error is below 1 mm."""
         if conditions.sensor_offset_m:
             return conditions.sensor_offset_m / conditions.radius_m
         found = self._mounting_found()
@@ -191,7 +192,7 @@ class SelfCalibrationEstimator:
             offset, offset_std
         )
 
-    def _mounting_estimates(self, conditions: Conditions, refused: Reason | None) -> tuple[Estimate, Estimate]:
+    def _mounting_estimates(self, conditions: TireConditions, refused: Reason | None) -> tuple[Estimate, Estimate]:
         found = self._mounting_found()
         if found is None:
             reason = refused or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_CIRCUMFERENTIAL])
@@ -214,11 +215,11 @@ class SelfCalibrationEstimator:
         return _estimate(NAMES[3], found, doubt)
 
     def _gain_estimates(
-        self, revolution: Revolution, average: AngleAverage, conditions: Conditions, refused: Reason | None
+        self, revolution: Revolution, average: AngleAverage, conditions: TireConditions, refused: Reason | None
     ) -> tuple[Estimate, Estimate, Estimate]:
         if revolution.ac_coupled:
             lost = Reason(Code.AC_COUPLED)
-            if self._floor is None or refused or self._looks_again():
+            if self._floor is None or refused or self._belt_is_due():
                 self._floor = _floor_gain(average, conditions, refused)
             return self._floor, Estimate.invalid(NAMES[1], lost), Estimate.invalid(NAMES[2], lost)
         if not self._information[0, 0] > 0.0:
@@ -253,8 +254,8 @@ class SelfCalibrationEstimator:
         return Reason(Code.NOT_SETTLED, revolutions=self._count, needed=_LEAST_REVOLUTIONS)
 
 
-def _refused(revolution: Revolution, average: AngleAverage, conditions: Conditions) -> Reason | None:
-    """Return why a revolution must not be learnt from; None when it may be."""
+def _refused(revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> Reason | None:
+    """Return why a revolution must not be used; None when it may be."""
     if revolution.faults or revolution.saturated:
         return not_used(revolution.faults or (Reason(Code.RADIAL_SATURATED),))
     if not (np.isfinite(revolution.radial_mps2).all() and np.isfinite(average.radial_mps2).all()):
@@ -270,15 +271,15 @@ def _refused(revolution: Revolution, average: AngleAverage, conditions: Conditio
     return None
 
 
-def _floor_gain(average: AngleAverage, conditions: Conditions, refused: Reason | None) -> Estimate:
+def _floor_gain(average: AngleAverage, conditions: TireConditions, refused: Reason | None) -> Estimate:
     """Return the gain of an AC-coupled sensor from the depth of the contact below the mean."""
     interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0]) if refused is None else None
     if interior is None:
         return Estimate.invalid(NAMES[0], refused or Reason(Code.NO_CONTACT))
     steady = conditions.radius_m * average.omega_radps**2
     depth = float(average.radial_mps2.mean() - average.radial_mps2[interior].mean()) / steady
-    gain = depth / (1.0 - _FLOOR[0])
-    std = gain * math.hypot(_FLOOR[1], conditions.radius_std_m / conditions.radius_m)
+    gain = depth / (1.0 - _CONTACT_LEVEL[0])
+    std = gain * math.hypot(_CONTACT_LEVEL[1], conditions.radius_std_m / conditions.radius_m)
     return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, (Reason(Code.FLAT_CONTACT_ASSUMED),))
 
 

@@ -1,8 +1,9 @@
-"""Slip angle from the lateral axis with ply steer taken off, direction of slip, asymmetry between left and right.
+"""Estimator of slip from the lateral axis: apparent slip angle, direction, and asymmetry between left and right.
 
-The mean slope of the streamline in the first half of the contact grows almost in proportion to the slip angle, but only
-by the belt's share of it (a fifth to two fifths on the tires modelled in docs/ply-steer.md; the tread takes the rest).
-So an apparent slip angle is measured; the true one needs the share, which is found by driving at a known slip angle.
+The mean slope of the streamline in the first half of the contact, minus that of ply steer, is almost proportional to
+the slip angle. The factor is the belt's share (a fifth to two fifths on the tires modelled in docs/ply-steer.md; the
+tread takes the rest). So an apparent slip angle is measured; the true one needs the share, from driving at a known slip
+angle.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
     DEFINITIONS,
     ORDERS,
@@ -32,12 +33,12 @@ from gateway.types import FloatArray
 NAMES: Final = ("slip_apparent_rad", "slip_direction", "lateral_asymmetry", "left_right_asymmetry")
 SLIP_NAME: Final = "slip_angle_rad"
 
-# Revolutions of memory of the zero that is learnt: long against a bend, short against tire temperature.
+# Memory of the learnt zero in revolutions: long compared with a bend, short compared with changes of temperature.
 REFERENCE_HORIZON: Final = 500.0
 REFERENCE_SETTLED: Final = 50.0
-# A direction is told from here on, in standard errors.
-_CLEAR: Final = 3.0
-# Apparent slip from which a revolution counts for left or right.
+# Standard errors from zero beyond which slip has a direction.
+_SIGNIFICANT: Final = 3.0
+# Apparent slip from which a revolution counts as left or right.
 _SIDE_RAD: Final = math.radians(0.1)
 # Memory of scatter and of the left and right means.
 _HORIZON: Final = 50.0
@@ -50,9 +51,9 @@ _FIRST_HALF: Final = DEFINITIONS.index("first_half")
 
 
 def slip_asymmetry(left_mps2: FloatArray, right_mps2: FloatArray) -> float:
-    """Return how unlike mirror images two lateral waveforms at equal left and right slip are.
+    """Return the asymmetry of two lateral waveforms at equal left and right slip.
 
-    rms(left + right) / rms(left - right): 0 when slip alone shapes them, larger the more ply steer and conicity do.
+    It is rms(left + right) / rms(left - right): 0 for mirror images, larger with more ply steer and conicity.
     """
     together = float(np.sqrt(np.mean(np.square(left_mps2 + right_mps2))))
     apart = float(np.sqrt(np.mean(np.square(left_mps2 - right_mps2))))
@@ -66,15 +67,15 @@ def lateral_asymmetry(waveform: FloatArray) -> float:
 
 
 class SlipAngleEstimator:
-    """Slip of each revolution by itself, against a slope at zero slip that is given or learnt; needs a lateral axis."""
+    """Slip of each revolution, relative to a slope at zero slip that is given or learnt; needs a lateral axis."""
 
     def __init__(self, zero_slope_rad: float | None = None, belt_share: float | None = None) -> None:
         """Start empty.
 
         Args:
             zero_slope_rad: first-half slope at zero slip (`ply_steer_first_half_rad`); None: the mean of the latest
-                revolutions, so that the car is taken to run straight on average.
-            belt_share: first-half slope per slip angle, of this tire; None: only the apparent slip angle is given.
+                revolutions, which assumes that the car runs straight on average.
+            belt_share: first-half slope per slip angle, of this tire; None: only the apparent slip angle is estimated.
         """
         self._given = zero_slope_rad
         self._share = belt_share
@@ -94,13 +95,13 @@ class SlipAngleEstimator:
         self._steps = RunningMoments(1)
         self._sides = {1.0: RunningMoments(1), -1.0: RunningMoments(1)}
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return slip_apparent_rad, slip_direction, lateral_asymmetry, left_right_asymmetry, then slip_angle_rad.
 
         Positive slip pulls the tire to the left. slip_direction is 1, -1, or 0 when slip is within three standard
         errors of zero. left_right_asymmetry is the sum of the mean lateral_asymmetry at left and at right slip, 0 for a
-        tire without ply steer and conicity. slip_angle_rad is there when the belt's share is known. Never raises on
-        values; nothing without a lateral axis.
+        tire without ply steer and conicity. slip_angle_rad needs the belt's share. There are no estimates without a
+        lateral axis. Never raises on values.
         """
         if not has_lateral(revolution):
             return ()
@@ -111,7 +112,7 @@ class SlipAngleEstimator:
         edges = contact_edges(average, conditions)
         if isinstance(edges, Reason):
             return self._invalid(edges)
-        # The roll tilt is the same in both, so its error leaves their difference.
+        # The roll tilt is the same in both, so its error cancels in their difference.
         own = lateral_record(revolution, self._reference.roll.roll_rad)
         zero = self._reference.record()
         slope = float(slopes(own, edges, conditions.radius_m).values_rad[_FIRST_HALF])
@@ -127,7 +128,7 @@ class SlipAngleEstimator:
             side.update(np.array([asymmetry]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))
         status, reason = self._status(std)
         reasons = (reason,)
-        direction = math.copysign(1.0, apparent) if abs(apparent) > _CLEAR * std else 0.0
+        direction = math.copysign(1.0, apparent) if abs(apparent) > _SIGNIFICANT * std else 0.0
         estimates = [
             Estimate(NAMES[0], apparent, std, status, reasons),
             Estimate(NAMES[1], direction, math.nan, status, reasons),
@@ -139,7 +140,7 @@ class SlipAngleEstimator:
         return tuple(estimates)
 
     def _scatter(self, slope_rad: float) -> float:
-        """Return the scatter of one revolution's slope, from neighbours, which slow changes of slip leave alone."""
+        """Return the scatter of one revolution's slope from differences of neighbours, free of slow changes of slip."""
         step, self._last_slope = slope_rad - self._last_slope, slope_rad
         if math.isfinite(step):
             self._steps.update(np.array([0.5 * step * step]), max(1.0 / (self._steps.count + 1), 1.0 / _HORIZON))

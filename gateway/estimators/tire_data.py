@@ -1,4 +1,4 @@
-"""What a configuration may tell of a tire beside radius, load and pressure: its reference and its calibration."""
+"""Data of a tire that a configuration may give: thickness, reference numbers and load calibration."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gateway.reasons import Code, Reason
 
 @dataclass(frozen=True, slots=True)
 class ReferenceNumbers:
-    """The four dimensionless numbers of the new tire and how they were measured; None where nobody did.
+    """The four dimensionless numbers of the new tire; None where they were not measured.
 
     Attributes:
         Bs: bending stiffness number.
@@ -21,8 +21,9 @@ class ReferenceNumbers:
         Cw_std: one standard error.
         Rs_std: one standard error.
         Ts_std: one standard error.
-        pressure_pa: inflation (gauge) pressure at which they hold; None when not told.
-        estimator: which estimator they are of; each has its own bias, so only its own numbers compare with them.
+        pressure_pa: inflation (gauge) pressure at which they hold; None when not known.
+        estimator: that they were measured with. Every estimator has its own bias, so only numbers of the same estimator
+            may be compared.
     """
 
     Bs: float | None = None
@@ -72,7 +73,7 @@ class LoadCalibration:
         return self.load_n * math.exp(exponent)
 
     def slope_at(self, half_angle_rad: float) -> float:
-        """Return the relative change of the load with that of the half angle."""
+        """Return the relative change of the load per relative change of the half angle."""
         return self.angle_exponent + 2.0 * self.angle_curvature * math.log(half_angle_rad / self.half_angle_rad)
 
     def outside(self, half_angle_rad: float, pressure_pa: float) -> tuple[Reason, ...]:
@@ -91,7 +92,7 @@ class LoadCalibration:
 
 @dataclass(frozen=True, slots=True)
 class TireData:
-    """All of it.
+    """Data of one tire.
 
     Attributes:
         ring_thickness_m: belt and tread of the new tire, None when unknown.

@@ -1,8 +1,8 @@
-"""What recordings of known load tell of a tire: its load calibration and its reference numbers.
+"""Load calibration and reference numbers of a tire, from recordings of known load.
 
-The load calibration is a power law of half angle and pressure with a slight bend. On the exact ring the exponents lie
-around 1.4 and 0.5 and the bend around 0.1, over tires, wear and treads; so they enter as knowledge with an error: one
-recording then gives the scale, two loads the exponent of the angle, two pressures that of pressure.
+The load calibration is a power law of contact half angle and pressure with a slight curvature. On the exact ring the
+exponents are about 1.4 and 0.5 and the curvature about 0.1, over tires, wear and treads. These values are the prior:
+one recording gives the scale, two loads the exponent of the angle, two pressures that of the pressure.
 """
 
 from __future__ import annotations
@@ -14,26 +14,25 @@ from typing import Final
 
 import numpy as np
 
+from gateway.constants import RING_NUMBERS
 from gateway.estimators.base import Estimate, Status
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
 from gateway.types import FloatArray
 
-NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
-
-# Exponent of the half angle, its bend and exponent of pressure on the exact ring, and what they vary by.
+# Exponent of the half angle, curvature and exponent of the pressure on the exact ring, and their variation.
 _EXPONENTS: Final = (1.4, 0.1, 0.5)
 _EXPONENT_STDS: Final = (0.15, 0.1, 0.15)
-# What the law is wrong by at each point by itself.
+# Relative error of the law at each point, independent between points.
 _MODEL_STD: Final = 0.01
-# Points from which leaving one out tells the error.
+# Points from which leaving one out gives the error.
 _LEAST_POINTS: Final = 3
-# Sidewall numbers change with pressure: they are averaged over points so near the reference pressure.
+# Sidewall numbers change with pressure: they are averaged over points within this share of the reference pressure.
 _SAME_PRESSURE: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class TirePoint:
-    """One wheel in one recording.
+    """Data of one wheel in one recording.
 
     Attributes:
         name: shown to the user.
@@ -54,7 +53,7 @@ class TirePoint:
 
 @dataclass(frozen=True, slots=True)
 class LoadFit:
-    """A calibration and how well it does.
+    """A calibration and its errors at the points that it was fitted to.
 
     Attributes:
         calibration: the power law.
@@ -70,8 +69,8 @@ class LoadFit:
 def fit_load_calibration(points: Sequence[TirePoint]) -> LoadFit:
     """Fit load = f(half angle, pressure) to at least one point.
 
-    The calibration's standard error is the root mean square of leaving each point out in turn; with fewer than three
-    points it is what the prior knowledge of the exponents leaves over a range of a factor two, and at least 5 %.
+    The calibration's standard error is the root mean square error of leaving each point out in turn. With fewer than
+    three points it is the error that the prior of the exponents leaves over a factor of two in load, and at least 5 %.
     """
     calibration = _fit(points)
     load = np.array([point.load_n for point in points])
@@ -88,7 +87,7 @@ def fit_load_calibration(points: Sequence[TirePoint]) -> LoadFit:
 
 
 def _fit(points: Sequence[TirePoint]) -> LoadCalibration:
-    """Return the calibration by least squares with prior exponents, its standard error yet unknown."""
+    """Return the calibration by least squares with prior exponents, without its standard error."""
     half = np.array([point.half_angle_rad for point in points])
     pressure = np.array([point.pressure_pa for point in points])
     load = np.array([point.load_n for point in points])
@@ -114,15 +113,15 @@ def _fit(points: Sequence[TirePoint]) -> LoadCalibration:
 
 
 def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceNumbers:
-    """Return the tire's numbers at a pressure in the middle, each the weighted mean over the points that determine it.
+    """Return the tire's numbers at the median pressure, each the weighted mean over the points that determine it.
 
-    Bs goes with 1 / p, for EI is the tire's own; Cw does not depend on pressure. Their standard error is that of the
-    mean or, where that is more, what the points' scatter makes of it.
+    Bs is proportional to 1 / p, because EI belongs to the tire; Cw does not depend on pressure. The standard error is
+    the larger of the formal one of the mean and that from the scatter of the points.
     """
     pressure = sorted(point.pressure_pa for point in points)[len(points) // 2]
     values: dict[str, float | None] = {}
     stds: dict[str, float] = {}
-    for name in NUMBERS:
+    for name in RING_NUMBERS:
         found = []
         for point in points:
             estimate = point.numbers.get(name)

@@ -1,33 +1,48 @@
-"""The weak form: the four numbers from the belt's own shape, geometrically exact, whatever presses on the contact.
+"""Weak-form estimator: the four numbers from the shape of the belt, geometrically exact, for any contact pressure.
 
-It needs neither the contact pressure nor a linear ring, only load, pressure and belt radius for the scale; the edges of
-the contact only tell where the free belt begins. docs/estimators.md derives it and says what its numbers are worth.
+It assumes neither a contact pressure nor a linear ring. Load, pressure and belt radius set the scale; the contact edges
+only mark the beginning of the free belt. docs/estimators.md has the derivation and the errors.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution
-from gateway.estimators.determination import all_invalid, doubt_about, load_number, number_estimates, unusable
-from gateway.estimators.order_errors import relative_std
-from gateway.estimators.weak_form_fit import curvature_of, fits_of
-from gateway.estimators.weak_form_rows import motion_begin
-from gateway.estimators.weak_form_solve import WeakFormSolution, solve_balance
-from gateway.physics.belt_shape import MAX_ORDER
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, TireConditions
+from gateway.estimators.determination import (
+    FittedNumbers,
+    all_invalid,
+    doubt_about,
+    load_number,
+    number_estimates,
+    unusable,
+)
+from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
+from gateway.estimators.weak_form_rows import ROWS, motion_begin
+from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
+from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, even_orders
 from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT
+from gateway.types import BoolArray, FloatArray
 
-# The first revolution's solution is the next one's start: there is no need to converge on its noise.
+# The solution of the first revolution is the start of the next, so it need not converge on the noise.
 _COLD_PASSES: Final = 2
-# Curvature over the mean in the middle of a contact: below 0 on a drum, 0 on a road, towards 1 under hardly any load.
-_FLAT_ENOUGH: Final = 0.9
+# Curvature in the middle of the contact over the mean: below 0 on a drum, 0 on a road, near 1 at very low load.
+_MAX_CONTACT_CURVATURE: Final = 0.9
+
+# Relative change of the numbers by a belt of EA = 5 MN, the same at all loads and wear (docs/estimators.md). The
+# extensibility of a belt is not known, so this is one standard error.
+EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0005, -0.0012, 0.0022, -0.025])
+
+_WAVEFORMS_PER_BLOCK: Final = 32
 
 
 class WeakFormEstimator:
-    """Bs, Cw, Rs, Ts and their ratios to Cw from the running average, one pass a revolution."""
+    """Bs, Cw, Rs, Ts and their ratios to Cw from the running average, one pass per revolution."""
 
     def __init__(self) -> None:
         """Start cold."""
@@ -42,12 +57,12 @@ class WeakFormEstimator:
         """Forget the warm start."""
         self._warm: WeakFormSolution | None = None
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
 
-        Without load or pressure the four are invalid and the ratios stand, for all four are proportional to
+        Without load or pressure the four are invalid, but not the ratios, for all four are proportional to
         Q / (p0 R^2). Provisional until the average has settled, on a revolution with faults, and where the data do not
-        determine a number, model error counted. Never raises on values.
+        determine a number, model error included. Never raises on values.
         """
         reason = unusable(average, conditions)
         if reason:
@@ -60,8 +75,8 @@ class WeakFormEstimator:
         orders, mean = curvature_of(average.radial_mps2[np.newaxis], centre, offset, max_order)
         if not np.isfinite(orders).all():
             return self._cold(Reason(Code.NO_STEADY_VALUE))
-        if (curvature := float(orders[0].sum())) > _FLAT_ENOUGH:
-            return self._cold(Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_FLAT_ENOUGH))
+        if (curvature := float(orders[0].sum())) > _MAX_CONTACT_CURVATURE:
+            return self._cold(Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE))
         std = relative_std(average.orders_std_mps2, float(mean[0]), orders[0], max_order)[np.newaxis]
         try:
             solution = solve_balance(
@@ -78,3 +93,138 @@ class WeakFormEstimator:
     def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
         self._warm = None
         return all_invalid(reason)
+
+
+@dataclass(frozen=True, slots=True)
+class WaveformFits:
+    """The four numbers of b waveforms at load number Q / (p0 R^2) = 1; all are proportional to it.
+
+    Attributes:
+        values: (b, 4) Bs, Cw, Rs, Ts; NaN where a waveform describes no belt.
+        free: (b, 4) False where a number is held at 0.
+        noise: (b, 4, 4) covariance from the errors of the orders.
+        model: (b, 4, 4) covariance from model error.
+        deflection: (b,) of the belt in the contact, over R; does not depend on the load number.
+        misfit: (b,) chi-square of the balance over its degrees of freedom.
+    """
+
+    values: FloatArray
+    free: BoolArray
+    noise: FloatArray
+    model: FloatArray
+    deflection: FloatArray
+    misfit: FloatArray
+
+    def numbers(self, index: int, load_number: float) -> FittedNumbers:
+        """Return one waveform's numbers at a load number."""
+        square = load_number**2
+        return FittedNumbers(
+            self.values[index] * load_number,
+            self.free[index],
+            self.noise[index] * square,
+            self.model[index] * square,
+        )
+
+    def load_n(self, width_m: float, pressure_pa: float, radius_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return the load that makes Cw equal to width over radius, and its standard error, (b,) each, N.
+
+        Cw is proportional to the load, so no other number needs to be known.
+        """
+        cw = np.where(self.free[:, 1], self.values[:, 1], math.nan)
+        load = width_m / radius_m / cw * pressure_pa * radius_m**2
+        return load, load * np.sqrt(self.noise[:, 1, 1] + self.model[:, 1, 1]) / cw
+
+
+def curvature_of(
+    radial_mps2: FloatArray, centre_rad: FloatArray | float, offset: float, max_order: int = MAX_ORDER
+) -> tuple[FloatArray, FloatArray]:
+    """Return cosine orders of kappa R about the contact centre, (b, MAX_ORDER + 1), and means of the signal, (b,).
+
+    Args:
+        radial_mps2: (b, n) radial waveforms on the angle grid, gravity removed, steady value included.
+        centre_rad: (b,) middle of the contact.
+        offset: sensor offset below the neutral layer, over the belt radius.
+        max_order: highest order that the sampling carries.
+    """
+    orders = even_orders(radial_mps2, centre_rad, max_order)
+    return curvature_orders(orders, offset), orders[:, 0]
+
+
+def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
+    """Return the numbers of a solution with their covariances.
+
+    Noise: standard errors of the orders, propagated by the response of the numbers. Model error: the least correction
+    of the orders that lets the balance hold, with random phase in each band, propagated by the same response, minus the
+    part that noise alone explains. A band keeps its envelope, so that waves near the contact stay there, where bending
+    is sensitive to them. The extension of the belt, which the balance neglects, is added.
+
+    Args:
+        solution: of b waveforms.
+        order_std: (b or 1, ORDER_COUNT) standard errors of the relative signal's orders.
+    """
+    response = solution.response[:, :4]
+    weighted = response * order_std[:, np.newaxis, :]
+    noise = weighted @ weighted.transpose(0, 2, 1)
+    # The fit has removed UNKNOWNS degrees of freedom from the residual.
+    excess = np.maximum(1.0 - 1.0 / np.maximum(solution.misfit, 1.0), 0.0) * (ROWS + 1) / FREEDOM
+    waves = by_band(solution.correction)
+    moved = np.concatenate([waves, waves @ QUARTER_TURN], axis=1) @ response.transpose(0, 2, 1)
+    model = 0.5 * excess[:, np.newaxis, np.newaxis] * (moved.transpose(0, 2, 1) @ moved)
+    extension = solution.unknowns[:, :4] * EXTENSION_ERRORS
+    model += extension[:, :, np.newaxis] * extension[:, np.newaxis, :]
+    return WaveformFits(
+        values=solution.unknowns[:, :4],
+        free=solution.free[:, :4],
+        noise=np.broadcast_to(noise, model.shape),
+        model=model,
+        deflection=solution.unknowns[:, 5],
+        misfit=solution.misfit,
+    )
+
+
+def fit_waveforms(
+    radial_mps2: FloatArray,
+    order_std_mps2: FloatArray,
+    centre_rad: FloatArray,
+    half_angle_rad: FloatArray,
+    *,
+    offset: float = 0.0,
+    max_order: int = MAX_ORDER,
+) -> WaveformFits:
+    """Fit many waveforms of one tire, such as averages along a recording.
+
+    Waveforms of nearly the same contact angle share the weights of their mean. This takes a quarter of the time of
+    single fits and changes the numbers in second order only.
+
+    Args:
+        radial_mps2: (b, n) waveforms on the angle grid, gravity removed, steady value included.
+        order_std_mps2: (ORDER_COUNT,) standard error of each order of one waveform.
+        centre_rad: (b,) middle of the contact.
+        half_angle_rad: (b,) half of the contact angle.
+        offset: sensor offset below the neutral layer, over the belt radius.
+        max_order: highest order that the sampling carries.
+    """
+    count = len(radial_mps2)
+    fits = WaveformFits(
+        values=np.full((count, 4), math.nan),
+        free=np.zeros((count, 4), dtype=np.bool_),
+        noise=np.full((count, 4, 4), math.nan),
+        model=np.full((count, 4, 4), math.nan),
+        deflection=np.full(count, math.nan),
+        misfit=np.full(count, math.nan),
+    )
+    orders, means = curvature_of(radial_mps2, centre_rad, offset, max_order)
+    usable = np.isfinite(orders).all(axis=1) & (half_angle_rad > 0.0) & (half_angle_rad < 0.5 * math.pi)
+    begins = np.array([motion_begin(angle) if good else -1 for angle, good in zip(half_angle_rad, usable, strict=True)])
+    for begin in np.unique(begins[usable]):
+        alike = np.flatnonzero(begins == begin)
+        for first in range(0, len(alike), _WAVEFORMS_PER_BLOCK):
+            block = alike[first : first + _WAVEFORMS_PER_BLOCK]
+            std = relative_std(order_std_mps2, float(means[block].mean()), orders[block].mean(axis=0), max_order)
+            try:
+                found = fits_of(solve_similar_balances(orders[block], int(begin), std), std[np.newaxis])
+            except np.linalg.LinAlgError:
+                continue
+            for field in ("values", "free", "noise", "model", "deflection", "misfit"):
+                getattr(fits, field)[block] = getattr(found, field)
+    return fits

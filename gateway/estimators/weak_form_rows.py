@@ -1,14 +1,14 @@
-"""The exact balance of a rolling belt as rows that are linear in the four numbers.
+"""Rows of the exact balance of a rolling belt, linear in the four numbers.
 
-Virtual work of a geometrically exact belt on an elastic sidewall, for virtual rotations phi of its tangent that vanish
-in the contact (docs/estimators.md has the derivation). Such a motion neither stretches the belt nor moves it on the
-road: tension, belt inertia, contact pressure, contact shear and tread drop out. What is left, over p0 R^2:
+They state the virtual work of a geometrically exact belt on an elastic sidewall, for virtual rotations phi of its
+tangent that vanish in the contact (docs/estimators.md has the derivation). Such a motion neither stretches the belt nor
+moves it on the road, so tension, belt inertia, contact pressure, contact shear and tread drop out. Over p0 R^2:
 
     Bs int (psi' - 1) phi' - int n . (F - tension x) phi = 0,  F(theta) = - int_theta^pi f,
     f = -Cw n_out + Rs u_r e_r + Ts u_t e_t
 
-The tension is the belt's at theta = pi; it holds the belt closed. One more row, the vertical balance, carries the
-load: 2 int_0^pi f . y = Q / (p0 R^2). Everything per waveform, on the half circle of `belt_shape`; u contains the
+The tension is that of the belt at theta = pi; it keeps the belt closed. One more row, the vertical balance, contains
+the load: 2 int_0^pi f . y = Q / (p0 R^2). All is per waveform, on the half circle of `belt_shape`. u contains the
 deflection y0 of the belt in the contact, in which the rows are linear as well.
 
 Unknowns, in this order everywhere: Bs, Cw, Rs, Ts, tension / (p0 R^2), y0 / R. None of them can be negative.
@@ -38,12 +38,12 @@ from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import ComplexArray, FloatArray
 
 # Virtual rotations sin(j pi (theta - theta_c) / (pi - theta_c)), j = 1 to ROWS: orders up to about 35. The numbers need
-# two thirds of them; waves that are not the belt's shape, of order 30 on real tires, must be seen to be told.
+# two thirds of them; the others show waves that are not the belt's shape, of order 30 on real tires.
 ROWS: Final = 32
-# The virtual motion begins this far outside the contact's edge, which is known to some milliradians only.
+# Distance of the virtual motion from the contact edge, which is known to some milliradians only.
 CLEARANCE_RAD: Final = 0.02
 UNKNOWNS: Final = 6
-# The rows' covariance needs less than the rows: every second grid point, and orders up to 60.
+# The covariance of the rows is computed on every second grid point and from orders up to 60.
 STRIDE: Final = 2
 SENSITIVE_ORDERS: Final = ORDER_COUNT
 _COARSE_COSINES: Final[FloatArray] = COSINES[::STRIDE, :SENSITIVE_ORDERS] * (STRIDE * TRAPEZOID[::STRIDE, np.newaxis])
@@ -67,7 +67,7 @@ class VirtualMotion(NamedTuple):
 
 @lru_cache(maxsize=64)
 def virtual_motion(begin: int) -> VirtualMotion:
-    """Return the virtual rotations that begin at grid index `begin`, HALF_STEPS - begin being even."""
+    """Return the virtual rotations that begin at grid index `begin`; HALF_STEPS - begin must be even."""
     angle = ANGLES_RAD[begin:] - ANGLES_RAD[begin]
     order = np.arange(1, ROWS + 1)[:, np.newaxis] * (math.pi / angle[-1])
     weights = np.full(len(angle), 2.0 * STEP_RAD / 3.0)
@@ -77,20 +77,20 @@ def virtual_motion(begin: int) -> VirtualMotion:
 
 
 def motion_begin(half_angle_rad: float) -> int:
-    """Return the grid index where the virtual motion begins for a contact of this half angle."""
+    """Return the grid index at which the virtual motion begins for a contact half angle."""
     begin = math.ceil((half_angle_rad + CLEARANCE_RAD) / STEP_RAD)
     return begin + (HALF_STEPS - begin) % 2
 
 
 @dataclass(frozen=True, slots=True)
 class BalanceRows:
-    """Rows of the balance of each waveform: row = constant @ numbers + y0 * rise @ numbers.
+    """Rows of the balance of each waveform: constant @ numbers + y0 * rise @ numbers.
 
     Attributes:
         shape: the belts.
         motion: the virtual motion.
         constant: (b, ROWS + 1, 5) factors of Bs, Cw, Rs, Ts, tension; the last row is the vertical balance.
-        rise: (b, ROWS + 1, 5) what a deflection of 1 adds to them.
+        rise: (b, ROWS + 1, 5) their change per deflection y0 / R.
         forces: (b, 3, m) F of Cw, Rs and Ts on the half circle, without deflection.
     """
 
@@ -135,8 +135,8 @@ def balance_rows(shape: BeltShape, begin: int) -> BalanceRows:
 def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
     """Return the derivative of the rows at `unknowns` (b, 6) by the cosine orders of the relative signal.
 
-    The adjoint of curvature -> angle -> position -> balance, with the closure of the belt and the calibration by the
-    mean taken along.
+    It is the adjoint of curvature -> angle -> position -> balance, including the closure of the belt and the
+    calibration by the mean.
 
     Returns:
         (b, ROWS + 1, SENSITIVE_ORDERS); column 0 is the derivative by the relative error of the mean.
@@ -159,11 +159,11 @@ def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
     x[:, :ROWS, free] = _running(-s[..., free] * rotation)
     y[:, :ROWS, free] = _running(c[..., free] * rotation)
     y[:, ROWS] = 2.0
-    # By the angle: what the sidewall's forces on eta do as the belt beyond the point moves along its normal there,
+    # Derivative by the angle: the belt beyond the point moves along its normal, which changes the work of the sidewall,
     radial = (rs - ts) * (q * x - p * y)
     by_angle = c * _remaining(ts * y - radial * p)
     by_angle -= s * _remaining(ts * x + radial * q)
-    # the pressure turning, and the axial force turning.
+    # and pressure and axial force rotate.
     by_angle[:, :ROWS] -= (cw * (c * x + s * y))[:, :ROWS]
     by_angle[:, :ROWS, free] += axial[:, np.newaxis, free] * rotation
     by_curvature = _remaining(by_angle)
@@ -177,13 +177,13 @@ def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
 
 
 def _dot(left: ComplexArray, right: ComplexArray) -> FloatArray:
-    """Scalar product of plane vectors."""
+    """Return the scalar product of plane vectors."""
     product: FloatArray = left.real * right.real + left.imag * right.imag
     return product
 
 
 def _running(values: FloatArray) -> FloatArray:
-    """Integral from the first point of the coarse grid, trapezoidal."""
+    """Return the trapezoidal integral from the first point of the coarse grid."""
     total: FloatArray = np.cumsum(values, axis=-1)
     total -= 0.5 * values
     total -= 0.5 * values[..., :1]
@@ -192,7 +192,7 @@ def _running(values: FloatArray) -> FloatArray:
 
 
 def _remaining(values: FloatArray) -> FloatArray:
-    """Integral from each point of the coarse grid to the last, trapezoidal."""
+    """Return the trapezoidal integral from each point of the coarse grid to the last."""
     total = _running(values)
     return total[..., -1:] - total
 

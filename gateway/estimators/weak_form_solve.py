@@ -1,9 +1,9 @@
-"""Solution of the belt's balance for the four numbers: least squares with errors in the rows' own factors.
+"""Solution of the belt's balance for the four numbers: least squares with errors in the rows themselves.
 
-The rows hold for the true shape; the signal has errors. So the orders are corrected as little as possible, in terms of
-their errors, until all rows can hold (the Gauss-Helmert model): rows and their sensitivity are taken at the corrected
-orders, and the rows are weighted with the covariance that the orders' errors give them. Taking them at the orders as
-measured instead makes bending too small by the square of the errors (docs/estimators.md).
+The rows hold for the true shape, but the signal has errors. So the orders are corrected as little as possible, in terms
+of their errors, until all rows hold (the Gauss-Helmert model). Rows and their sensitivity are computed at the corrected
+orders, and the rows are weighted with the covariance that follows from the errors of the orders. At the measured orders
+bending would be too small by the square of the errors (docs/estimators.md).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Final, Self
 import numpy as np
 
 from gateway.estimators.bounded_fit import fit_nonnegative
+from gateway.estimators.determination import NUMBER_UNITS
 from gateway.estimators.weak_form_rows import (
     ROWS,
     SENSITIVE_ORDERS,
@@ -24,23 +25,18 @@ from gateway.estimators.weak_form_rows import (
     row_sensitivity,
 )
 from gateway.physics.belt_shape import belt_shape
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.types import BoolArray, FloatArray
 
-# Table 3's tire carries 5000 N at 2.1 bar and a belt radius of 0.32 m.
-_TABLE_3_LOAD_NUMBER: Final = 0.2325
-# Unknowns are counted in these, so that all are about 1 for a car tire at load number 1.
-UNITS: Final[FloatArray] = np.array(
-    [*(np.array([*TABLE_3_NUMBERS, 0.18]) / _TABLE_3_LOAD_NUMBER), 0.08],
-)
-# Rows beyond the unknowns.
+# Units of the unknowns: all are about 1 for a car tire at load number 1.
+UNITS: Final[FloatArray] = np.array([*NUMBER_UNITS, 0.18 / 0.2325, 0.08])
+# Degrees of freedom: rows minus unknowns.
 FREEDOM: Final = ROWS + 1 - UNKNOWNS
 
 COLD_PASSES: Final = 4
 _GAUSS_NEWTON_STEPS: Final = 5
 _CONVERGED: Final = 1e-5
 # An unknown below this share of its unit is on its bound.
-_ZERO: Final = 1e-6
+_ON_BOUND: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +87,7 @@ def solve_balance(
         begin: grid index where the virtual motion begins.
         order_std: (b, SENSITIVE_ORDERS) standard errors of the relative signal's orders, all positive.
         start: a solution of nearly the same waveforms; None starts from the ring of Table 3.
-        passes: at least 1; one does from a start, and a cold solution needs COLD_PASSES where the errors are large.
+        passes: at least 1; one is enough from a start, COLD_PASSES are needed without one where the errors are large.
 
     Raises:
         numpy.linalg.LinAlgError: the orders describe no belt.
@@ -107,8 +103,8 @@ def solve_balance(
     return solution
 
 
-def solve_balance_alike(orders: FloatArray, begin: int, order_std: FloatArray) -> WeakFormSolution:
-    """Solve the balance of b waveforms that differ little, with the weights and the correction of their mean.
+def solve_similar_balances(orders: FloatArray, begin: int, order_std: FloatArray) -> WeakFormSolution:
+    """Solve the balance of b similar waveforms with the weights and the correction of their mean.
 
     Args:
         orders: (b, MAX_ORDER + 1) cosine orders of kappa R, order 0 being 1.
@@ -127,7 +123,7 @@ def solve_balance_alike(orders: FloatArray, begin: int, order_std: FloatArray) -
 
 
 def _corrected(orders: FloatArray, correction: FloatArray) -> FloatArray:
-    """Return the orders with their correction; order 0, which is 1, has none."""
+    """Return the orders with their correction; order 0 is 1 and has none."""
     corrected = orders.copy()
     corrected[:, 1:SENSITIVE_ORDERS] += correction[:, 1:]
     return corrected
@@ -141,7 +137,7 @@ def _weights(rows: BalanceRows, unknowns: FloatArray, order_std: FloatArray) -> 
 
 
 def _cold_start(rows: BalanceRows) -> FloatArray:
-    """Table 3's numbers with the deflection and tension that fit the shape best, scaled to the load."""
+    """Return Table 3's numbers with the deflection and tension that fit the shape best, scaled to the load."""
     numbers = UNITS[:4]
     constant, rise = rows.constant[..., :4] @ numbers, rows.rise[..., :4] @ numbers
     factors = np.stack([rise[:, :ROWS], rows.constant[:, :ROWS, 4]], axis=2)
@@ -155,7 +151,7 @@ def _cold_start(rows: BalanceRows) -> FloatArray:
 
 
 def _solve_at(orders: FloatArray, rows: BalanceRows, start: FloatArray, weights: _Weights) -> WeakFormSolution:
-    """Solve with rows taken at `rows.shape.orders`, which differ from `orders` by the last correction."""
+    """Solve with rows computed at `rows.shape.orders`, which differ from `orders` by the last correction."""
     change = (orders - rows.shape.orders)[:, :SENSITIVE_ORDERS]
     change[:, :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     target = -weights.sensitivity @ change[..., np.newaxis]
@@ -163,7 +159,7 @@ def _solve_at(orders: FloatArray, rows: BalanceRows, start: FloatArray, weights:
     whitened = np.linalg.solve(weights.factor, np.concatenate([rows.constant, rows.rise, target], axis=2))
     unknowns, free, jacobian, residual = _solve_whitened(whitened, start)
     inverse = _inverse(jacobian)
-    # Back through the weights: whitened rows to unknowns, and the residual to the change of orders that explains it.
+    # Back through the weights: whitened rows to unknowns, residual to the change of the orders that explains it.
     both = np.concatenate([inverse, residual[:, np.newaxis]], axis=1).transpose(0, 2, 1)
     back = np.linalg.solve(weights.factor.transpose(0, 2, 1), both).transpose(0, 2, 1) @ weights.sensitivity
     return WeakFormSolution(
@@ -176,9 +172,9 @@ def _solve_at(orders: FloatArray, rows: BalanceRows, start: FloatArray, weights:
 
 
 def _solve_whitened(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray, FloatArray]:
-    """Minimise the sum of squares of whitened rows; return unknowns, free ones, Jacobian and residual at the end.
+    """Minimise the sum of squares of whitened rows; return unknowns, which are free, Jacobian and residual.
 
-    Gauss-Newton for all waveforms at once; a bounded fit one by one where that fails or ends below zero.
+    Gauss-Newton for all waveforms at once, then a bounded fit of each waveform where that fails or ends below zero.
     """
     here = start
     size = np.full(len(here), math.inf)
@@ -219,22 +215,22 @@ def _solve_bounded(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray,
         jacobian, residual = _linearised(whitened, parameters * UNITS)
         return residual + target, jacobian * UNITS
 
-    # What was left on its bound gets a chance to come off it.
+    # An unknown on its bound starts slightly above it, so that it can leave it.
     first = np.clip(np.nan_to_num(start / UNITS, nan=1.0), 0.01, 100.0)
     fit = fit_nonnegative(model, target, first, tolerance=1e-6)
-    free = fit.parameters > _ZERO
+    free = fit.parameters > _ON_BOUND
     return np.where(free, fit.parameters, 0.0) * UNITS, free
 
 
 def _inverse(jacobian: FloatArray) -> FloatArray:
-    """Return what turns whitened rows into unknowns, (b, 6, ROWS + 1), all of them free.
+    """Return the matrix from whitened rows to unknowns, (b, 6, ROWS + 1), with all of them free.
 
-    An unknown on its bound is not known to be 0: the others' errors contain what it may be.
+    An unknown on its bound is not known to be 0: its possible values are part of the errors of the others.
     """
     scaled = jacobian * UNITS
     transposed = scaled.transpose(0, 2, 1)
     normal = transposed @ scaled
-    # A trace of ridge, so that there is an inverse always.
+    # A small ridge, so that the matrix is never singular.
     normal += (1e-14 * np.trace(normal, axis1=1, axis2=2))[:, np.newaxis, np.newaxis] * np.eye(UNKNOWNS)
     inverse: FloatArray = np.linalg.solve(normal, transposed) * UNITS[:, np.newaxis]
     return inverse

@@ -1,9 +1,9 @@
-"""Tread wear from the bending stiffness number, against that of the new tire.
+"""Estimator of tread wear from the bending stiffness number, compared with that of the new tire.
 
-A ring of thickness h bends with EI ~ h^3 and Bs = EI / (R^4 p0), so the wear is h0 (1 - (Bs p0 / (Bs_new p0_new))^1/3).
-h is the thickness of the whole ring, belt and tread; with the tread depth alone, as the ring paper prints it, 6.4 mm of
-wear would take Bs down to a hundredth. Pressure is compensated by this; temperature, which softens the rubber and takes
-Bs down with it, is not.
+A ring of thickness h has EI ~ h^3 and Bs = EI / (R^4 p0), so the wear is h0 (1 - (Bs p0 / (Bs_new p0_new))^1/3). h is
+the thickness of the whole ring, belt and tread; with the tread depth alone, as printed in the ring paper, 6.4 mm of
+wear would reduce Bs to a hundredth. This compensates pressure. It does not compensate temperature, which softens the
+rubber and so reduces Bs.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 
 NAMES: Final = ("wear_mm", "wear_number", "wear_drift_mm")
 
-# The running average forgets a revolution in about this many: values so far apart are independent.
-_APART: Final = round(2 * DEFAULT_HORIZON_REVOLUTIONS)
-# Values that a drift is fitted through at least.
+# Revolutions after which a value of the running average is independent of an earlier one.
+_SPACING_REVOLUTIONS: Final = round(2 * DEFAULT_HORIZON_REVOLUTIONS)
+# Least number of values for a drift.
 _LEAST_VALUES: Final = 4
 
 
 class WearEstimator:
-    """Wear in mm, the ring paper's wear number (Eq. 30), and how far the wear has drifted since the first value."""
+    """Wear in mm, the ring paper's wear number (Eq. 30), and the drift of the wear since the first value."""
 
     def __init__(self) -> None:
         """Start without a drift."""
@@ -46,12 +46,13 @@ class WearEstimator:
     def update(
         self,
         revolution: Revolution,
-        average: AngleAverage,  # noqa: ARG002 - the numbers that come before hold what it tells
-        conditions: Conditions,
+        average: AngleAverage,  # noqa: ARG002 - part of the interface
+        conditions: TireConditions,
     ) -> tuple[Estimate, ...]:
         """Return wear_mm, wear_number and wear_drift_mm.
 
-        Without a load the ratio Bs/Cw takes the place of Bs: the belt's width does not wear. Never raises on values.
+        Without a load Bs/Cw is used in place of Bs, because wear does not change the belt's width. Never raises on
+        values.
         """
         wear = _wear(conditions)
         if wear.status is Status.INVALID:
@@ -61,17 +62,19 @@ class WearEstimator:
         return wear, number, self._drift(revolution, wear)
 
     def _drift(self, revolution: Revolution, wear: Estimate) -> Estimate:
-        """Take a value in when it is independent of the last, and return the drift along the line through all."""
+        """Add a value when it is independent of the last, and return the drift along the line through all values."""
         if wear.status is Status.VALID and (self._due is None or revolution.index >= self._due):
             if self._due is None:
                 self._first = float(revolution.index)
-            self._due = revolution.index + _APART
+            self._due = revolution.index + _SPACING_REVOLUTIONS
             self._latest = float(revolution.index)
             self._values.update(np.array([self._latest, wear.value]), 1.0 / (self._values.count + 1))
         count = self._values.count
         if count < _LEAST_VALUES:
-            needed = (_LEAST_VALUES - 1) * _APART
-            return Estimate.invalid(NAMES[2], Reason(Code.NEEDS_WEAR_VALUES, revolutions=needed, spacing=_APART))
+            needed = (_LEAST_VALUES - 1) * _SPACING_REVOLUTIONS
+            return Estimate.invalid(
+                NAMES[2], Reason(Code.NEEDS_WEAR_VALUES, revolutions=needed, spacing=_SPACING_REVOLUTIONS)
+            )
         (xx, xy), (_, yy) = self._values.variance()
         span = self._latest - self._first
         left = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)
@@ -81,8 +84,8 @@ class WearEstimator:
         )
 
 
-def _wear(conditions: Conditions) -> Estimate:
-    """Return the wear."""
+def _wear(conditions: TireConditions) -> Estimate:
+    """Return the wear from the numbers of the reference's estimator."""
     tire = conditions.tire
     reference, thickness = tire.reference, tire.ring_thickness_m
     if thickness is None:

@@ -1,4 +1,4 @@
-"""The first pass over a measurement: it checks every value and measures rate and ranges before anything is written."""
+"""First pass over a measurement: every value is checked, and rate and ranges are measured, before writing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The import map: the meaning of the columns of a measurement file."""
+"""Import map: the meaning of the columns of a measurement file."""
 
 from __future__ import annotations
 

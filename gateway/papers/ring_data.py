@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.estimators.base import AngleAverage, Revolution, TireConditions
 from gateway.estimators.registry import make_estimator
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
@@ -34,7 +34,6 @@ WEAR_MM: Final = (0.0, 2.9, 6.4)
 # Belt and tread of the new tire; the paper does not state it.
 RING_THICKNESS_MM: Final = 15.0
 ESTIMATORS: Final = ("ring-paper", "weak-form")
-NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 
 _BASE: Final = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=2.1e5)
 _SAMPLES: Final = 2.0 * math.pi / OMEGA_RADPS * RATE_HZ
@@ -80,11 +79,11 @@ def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
     solved = solve_rolling_ring(ring, load_n, pressure_pa, OMEGA_RADPS, nodes=1440)
     seed = round(wear_mm * 10) * 10_000 + round(pressure_pa * 1e-4) * 100 + round(load_n * 1e-3)
     revolution, average = _averaged(solved, seed)
-    stated = Conditions(RADIUS_M, load_n, pressure_pa)
+    stated = TireConditions(RADIUS_M, load_n, pressure_pa)
     found = {}
     for name in ESTIMATORS:
         estimates = {e.name: e.value for e in make_estimator(name).update(revolution, average, stated)}
-        found[name] = np.array([estimates[number] for number in NUMBERS])
+        found[name] = np.array([estimates[number] for number in RING_NUMBERS])
     return Condition(wear_mm, solved, average, found)
 
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from gateway.constants import RING_NUMBERS
 from gateway.papers.ring_data import (
-    NUMBERS,
     OMEGA_RADPS,
     RADIUS_M,
     REVOLUTIONS,
@@ -150,7 +150,7 @@ def _fig_16(figure: Figure) -> str:
 
 def _against_angle(figure: Figure, number: str, label: str, in_paper: str) -> str:
     axes = figure.subplots()
-    grid, index = table_1(), NUMBERS.index(number)
+    grid, index = table_1(), RING_NUMBERS.index(number)
     angles = [math.degrees(tire.half_angle_rad) for tire in grid]
     _draw(axes, grid, angles, number)
     axes.set(xlabel="contact half angle, °", ylabel=label, ylim=(0, None))
@@ -172,7 +172,7 @@ def _draw(
     axes: Axes, grid: list[Condition], places: list[float], number: str, scale: float = 1.0, spread: float = 0.0
 ) -> None:
     """Draw truth and estimates; `spread` is the horizontal distance between estimators."""
-    index = NUMBERS.index(number)
+    index = RING_NUMBERS.index(number)
     for shift, (name, style) in zip((0.0, -spread, spread), _STYLES.items(), strict=True):
         values = [scale * (tire.truth if name == "truth" else tire.found[name])[index] for tire in grid]
         axes.plot(np.array(places) + shift, values, linestyle="none", alpha=0.85, **style)

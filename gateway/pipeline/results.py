@@ -1,4 +1,4 @@
-"""What the pipeline hands out: results per revolution and immutable snapshots for the views."""
+"""Results per revolution and immutable snapshots of wheels, links and the session, for the views."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from gateway.estimators.base import Conditions, Estimate, Revolution
+from gateway.estimators.base import Estimate, Revolution, TireConditions
 from gateway.reasons import Reason
 from gateway.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class RevolutionResult:
-    """One row of results.
+    """Result of one revolution of one wheel.
 
     Attributes:
         position: wheel position from the configuration, e.g. `FL`, or `hub0.wheel2` when not configured.
         host_ns: host time of the end of the revolution, ns since the epoch.
         revolution: the revolution itself.
-        conditions: load, pressure and temperature that held.
-        estimates: every estimator's output, speed and contact angles first.
+        conditions: load, pressure and temperature during the revolution.
+        estimates: of every estimator, in running order.
     """
 
     position: str
     host_ns: int
     revolution: Revolution
-    conditions: Conditions
+    conditions: TireConditions
     estimates: tuple[Estimate, ...]
 
 
 class WheelState(StrEnum):
-    """What a wheel is doing, as far as its radial axis tells."""
+    """Motion of a wheel, from its radial axis."""
 
     NO_DATA = "no data"
     SEARCHING = "searching"
@@ -41,7 +41,7 @@ class WheelState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class WheelCounters:
-    """What happened to the samples of one wheel since the session began."""
+    """Sample and revolution counts of one wheel since the session began."""
 
     samples: int = 0
     samples_lost: int = 0
@@ -53,11 +53,11 @@ class WheelCounters:
 
 @dataclass(frozen=True, slots=True)
 class SensorFlag:
-    """Something wrong with a sensor, found in its own signal.
+    """Fault of a sensor, detected in its own signal.
 
     Attributes:
         name: one or two words.
-        reason: what it is and what follows from it.
+        reason: the fault and its consequence.
     """
 
     name: str
@@ -66,21 +66,21 @@ class SensorFlag:
 
 @dataclass(frozen=True, slots=True)
 class WheelSnapshot:
-    """The latest of one wheel, for views.
+    """Latest state of one wheel, for views.
 
     Attributes:
         position: as in RevolutionResult.
         sensor_id: serial number as hex text, empty before a hello.
         rate_hz: sampling rate, 0 before a hello.
-        state: what the wheel is doing.
+        state: motion of the wheel.
         last: the latest result, None before the first revolution.
         average_mps2: (n,) running average of the radial axis at the last revolution's speed, None before the first.
         pressure_pa: latest measured or configured inflation pressure.
         temperature_degc: latest measured temperature.
         load_n: configured load, else the estimated one.
-        wear_mm: tread wear when an estimator knows it.
+        wear_mm: tread wear; None when no estimator gives it.
         counters: sample and revolution counts.
-        flags: what is wrong with the sensor now.
+        flags: present faults of the sensor.
     """
 
     position: str

@@ -1,4 +1,4 @@
-"""What is wrong with a sensor, from its own signal: dead, stuck, mounted wrongly, loose, pressure frozen."""
+"""Faults of a sensor from its own signal: dead, stuck, mounted wrongly, loose, pressure frozen."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from gateway.pipeline.results import SensorFlag
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
-# A channel that does not move by one count for so long does not measure: electrical noise alone moves it.
+# A channel that stays at one count for this long does not measure: electrical noise alone would move it.
 _WINDOW_S: Final = 1.0
-# A tilt is told from here on; up to 45 deg it can be stated in the configuration and is corrected.
+# Tilt from which a fault is reported; up to 45 deg the tilt can be stated in the configuration and is corrected.
 _TILT_RAD: Final = math.radians(20.0)
-# Below this an axis' mean may be its zero-g offset.
+# Below this the mean of an axis may be its zero-g offset.
 _LEAST_MEAN_MPS2: Final = 100.0
 
-# Ringing is looked for on both sides of the contact, so far from its edges and over so long a stretch.
+# Ringing is searched on both sides of the contact, from this distance to the edges and over this range of angle.
 _EDGE_MARGIN_RAD: Final = 0.2
-_STRETCH_RAD: Final = 1.3
+_RANGE_RAD: Final = 1.3
 _TREND_DEGREE: Final = 5
 _LOWEST_HZ: Final = 150.0
 _LOWEST_ORDER: Final = 16.0
 _STEP_HZ: Final = 25.0
 _FFT_SIZE: Final = 2048
 _AVERAGING: Final = 0.1
-_LOOK_EVERY: Final = 4
+_USED_EVERY: Final = 4
 _REVOLUTIONS: Final = 10
-# A measured tire's own waves reach 2.7 % of R Omega^2 behind the contact, with six times the power of those before it.
+# The waves of a measured tire reach 2.7 % of R Omega^2 behind the contact, with six times the power of those before it.
 _RINGING_SHARE: Final = 0.025
 _RINGING_RATIO: Final = 30.0
 
@@ -45,20 +45,20 @@ _FROZEN_PA: Final = 5_000.0
 def ringing_spectrum(
     radial_mps2: FloatArray, revolution: Revolution, frequency_hz: FloatArray, side: int
 ) -> FloatArray:
-    """Return the squared amplitude of what oscillates beside the contact, (f,), NaN where it cannot be told.
+    """Return the squared amplitude of oscillation beside the contact, (f,), NaN where it is not known.
 
     Args:
         radial_mps2: (n,) one axis on the angle grid.
         revolution: its contact edges and speed.
-        frequency_hz: (f,) where to look.
-        side: +1 behind the contact, where a loose sensor rings, -1 before it, where it has rung out.
+        frequency_hz: (f,) frequencies.
+        side: +1 behind the contact, where a loose sensor rings, -1 before it, where the ringing has decayed.
     """
     theta = np.linspace(-math.pi, math.pi, len(radial_mps2), endpoint=False)
     if side > 0:
         begin = revolution.trailing_edge_rad + _EDGE_MARGIN_RAD
     else:
-        begin = revolution.leading_edge_rad - _EDGE_MARGIN_RAD - _STRETCH_RAD
-    inside = (theta >= begin) & (theta < begin + _STRETCH_RAD)
+        begin = revolution.leading_edge_rad - _EDGE_MARGIN_RAD - _RANGE_RAD
+    inside = (theta >= begin) & (theta < begin + _RANGE_RAD)
     count = int(inside.sum())
     unknown: FloatArray = np.full(len(frequency_hz), math.nan)
     if count < 8 * _TREND_DEGREE:
@@ -77,7 +77,7 @@ def ringing_spectrum(
 
 
 def tilt_rad(mean_mps2: FloatArray) -> tuple[Axis, float] | None:
-    """Return the axis that carries what the radial one should, and by which angle, None when the radial one does.
+    """Return the axis that carries the steady value and its angle; None when it is the radial one.
 
     Args:
         mean_mps2: (3,) means of a DC-coupled sensor over a second or more of rolling; NaN for absent axes.
@@ -95,18 +95,18 @@ def tilt_rad(mean_mps2: FloatArray) -> tuple[Axis, float] | None:
 
 
 def expected_pressure_change_pa(pressure_pa: float, coldest_degc: float, hottest_degc: float) -> float:
-    """Return by how much the gauge pressure of a closed volume differs between two temperatures (ideal gas)."""
+    """Return the change of gauge pressure of a closed volume between two temperatures (ideal gas)."""
     middle_k = 0.5 * (coldest_degc + hottest_degc) + ZERO_CELSIUS_K
     return (pressure_pa + STANDARD_ATMOSPHERE_PA) * (hottest_degc - coldest_degc) / middle_k
 
 
 class SensorHealth:
-    """Watches one sensor; `flags` says what is wrong now. Estimates change only by a frozen pressure's error."""
+    """Monitor of one sensor; `flags` lists its faults. Estimates change only by the error of a frozen pressure."""
 
     def __init__(
         self, columns: Sequence[int], scale_mps2: FloatArray, offset_counts: FloatArray, rate_hz: float, *, is_dc: bool
     ) -> None:
-        """Take how the samples are to be read.
+        """Take the layout and scale of the samples.
 
         Args:
             columns: axis of each channel.
@@ -126,7 +126,7 @@ class SensorHealth:
         self._frequency_hz: FloatArray = np.arange(_LOWEST_HZ, 0.4 * rate_hz, _STEP_HZ)
         self._behind: FloatArray = np.full(len(self._frequency_hz), math.nan)
         self._before = self._behind
-        self._looked = 0
+        self._used = 0
         self._ringing: tuple[float, float] | None = None
         self._pressure_pa: float | None = None
         self._temperatures: tuple[float, float] = (math.inf, -math.inf)
@@ -134,7 +134,7 @@ class SensorHealth:
         self._pressure_error_pa = 0.0
 
     def samples(self, counts: NDArray[np.int16]) -> None:
-        """Look at (n, channels) raw samples that follow those of the last call."""
+        """Add (n, channels) raw samples that follow those of the last call."""
         if not len(counts):
             return
         low, high = counts.min(axis=0), counts.max(axis=0)
@@ -153,8 +153,8 @@ class SensorHealth:
         self._lowest = self._highest = None
 
     def revolution(self, revolution: Revolution) -> None:
-        """Look at a revolution; those with faults are left out, and a loose sensor shows in every fourth too."""
-        if revolution.faults or revolution.index % _LOOK_EVERY:
+        """Add a revolution. Those with faults are skipped; of the others every fourth is enough for a loose sensor."""
+        if revolution.faults or revolution.index % _USED_EVERY:
             return
         steady = revolution.radial_mps2.mean()
         if not steady > _LEAST_MEAN_MPS2:
@@ -164,10 +164,10 @@ class SensorHealth:
             for side in (1, -1)
         )
         self._behind, self._before = _averaged(self._behind, behind), _averaged(self._before, before)
-        self._looked += 1
+        self._used += 1
         self._ringing = None
         known = np.isfinite(self._behind) & np.isfinite(self._before)
-        if self._looked < _REVOLUTIONS or not known.any():
+        if self._used < _REVOLUTIONS or not known.any():
             return
         after, ahead = self._behind[known], self._before[known]
         rings = (after > _RINGING_SHARE**2) & (after > _RINGING_RATIO * (ahead + np.median(ahead)))
@@ -176,7 +176,7 @@ class SensorHealth:
             self._ringing = float(self._frequency_hz[known][strongest]), math.sqrt(float(after[strongest]))
 
     def environment(self, reading: Environment) -> float:
-        """Look at a pressure and temperature reading; return by how much the pressure may be wrong, Pa."""
+        """Add a pressure and temperature reading; return the possible error of the pressure, Pa."""
         pressure, temperature = reading.pressure_pa, reading.temperature_degc
         if pressure is None or temperature is None:
             return self._pressure_error_pa
@@ -192,7 +192,7 @@ class SensorHealth:
         return self._pressure_error_pa
 
     def flags(self) -> tuple[SensorFlag, ...]:
-        """Return what is wrong now."""
+        """Return the present faults."""
         return tuple(self._flags())
 
     def _flags(self) -> Iterator[SensorFlag]:
@@ -221,6 +221,6 @@ class SensorHealth:
 
 
 def _averaged(average: FloatArray, fresh: FloatArray) -> FloatArray:
-    """Return the running average; what either of them does not know comes from the other."""
+    """Return the running average; where one is NaN, the other is taken."""
     mixed: FloatArray = average + _AVERAGING * (fresh - average)
     return np.where(np.isnan(average), fresh, np.where(np.isnan(fresh), average, mixed))

@@ -1,4 +1,4 @@
-"""What is known of one wheel's tire: its conditions, running average and estimators."""
+"""Conditions, running average and estimators of one wheel's tire."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import WheelSetup
@@ -19,14 +19,14 @@ from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import RunningAverage
 from gateway.types import FloatArray
 
-# Environment values kept for revolutions that are still being cut.
+# Environment readings kept for revolutions that are not complete yet.
 _ENVIRONMENT_DEPTH: Final = 64
-# Estimators that known effects, which are locked to the wheel's angle, make no difference to.
+# Estimators that known effects, which are locked to the wheel's angle, do not change.
 _UNAFFECTED: Final = frozenset({"kinematic", "asynchronous"})
 
 
-class _Lineage:
-    """Average and estimators of revolutions that may be compared."""
+class _Series:
+    """Average and estimators of revolutions that may be averaged together."""
 
     def __init__(self, estimators: Sequence[str]) -> None:
         self.average = RunningAverage()
@@ -34,7 +34,7 @@ class _Lineage:
 
 
 class TireEstimates:
-    """Turns a wheel's revolutions into results; one instance a wheel.
+    """Turns a wheel's revolutions into results; one instance per wheel.
 
     Attributes:
         last: the latest result, None before the first revolution.
@@ -45,44 +45,46 @@ class TireEstimates:
         """Make the estimators; they run in the registry's order."""
         self._setup = setup
         self._names = tuple(estimators)
-        self._current = _Lineage(estimators)
-        # Revolutions that known effects were taken off, and such that they were not, do not mix.
-        self._lineages = {False: self._current}
+        self._current = _Series(estimators)
+        # Revolutions with and without known effects subtracted are averaged separately.
+        self._series = {False: self._current}
         self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
         self.last: RevolutionResult | None = None
         self.rejected = 0
 
     def reset(self) -> None:
-        """Forget the tire: there is another one."""
-        for lineage in self._lineages.values():
-            lineage.average.reset()
-            for estimator in lineage.estimators:
+        """Forget everything, as after a change of tire."""
+        for series in self._series.values():
+            series.average.reset()
+            for estimator in series.estimators:
                 estimator.reset()
 
     def forget_environment(self) -> None:
-        """The hub's time began anew: readings with old times say nothing any more."""
+        """Forget readings: the hub's time has restarted."""
         self._environment.clear()
 
     def environment(self, tick_us: int, environment: Environment, pressure_error_pa: float) -> None:
-        """Take a pressure and temperature reading with its hub time and the error its health leaves it."""
+        """Add a pressure and temperature reading with its hub time and the error that sensor health gives it."""
         self._environment.append((tick_us, environment, pressure_error_pa))
 
     def take(self, revolution: Revolution, end_us: float, host_ns: int) -> RevolutionResult:
         """Estimate one revolution that ended at hub time `end_us`."""
-        apart = revolution.uncorrected is not None
-        if apart not in self._lineages:
-            self._lineages[apart] = _Lineage(self._names)
-        self._current = self._lineages[apart]
+        uncorrected = revolution.uncorrected is not None
+        if uncorrected not in self._series:
+            self._series[uncorrected] = _Series(self._names)
+        self._current = self._series[uncorrected]
         average = self._take_in(revolution)
         conditions = self.conditions(end_us)
         estimates = self._estimate(revolution, average, conditions)
         self.last = RevolutionResult(self._setup.position, host_ns, revolution, conditions, estimates)
         return self.last
 
-    def _estimate(self, revolution: Revolution, average: AngleAverage, conditions: Conditions) -> tuple[Estimate, ...]:
-        """Run the estimators in turn; each sees what those before it found.
+    def _estimate(
+        self, revolution: Revolution, average: AngleAverage, conditions: TireConditions
+    ) -> tuple[Estimate, ...]:
+        """Run the estimators in order; each gets the estimates of those before it.
 
-        A name that an earlier estimator gives already is prefixed with its estimator's: `ring-paper:Bs`.
+        A name that an earlier estimator has used is prefixed with the estimator's: `ring-paper:Bs`.
         """
         given: dict[str, dict[str, Estimate]] = {}
         seeing = replace(conditions, given=MappingProxyType(given))
@@ -100,7 +102,7 @@ class TireEstimates:
         return tuple(estimates)
 
     def _take_in(self, revolution: Revolution) -> AngleAverage:
-        """Update the running average, or leave it alone when the revolution has faults."""
+        """Update the running average, or leave it unchanged when the revolution has faults."""
         latest = self._current.average.latest
         if revolution.faults:
             self.rejected += 1
@@ -117,18 +119,18 @@ class TireEstimates:
             noise_mps2=revolution.noise_mps2,
         )
 
-    def conditions(self, tick_us: float) -> Conditions:
-        """Return what is known of the tire at hub time `tick_us`."""
+    def conditions(self, tick_us: float) -> TireConditions:
+        """Return the conditions of the tire at hub time `tick_us`."""
         pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
         pressure_std = self._setup.pressure_std_pa
-        # The latest reading taken before.
+        # The latest reading before that time.
         taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
         if taken is not None:
             _, reading, pressure_error = taken
             pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
             temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
             pressure_std = max(pressure_std, pressure_error)
-        return Conditions(
+        return TireConditions(
             radius_m=self._setup.radius_m,
             load_n=self._setup.load_n,
             pressure_pa=pressure,
@@ -145,9 +147,9 @@ class TireEstimates:
         return self._current.average.latest
 
     def average_as_measured(self, *, ac_coupled: bool) -> AngleAverage | None:
-        """Return the running average with the known effects in, as contacts are looked for in the samples."""
+        """Return the running average including known effects, as in the samples in which contacts are searched."""
         average, table = self.average, self._setup.correction
-        if average is None or table is None or self._current is not self._lineages[False]:
+        if average is None or table is None or self._current is not self._series[False]:
             return average
         added = table.contribution_mps2(average.omega_radps, ac_coupled=ac_coupled)[Axis.RADIAL]
         return replace(average, radial_mps2=average.radial_mps2 + added)
@@ -155,7 +157,7 @@ class TireEstimates:
     def contribution(
         self, omega_radps: float, end_us: float, *, sensor_id: int, ac_coupled: bool
     ) -> tuple[FloatArray | None, Reason | None]:
-        """Return what known effects add to a revolution, (3, n), or None; and why not, where effects are known."""
+        """Return the contribution of known effects to a revolution, (3, n), or None with the reason if there is one."""
         table = self._setup.correction
         if table is None:
             return None, None

@@ -149,14 +149,15 @@ class MotionProfile:
         return Rolling(distance + laps * self._distances[-1], speed, slope)
 
     def time_at(self, distance_m: FloatArray) -> FloatArray:
-        """Return the first time at which so much has been rolled; infinity for angles never reached."""
+        """Return the first time at which a distance is reached; infinity for distances never reached."""
         laps = np.zeros_like(distance_m)
         within = distance_m
         total = self._distances[-1]
         if self._period_s and total > 0.0:
             # The end belongs to its lap: a lap that ends at standstill reaches its end before the next one begins.
             laps = np.maximum(np.ceil(distance_m / total) - 1.0, 0.0)
-            within = distance_m - laps * total
+            # Rounding may put the end of a lap just beyond it, where a lap that ends at standstill never gets.
+            within = np.clip(distance_m - laps * total, 0.0, total)
         segment = np.clip(np.searchsorted(self._distances, within, side="left") - 1, 0, len(self._slopes) - 1)
         left = within - self._distances[segment]
         speed, slope = self._speeds[segment], self._slopes[segment]

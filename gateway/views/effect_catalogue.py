@@ -21,7 +21,7 @@ from gateway.closure.effects.base import (
 from gateway.closure.effects.catalogue import candidates, catalogue, group_of
 from gateway.closure.findings import fitted_parameter
 from gateway.constants import AXIS_NAMES
-from gateway.views.report.rows import printed, show_fitted
+from gateway.views.report.quantities import show_fitted, typeset
 
 _INDENT: Final = "    "
 _LABEL_WIDTH: Final = 17
@@ -66,7 +66,7 @@ def effect_lines(effects: Iterable[Effect], columns: int) -> Iterator[str]:
             yield ""
         title = effect.display_title
         yield f"  {title}" + (f" (key: {effect.name})" if title != effect.name else "")
-        yield from _wrapped(printed(effect.summary), width, _INDENT)
+        yield from _wrapped(typeset(effect.summary), width, _INDENT)
         for label, text in _rows(effect):
             yield from _wrapped(text, width, f"{_INDENT}{label:<{_LABEL_WIDTH}}")
         yield ""
@@ -110,7 +110,7 @@ def effects_markdown() -> str:
         groups.setdefault(group_of(effect), []).append(effect)
     for group, members in groups.items():
         lines += [f"## {_heading(group)}", "", "| Effect | Physics |", "|---|---|"]
-        lines += [f"| {_link(effect.name)} | {_escaped(printed(effect.summary))} |" for effect in members]
+        lines += [f"| {_link(effect.name)} | {_escaped(typeset(effect.summary))} |" for effect in members]
         lines.append("")
         for effect in members:
             lines += [*_section(effect), ""]
@@ -121,15 +121,15 @@ def _section(effect: Effect) -> Iterator[str]:
     """Yield the Markdown lines of one effect."""
     yield f"### {_heading(effect.display_title)}"
     yield ""
-    yield f"`{effect.name}`: {_escaped(printed(effect.summary))}"
+    yield f"`{effect.name}`: {_escaped(typeset(effect.summary))}"
     yield ""
     yield "```text"
-    yield from textwrap.wrap(printed(effect.equation), _MAX_WIDTH)
+    yield from textwrap.wrap(typeset(effect.equation), _MAX_WIDTH)
     yield "```"
     yield ""
-    yield f"- Source: {_escaped(printed(effect.source))}"
+    yield f"- Source: {_escaped(typeset(effect.source))}"
     yield f"- Acts on: {_acts_on(effect)}"
-    yield f"- Visible in: {_escaped(printed(effect.observed_in))}"
+    yield f"- Visible in: {_escaped(typeset(effect.observed_in))}"
     yield f"- Baseline models: {', '.join(f'`{model}`' for model in _baseline_models(effect))}"
     yield ""
     yield "| Parameter | Plausible range |"
@@ -141,23 +141,23 @@ def _section(effect: Effect) -> Iterator[str]:
     yield "| Confused with | Similarity | Distinction |"
     yield "|---|---|---|"
     for one in effect.confounders:
-        names = ", ".join(_link(name) if name in catalogue() else _escaped(printed(name)) for name in one.names)
-        similarity, data = _escaped(printed(one.similarity)), _escaped(printed(one.distinction))
+        names = ", ".join(_link(name) if name in catalogue() else _escaped(typeset(name)) for name in one.names)
+        similarity, data = _escaped(typeset(one.similarity)), _escaped(typeset(one.distinction))
         yield f"| {names} | {similarity or '—'} | {data or '—'} |"
 
 
 def _rows(effect: Effect) -> Iterator[tuple[str, str]]:
     """Yield label and text of what the terminal shows of one effect."""
-    yield "Equation", printed(effect.equation)
-    yield "Source", printed(effect.source)
+    yield "Equation", typeset(effect.equation)
+    yield "Source", typeset(effect.source)
     for index, parameter in enumerate(effect.parameters):
         label, limits = _range(parameter)
         yield "" if index else "Parameters", f"{label}: {limits}"
     yield "Acts on", _acts_on(effect)
-    yield "Visible in", printed(effect.observed_in)
+    yield "Visible in", typeset(effect.observed_in)
     yield "Baseline models", ", ".join(_baseline_models(effect))
     for index, one in enumerate(effect.confounders):
-        yield "" if index else "Confused with", printed(_confounder_text(one))
+        yield "" if index else "Confused with", typeset(_confounder_text(one))
 
 
 def _confounder_text(one: Confounder) -> str:

@@ -11,20 +11,20 @@ from gateway.reasons import Reason
 from gateway.views.wording import joined
 
 MISSING: Final = "—"
-"""Stands for a value that nobody knows."""
+"""Shown for an unknown value."""
 
 STATUS_MARKS: Final[dict[Status, str]] = {Status.VALID: "", Status.PROVISIONAL: "~", Status.INVALID: "x"}
-"""Mark behind a number; words, not colours, tell them apart elsewhere."""
+"""Mark behind a number, by status."""
 
-_SIGNIFICANT_DIGITS: Final = 6  # more than any of these quantities deserves; keeps columns narrow
+_SIGNIFICANT_DIGITS: Final = 6  # at most; keeps columns narrow
 _DIGITS_WITHOUT_ERROR: Final = 4
-# Beyond these nothing here is a measurement, and powers of ten would overflow.
+# Values beyond these are no measurements, and powers of ten would overflow.
 _TINY: Final = 1e-30
 _HUGE: Final = 1e30
 
 
 class Unit(NamedTuple):
-    """How a quantity is shown: symbol, and factor from the unit in its name."""
+    """Unit of display: symbol, and factor from the unit in a quantity's name."""
 
     symbol: str
     factor: float = 1.0
@@ -61,7 +61,7 @@ class Rounded(NamedTuple):
     Attributes:
         value: digits of the value, or MISSING.
         error: digits of the error, empty when it is not known.
-        exponent: power of ten both are to be multiplied by; 0 when there is none.
+        exponent: power of ten that multiplies both; 0 when there is none.
     """
 
     value: str
@@ -133,7 +133,7 @@ class Shown(NamedTuple):
     """An estimate ready for the screen.
 
     Attributes:
-        label: what it is.
+        label: name of the quantity.
         number: value and error in the shown unit; UNKNOWN when the estimate is invalid.
         unit: symbol, empty when dimensionless.
         value: the value in that unit, not rounded; NaN when the estimate is invalid.
@@ -177,7 +177,7 @@ def show(estimate: Estimate) -> Shown:
 
 
 def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
-    """Return a plain number with so many decimals, or MISSING for None and what is not finite."""
+    """Return a plain number with fixed decimals, or MISSING for None and values that are not finite."""
     if value is None or not math.isfinite(value):
         return MISSING
     return f"{round(value * factor, decimals) + 0.0:.{decimals}f}"

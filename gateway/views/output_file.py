@@ -1,4 +1,4 @@
-"""Files that commands write: checked before the work, and a report is written whole or not at all."""
+"""Output files: checked before the work, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gateway.errors import OutputError
 
 
 def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None], *, force: bool = False) -> None:
-    """Fail now, before minutes of work, where an output cannot be written or would cost a file that is read.
+    """Fail early, before minutes of work, if an output cannot be written or would overwrite an input.
 
-    Every command that can overwrite asks this first. None stands for what was not given.
+    Every command that can overwrite files calls this first. None stands for an option that was not given.
 
     Raises:
         OutputError: as `check_target`; an output is an input, whatever `force` says; two outputs are one file.
@@ -25,8 +25,8 @@ def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None],
             continue
         if any(_same_file(path, other) for other in read):
             raise OutputError(
-                f"'{path}' is one of the files that are read, and would be lost",
-                "Choose another name; --force does not overwrite what is read either.",
+                f"'{path}' is an input and would be overwritten",
+                "Choose another name; --force does not overwrite inputs.",
             )
         if any(_same_file(path, other) for other in seen):
             raise OutputError(f"two outputs would be written to one file, '{path}'", "Give each a name of its own.")
@@ -35,7 +35,7 @@ def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None],
 
 
 def _same_file(path: Path, other: Path) -> bool:
-    """Return whether two paths lead to one file, be it through links; devices and pipes hold nothing to lose."""
+    """Return whether two paths lead to one file, directly or through links; False for devices and pipes."""
     try:
         if path.exists() and not path.is_file():
             return False
@@ -43,14 +43,14 @@ def _same_file(path: Path, other: Path) -> bool:
             path.exists() and other.exists() and path.samefile(other)
         )
     except OSError:
-        return False  # what cannot be looked at is told where it is opened
+        return False  # opening the file reports the error
 
 
 def check_target(path: Path, *, force: bool = False) -> None:
-    """Fail now, before minutes of work, where `write_whole` is going to.
+    """Fail early, before minutes of work, if `write_whole` would fail.
 
     Raises:
-        OutputError: the file exists and `force` is not set, or its folder is not there or cannot be written.
+        OutputError: the file exists and `force` is not set, or its folder does not exist or cannot be written.
     """
     try:
         _check(path, force=force)
@@ -60,23 +60,25 @@ def check_target(path: Path, *, force: bool = False) -> None:
 
 def _check(path: Path, *, force: bool) -> None:
     if path.is_dir():
-        raise OutputError(f"'{path}' is a folder", "Name a file in it.")
+        raise OutputError(f"'{path}' is a folder", "Give the name of a file.")
     if path.exists() and not path.is_file():
         return  # a device or a pipe
     if path.exists() and not force:
         raise OutputError(f"'{path}' exists already", "Choose another name, or overwrite it with --force.")
     folder = path.resolve().parent
     if not folder.is_dir():
-        raise OutputError(f"'{path}' cannot be written: there is no folder '{folder}'", f"Make it: mkdir -p '{folder}'")
+        raise OutputError(
+            f"'{path}' cannot be written: there is no folder '{folder}'", f"Create it: mkdir -p '{folder}'"
+        )
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(
             f"'{path}' cannot be written: the folder '{folder}' is read-only",
-            "Check its permissions, or choose another.",
+            "Check its permissions, or choose another folder.",
         )
 
 
 def write_whole(path: Path, text: str, *, force: bool = False) -> None:
-    """Write a text file in UTF-8; whatever happens, the file is the old one or the new one, whole.
+    """Write a text file in UTF-8 atomically: after a failure the old file is unchanged.
 
     Raises:
         OutputError: as `check_target`, or the disk refuses.
@@ -87,7 +89,7 @@ def write_whole(path: Path, text: str, *, force: bool = False) -> None:
         if path.exists() and not path.is_file():
             path.write_bytes(data)
             return
-        target = path.resolve()  # a link stays a link
+        target = path.resolve()  # keeps a symbolic link
         part = target.with_name(f".treadlink-{os.getpid()}.part")
         try:
             part.unlink(missing_ok=True)

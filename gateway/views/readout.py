@@ -1,4 +1,4 @@
-"""What a view shows of a result: speed, contact angles, and the numbers or, without load or pressure, their ratios."""
+"""Contents of a result as views show them: speed, contact angles, and the numbers or only their ratios."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from gateway.constants import RING_NUMBERS
 from gateway.estimators.base import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Reason
@@ -14,12 +15,11 @@ from gateway.views.wording import joined
 
 SPEED: Final = "speed_mps"
 ANGLE: Final = UNITS["_rad"]
-RING_NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 _ORDER: Final = (Status.VALID, Status.PROVISIONAL, Status.INVALID)
 
 
 class Reading(NamedTuple):
-    """The parts of a result in the order in which views show them.
+    """Parts of a result in the order in which views show them.
 
     Attributes:
         speed: forward speed.

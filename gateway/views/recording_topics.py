@@ -15,12 +15,12 @@ from gateway.reasons import Reason
 from gateway.types import FloatArray
 from gateway.views.wording import as_json
 
-# The waveform topic is for looking at, not for computing: the raw bytes beside it hold every sample.
+# The waveform topic is for plots only: the raw bytes in the same recording hold every sample.
 _WAVEFORM_POINTS: Final = 256
 
 
 def _finite(entries: dict[str, float | int | None]) -> dict[str, Any]:
-    """JSON knows no NaN; what is not known is left out."""
+    """Return the entries that are finite numbers: JSON has no NaN."""
     return {key: value for key, value in entries.items() if value is not None and math.isfinite(value)}
 
 
@@ -80,7 +80,7 @@ def waveform_payload(result: RevolutionResult, average_mps2: FloatArray) -> dict
 
 
 def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str, Any]] | None:
-    """Return topic and payload of a slow message, None for those that are not recorded beside the bytes."""
+    """Return topic and payload of a slow message; None for messages that are recorded only as bytes."""
     message = frame.message
     if isinstance(message, Environment):
         return f"/wheel/{position}/environment", _finite(message._asdict())
@@ -109,6 +109,6 @@ def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str
 
 
 def log_level(message: LogText) -> str:
-    """Return the severity in words; a level that no version knows yet counts as info."""
+    """Return the severity in words; an unknown level counts as info."""
     known = {level.value: level.name.lower() for level in LogLevel}
     return known.get(message.level, "info")

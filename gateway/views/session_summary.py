@@ -1,4 +1,4 @@
-"""What a session comes to: per wheel revolutions, speed, losses and the last estimates with their errors."""
+"""Summary of a session: per wheel revolutions, speed, losses and the last estimates with their errors."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from gateway.views.wording import joined, text
 
 @dataclass(frozen=True, slots=True)
 class WheelSummary:
-    """One wheel over a whole session or recording.
+    """Summary of one wheel over a whole session or recording.
 
     Attributes:
         position: wheel.
         revolutions: completed.
         revolutions_valid: without a fault.
-        faults: how often each fault occurred.
+        faults: number of revolutions with each fault.
         saturated: revolutions with a saturated sample.
         rolling_s: time in completed revolutions.
         distance_m: 2 pi radius times revolutions.
@@ -69,7 +69,7 @@ class _Wheel:
 
 
 class ResultSummary:
-    """Adds results up wheel by wheel in constant memory."""
+    """Accumulates results wheel by wheel in constant memory."""
 
     def __init__(self) -> None:
         self._wheels: dict[str, _Wheel] = {}
@@ -97,7 +97,7 @@ class ResultSummary:
                 wheel.estimates[estimate.name] = estimate
 
     def wheels(self) -> tuple[WheelSummary, ...]:
-        """Return the sums so far, wheels in the order of their first result."""
+        """Return the summaries so far, wheels in the order of their first result."""
         return tuple(self._summary(position, wheel) for position, wheel in self._wheels.items())
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Width, cropping and cleaning of text that goes to a terminal."""
+"""Width, cropping and cleaning of terminal text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 
 ELLIPSIS: Final = "…"
 
-# Anything but ASCII, Latin, a few dashes, arrows, box drawing and braille has to be looked up character by character.
+# All but ASCII, Latin, a few dashes, arrows, box drawing and braille needs a look-up for each character.
 _NOT_PLAIN: Final = re.compile(r"[^ -~\xa0-\xac\xae-\u02ff\u2010-\u2026\u2190-\u21ff\u2500-\u25bf\u2800-\u28ff]")
 
 
@@ -21,14 +21,14 @@ def _cells(character: str) -> int:
 
 
 def width(text: str) -> int:
-    """Return how many terminal cells `text` takes."""
+    """Return the number of terminal cells of `text`."""
     if text.isascii() or not _NOT_PLAIN.search(text):
         return len(text)
     return sum(map(_cells, text))
 
 
 def clean(text: str) -> str:
-    """Replace everything that is not printable: a hub's log text must not be able to command the terminal."""
+    """Replace unprintable characters, so that a hub's log text cannot control the terminal."""
     return text if text.isprintable() else "".join(c if c.isprintable() else "·" if c > " " else " " for c in text)
 
 
@@ -48,7 +48,7 @@ def crop(text: str, cells: int) -> str:
 
 
 def crop_middle(text: str, cells: int) -> str:
-    """Like `crop`, but keeps both ends: what tells names and paths apart is often at the end."""
+    """Crop `text` in the middle: names and paths often differ at their ends."""
     if width(text) <= cells:
         return text
     if cells < 5 or not text.isascii():

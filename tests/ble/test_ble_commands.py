@@ -43,8 +43,8 @@ def test_scan_lists_hubs_with_signal_and_battery(bluez: BluezStandIn, hub: Perip
     lines = done.output.splitlines()
     assert [" ".join(line.split()) for line in lines] == [
         f"ble://Treadlink-FL -57 dBm battery 83 % Treadlink-FL at {ADDRESSES[0]}",
-        f"ble://Hub%202 -70 dBm battery not told Hub 2 at {ADDRESSES[1]}",
-        "No serial port is present.",
+        f"ble://Hub%202 -70 dBm battery unknown Hub 2 at {ADDRESSES[1]}",
+        "No serial port found.",
     ]
     assert "Scales" in CliRunner().invoke(scan, ["--timeout", "0.2", "--all"]).output
 
@@ -54,7 +54,7 @@ def test_scan_gives_addresses_where_names_are_not_enough(bluez: BluezStandIn, hu
     bluez.add(Peripheral(ADDRESSES[1], "Treadlink-FL", rssi_dbm=-70))
     output = CliRunner().invoke(scan, ["--timeout", "0.2"]).output
     assert f"ble://{ADDRESSES[0]} " in output
-    assert "Several are named 'Treadlink-FL': give the address." in output
+    assert "Several hubs are named 'Treadlink-FL'. Give the address." in output
     report = json.loads(CliRunner().invoke(scan, ["--timeout", "0.2", "--json"]).output)
     assert report["bluetooth_fault"] is None
     assert report["serial_ports"] == []
@@ -75,7 +75,7 @@ def test_scan_without_an_adapter_says_so_and_goes_on(bus: PrivateBus) -> None:
         done = CliRunner().invoke(scan, ["--timeout", "0.1"])
     assert done.exit_code == 0
     assert "Bluetooth: this computer has no Bluetooth adapter" in done.output
-    assert "No serial port is present." in done.output
+    assert "No serial port found." in done.output
 
 
 def test_doctor_looks_at_bluetooth(bluez: BluezStandIn, hub: Peripheral) -> None:

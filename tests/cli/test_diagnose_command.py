@@ -152,7 +152,7 @@ def test_effects_file_requires_an_identified_effect(closed, recording, tmp_path)
     closed[1][0] = replace(empty(), correction=None)
     out, effects = tmp_path / "a.json", tmp_path / "e.json"
     message, _ = refused(recording, "--json", out, "--save-effects", effects)
-    assert "no effect was named" in message
+    assert "no effect was identified" in message
     assert out.exists()
     assert not effects.exists()
 
@@ -176,7 +176,7 @@ def test_one_unwritable_file_does_not_prevent_the_others(closed, recording, tmp_
     result = run(recording, "--json", tmp_path / "a.json", "--html", html, "--save-effects", effects)
     assert str(result.exception) == "the disk is full"
     assert f"written: {html}" in result.output
-    assert f"'{effects}' is not written: no effect was named. live and" in result.output
+    assert f"'{effects}' is not written: no effect was identified. live and" in result.output
     assert html.exists()
 
 

@@ -1,4 +1,4 @@
-"""What a campaign is computed with: grouping, alignment, scatter, deviations; synthetic revolutions of known truth."""
+"""Grouping, order coefficients, scatter and deviations of synthetic revolutions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def axes_of(radial):
 
 class TestGrouping:
     @given(st.lists(st.floats(-5, 5) | st.just(math.nan), max_size=60), st.floats(0.01, 2))
-    def test_every_value_has_a_label_and_no_label_is_wider(self, values, width):
+    def test_labels_are_complete_and_narrow(self, values, width):
         values = np.array(values)
         labels = modes(values, width)
         assert (labels >= 0).all()
@@ -41,13 +41,13 @@ class TestGrouping:
             own = values[labels == label]
             assert np.isnan(own).all() or np.ptp(own) <= width + 1e-12
 
-    def test_a_plateau_stays_in_one_piece_beside_a_ramp(self):
+    def test_plateau_beside_a_ramp_stays_whole(self):
         plateau = np.full(50, 1.0) + 0.004 * np.sin(np.arange(50))
         values = np.concatenate((np.linspace(0.5, 1.0, 40), plateau, np.linspace(1.0, 1.5, 40)))
         labels = modes(values, 0.03)
         assert len(set(labels[40:90].tolist())) == 1
 
-    def test_groups_hold_what_was_made_alike_and_lose_nothing(self):
+    def test_groups_are_uniform_and_complete(self):
         rng = np.random.default_rng(3)
         omega = np.concatenate((np.full(20, 50.0), np.full(20, 80.0), np.full(20, 50.0)))
         omega = omega * (1 + 0.002 * rng.standard_normal(60))
@@ -58,7 +58,7 @@ class TestGrouping:
         warm = np.repeat([20.0, 26.0, 31.0], 20)
         assert len(alike(np.full(60, 50.0), np.full(60, 4e3), np.full(60, 2e5), warm)) == 2  # within 5 K of each other
 
-    def test_a_ramp_makes_groups_within_three_percent(self):
+    def test_ramp_is_split_within_three_percent(self):
         omega = np.geomspace(30.0, 90.0, 400)
         groups = alike(omega, np.full(400, 4e3), np.full(400, 2e5), np.full(400, np.nan))
         assert sorted(np.concatenate(groups).tolist()) == list(range(400))
@@ -74,7 +74,7 @@ class TestGrouping:
         assert len(parts) == (folds if count >= 2 * folds else count)
         assert max(sizes, default=0) - min(sizes, default=0) <= 1
 
-    def test_states_are_loads_and_pressures_and_unknown_loads_go_by_the_contact(self):
+    def test_unknown_loads_are_grouped_by_contact(self):
         load = np.array([4000, 4040, 5000, 4000, 4000, 4000.0])
         pressure = np.array([2.0e5, 2.01e5, 2e5, 2.4e5, 2e5, 2e5])
         angle = np.array([0.2, 0.2, 0.23, 0.18, 0.20, 0.26])
@@ -82,18 +82,18 @@ class TestGrouping:
         assert tire_states(load, pressure, angle, known).tolist() == [0, 0, 1, 2, 3, 4]
 
 
-class TestTelling:
+class TestInformative:
     def taken(self, recording, state, omega, count, most):
         return telling(*map(np.asarray, (recording, state)), np.asarray(omega), np.asarray(count, float), most).tolist()
 
     def test_few_groups_are_all_taken(self):
         assert self.taken([0, 0, 1], [0, 0, 1], [50, 60, 50], [10, 20, 30], 12) == [0, 1, 2]
 
-    def test_every_recordings_largest_is_in_however_many_there_are(self):
+    def test_largest_group_of_each_recording_is_kept(self):
         taken = self.taken([0, 0, 1, 1, 2, 2], [0] * 6, [50, 51, 50, 51, 50, 51], [5, 9, 9, 5, 5, 9], 2)
         assert taken == [1, 2, 5]
 
-    def test_many_revolutions_at_speeds_far_apart_come_first(self):
+    def test_distant_speeds_come_first(self):
         omega = np.geomspace(30, 90, 34)
         count = np.full(34, 8.0)
         count[[3, 30]] = 60.0
@@ -104,12 +104,12 @@ class TestTelling:
         assert steps.min() > 0.09
         assert np.ptp(np.log(omega[taken])) > 0.75 * math.log(3)
 
-    def test_another_state_of_the_tire_is_worth_its_revolutions(self):
+    def test_another_tire_state_is_kept(self):
         assert self.taken([0] * 4, [0, 0, 0, 1], [50, 51, 52, 50], [90, 80, 70, 30], 2) == [0, 3]
 
 
 class TestOrders:
-    def test_coefficients_are_those_of_direct_projection(self):
+    def test_coefficients_match_direct_projection(self):
         wave = tire(THETA - 0.1)
         orders = waveform_orders(wave)
         assert orders.shape == (ORDERS,)
@@ -118,7 +118,7 @@ class TestOrders:
             assert orders[n] == pytest.approx(direct, abs=1e-9)
         assert orders[0] == pytest.approx(wave.mean())
 
-    def test_they_agree_with_the_pipelines_up_to_order_60(self):
+    def test_coefficients_match_the_pipeline_to_order_60(self):
         wave = tire(THETA + 0.2)
         np.testing.assert_allclose(waveform_orders(wave)[:61], order_coefficients(wave), atol=1e-9)
 
@@ -138,7 +138,7 @@ class TestScatter:
             waves.append(waveform_orders(wave + sigma * math.sqrt(N / 2) * rng.standard_normal((3, N))))
         return np.stack(waves), omega, turned
 
-    def test_jitter_is_taken_off_so_that_the_mean_is_not_smeared(self):
+    def test_alignment_removes_jitter_from_the_mean(self):
         rng = np.random.default_rng(1)
         orders, omega, turned = self.orders(80, rng, jitter=0.01)
         settled = settle(orders, omega, np.zeros(80))
@@ -153,7 +153,7 @@ class TestScatter:
         assert settled.shift_rad.mean() == pytest.approx(0, abs=1e-12)
 
     @pytest.mark.parametrize("count", [4, 6, 30, 200])
-    def test_variance_is_that_of_one_coefficient_of_one_revolution(self, count):
+    def test_variance_is_per_coefficient_and_revolution(self, count):
         found = []
         for seed in range(8):
             orders, omega, _ = self.orders(count, np.random.default_rng(seed), jitter=0.002)
@@ -164,12 +164,12 @@ class TestScatter:
         # Few revolutions are made up for by neighbouring orders.
         assert np.std([one[60] for one in found]) < 0.16 * 0.45
 
-    def test_what_follows_the_speed_is_no_scatter(self):
+    def test_speed_dependence_is_no_scatter(self):
         rng = np.random.default_rng(2)
         orders, omega, _ = self.orders(60, rng, omega=60 * np.linspace(0.985, 1.015, 60))
         assert settle(orders, omega, np.zeros(60)).variance[2, 1:].mean() == pytest.approx(0.16, rel=0.1)
 
-    def test_gravity_and_drift_in_it_are_no_scatter_either(self):
+    def test_gravity_and_drift_are_no_scatter(self):
         rng = np.random.default_rng(2)
         omega = 60 * np.linspace(0.985, 1.015, 60)
         drift = 20 * np.sin(np.arange(60))
@@ -180,7 +180,7 @@ class TestScatter:
         assert settled.variance[0, 0] < 0.02**2
         assert settled.variance[2, 1] < 2 * 0.02**2
 
-    def test_a_rare_blow_is_left_out_and_a_frequent_one_is_not(self):
+    def test_only_rare_outliers_are_removed(self):
         rng = np.random.default_rng(4)
         orders, omega, _ = self.orders(40, rng)
         blow = waveform_orders(np.where(np.abs(THETA - 2) < 0.05, 300.0, 0.0))
@@ -203,12 +203,12 @@ class TestScatter:
         assert np.isfinite(settled.orders_mps2[:, 2, :70]).all()
         assert np.isnan(settled.orders_mps2[:, 1]).all()
 
-    def test_two_revolutions_are_enough_for_something(self):
+    def test_two_revolutions_give_a_variance(self):
         orders, omega, _ = self.orders(2, np.random.default_rng(6))
         settled = settle(orders, omega, np.zeros(2))
         assert settled.variance[2, 1:].mean() == pytest.approx(0.16, rel=0.35)
 
-    def test_a_signal_without_noise_has_a_variance_above_zero(self):
+    def test_noiseless_signal_has_positive_variance(self):
         orders, omega, _ = self.orders(6, np.random.default_rng(6), sigma=0.0)
         assert (settle(orders, omega, np.zeros(6)).variance[2] > 0).all()
 
@@ -241,7 +241,7 @@ class TestDeviations:
         return runs, rate
 
     @pytest.mark.parametrize("spread", [0.0, 0.01])
-    def test_a_tone_keeps_its_size_and_place_and_the_tire_is_gone(self, spread):
+    def test_tone_is_kept_and_tire_removed(self, spread):
         runs, rate = self.made(omega=60.0 * (1 + spread * np.linspace(-1, 1, 120)))
         assert rate == 4000.0
         (run,) = runs
@@ -253,7 +253,7 @@ class TestDeviations:
         assert spectrum.rms_mps2(5, 215)[0] < 0.15
         assert spectrum.rms_mps2(245, 1700)[0] < 0.15
 
-    def test_a_high_tone_passes_what_is_passed_and_what_is_above_does_not_fold(self):
+    def test_high_tones_do_not_alias(self):
         (run,), rate = self.made(omega=np.full(120, 60.0), tone_hz=1560.3)
         assert welch_spectrum(run[2].astype(float), rate, 4000).rms_mps2(1540, 1580)[0] == pytest.approx(3, rel=0.03)
         (run,), _ = self.made(omega=np.full(120, 60.0), tone_hz=2700.7)
@@ -266,7 +266,7 @@ class TestDeviations:
         for low, high in ((20, 400), (400, 1000), (1000, 1600)):
             assert spectrum.rms_mps2(low, high)[0] ** 2 / (high - low) == pytest.approx(density, rel=0.08)
 
-    def test_jitter_that_is_known_is_no_deviation(self):
+    def test_known_jitter_is_no_deviation(self):
         (run,), _ = self.made(omega=np.full(100, 60.0), tone=0.0, shift=0.01)
         # Gravity does not jitter with the contact: 9.8 times 0.01.
         assert np.std(run[2]) < 0.12
@@ -275,7 +275,7 @@ class TestDeviations:
         runs, _ = self.made(omega=np.full(40, 60.0), gap=True)
         assert len(runs) == 2
 
-    def test_a_slow_wheel_or_a_slow_sensor_carries_less(self):
+    def test_low_speed_or_rate_reduces_bandwidth(self):
         assert deviation_rate_hz(2000.0, 1e4) == pytest.approx(1240)
         assert deviation_rate_hz(9600.0, 3000.0) == pytest.approx(1860)
 

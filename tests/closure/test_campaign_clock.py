@@ -1,4 +1,4 @@
-"""The hub's clock against the host's, by arrivals that are late by chance."""
+"""Error of the hub's clock against the host's, from delayed arrivals."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def watched(error, *, seconds=60.0, late_ms=1.0, seed=1, start_us=0, split=300):
 
 @pytest.mark.parametrize("error", [0.0, 50e-6, -3e-3])
 @pytest.mark.parametrize("start_us", [0, 2**32 - 5_000_000])
-def test_the_error_is_found(error, start_us):
+def test_error_is_estimated(error, start_us):
     found, std = watched(error, start_us=start_us)
     assert found == pytest.approx(error, abs=5 * std)
     assert std < 3e-6
 
 
 @pytest.mark.parametrize("late_ms", [0.3, 5.0])
-def test_its_standard_error_is_honest(late_ms):
+def test_standard_error_is_calibrated(late_ms):
     z = [(found - 2e-5) / std for found, std in (watched(2e-5, late_ms=late_ms, seed=seed) for seed in range(60))]
     assert 0.6 < math.sqrt(np.mean(np.square(z))) < 1.5
 
@@ -46,7 +46,7 @@ def test_blocks_do_not_matter():
     assert watched(1e-4, split=300) == pytest.approx(watched(1e-4, split=77), rel=1e-9)
 
 
-def test_a_restart_begins_anew():
+def test_restart_resets_the_estimate():
     clock = HubClockError()
     rng = np.random.default_rng(1)
     for begin_s in (0.0, 100.0):
@@ -58,14 +58,14 @@ def test_a_restart_begins_anew():
     assert found == pytest.approx(80e-6, abs=5 * std)
 
 
-def test_short_recordings_and_other_hubs_tell_nothing():
+def test_short_recordings_give_nothing():
     assert all(map(math.isnan, watched(0.0, seconds=5.0)))
     clock = HubClockError()
     clock.take("link", batch(np.arange(0, 60_000_000, 10_000)), np.arange(0, 60_000_000, 10_000) * 1000)
     assert all(map(math.isnan, clock.error(1)))
 
 
-def test_recordings_are_weighed_and_their_spread_told():
+def test_recordings_are_weighted():
     assert combined([(1e-5, 1e-6), (math.nan, math.nan)]) == (1e-5, 1e-6)
     value, std = combined([(1e-5, 1e-6), (3e-5, 1e-6)])
     assert value == pytest.approx(2e-5)
@@ -87,7 +87,7 @@ def slotted(error, frame_ms, *, seconds, seed=1):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("error", [-1e-3, -1.2e-4, 0.0, 4e-5, 1.2e-4, 3e-4])
-def test_a_link_with_slots_tells_no_more_than_its_steps(error, seed):
+def test_slotted_link_is_limited_by_its_slots(error, seed):
     # 3.75 ms and 10 ms have 1.25 ms in common: in 8 s, clocks may part by 150 ppm and leave no trace.
     found, std = slotted(error, 3.75, seconds=8.0, seed=seed)
     assert abs(found - error) < 2.5 * std
@@ -97,7 +97,7 @@ def test_a_link_with_slots_tells_no_more_than_its_steps(error, seed):
     assert std < 3e-5
 
 
-def test_frames_that_reach_slots_at_all_times_tell_more():
+def test_unslotted_arrivals_are_more_precise():
     found, std = slotted(1.2e-4, 3.77, seconds=20.0)
     assert found == pytest.approx(1.2e-4, abs=4 * std)
     assert std < 3e-5

@@ -1,4 +1,4 @@
-"""Recordings of simulated wheels to campaigns."""
+"""Campaigns read from recordings of simulated wheels."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def revolutions(path):
 
 
 class TestOneRecording:
-    def test_there_is_one_group_of_five_blocks_with_all_revolutions(self, campaign, slow):
+    def test_one_group_of_five_blocks(self, campaign, slow):
         assert campaign.wheel == "W0"
         assert campaign.states == 1
         assert campaign.sensor_id == 0xB000
@@ -82,7 +82,7 @@ class TestOneRecording:
         assert group.pressure_known
         assert group.label.startswith("slow.mcap: 60.0 km/h, 5000 N, 210 kPa")
 
-    def test_conditions_are_those_of_the_revolutions(self, campaign, slow):
+    def test_conditions_match_the_revolutions(self, campaign, slow):
         (group,) = campaign.groups
         here = group.conditions
         assert here.omega_radps == pytest.approx(60 / 3.6 / 0.32, rel=1e-3)
@@ -94,7 +94,7 @@ class TestOneRecording:
         assert 0 < group.blocks[0].conditions.time_s < 3
         assert 13 < group.blocks[-1].conditions.time_s < 16
 
-    def test_the_mean_is_that_of_the_waveforms_as_measured(self, campaign, slow):
+    def test_mean_matches_the_waveforms(self, campaign, slow):
         """Direct projection of the mean waveform; alignment moves next to nothing here."""
         (group,) = campaign.groups
         waves = np.mean([one.axes_mps2 for one in revolutions(slow) if not one.faults], axis=0)
@@ -109,14 +109,14 @@ class TestOneRecording:
         assert mean[2, 0].real == pytest.approx(waves[2].mean(), abs=0.1)
         assert abs(mean[0, 1]) == pytest.approx(9.8, abs=0.4)  # gravity is in it
 
-    def test_scatter_is_the_sensors_noise(self, campaign):
+    def test_scatter_is_sensor_noise(self, campaign):
         """5 mg per root Hz: the variance of a coefficient is the density over the period."""
         (group,) = campaign.groups
         density = (5e-3 * STANDARD_GRAVITY_MPS2) ** 2
         expected = density * group.conditions.omega_radps / (2 * math.pi)
         np.testing.assert_allclose(group.variance[:, 5:100].mean(axis=1), expected, rtol=0.1)
 
-    def test_what_is_not_locked_is_that_noise_too(self, campaign):
+    def test_deviations_are_sensor_noise(self, campaign):
         (group,) = campaign.groups
         assert group.deviation_rate_hz == pytest.approx(4000.0)
         spread = np.std(np.concatenate(group.deviations_mps2, axis=1)[2])
@@ -127,7 +127,7 @@ class TestOneRecording:
         # The link's slots hide what the clocks part by less than their step.
         assert abs(error) < 3 * std < 1e-3
 
-    def test_progress_tells_every_byte_once(self, slow):
+    def test_progress_counts_every_byte_once(self, slow):
         told = []
         read_campaign([slow], on_bytes=told.append)
         assert sum(told) == slow.stat().st_size
@@ -160,14 +160,14 @@ class TestSeveral:
                 np.testing.assert_allclose(a.orders_mps2, b.orders_mps2, rtol=1e-7, atol=1e-7)
         assert again.clock_error == both.clock_error
 
-    def test_recordings_that_seem_simultaneous_are_put_one_after_another(self, slow, folder):
+    def test_overlapping_recordings_are_sequenced(self, slow, folder):
         again = write_recording(folder / "again.mcap", AT_60, seed=5)
         campaign = read_campaign([slow, again], jobs=1)
         assert "one after another" in campaign.notes[0]
         assert campaign.states == 1
         assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
 
-    def test_a_fault_in_a_process_is_told_whole(self, slow, folder):
+    def test_process_error_is_complete(self, slow, folder):
         with pytest.raises(RecordingError, match="does not exist") as caught:
             read_campaign([slow, folder / "absent.mcap"], jobs=2)
         assert caught.value.remedy
@@ -180,18 +180,18 @@ class TestWheels:
         assert "--wheel" in caught.value.remedy
         assert read_campaign([pair], wheel="W1").groups[0].conditions.load_n == 4000
 
-    def test_one_that_is_not_there_is_told(self, pair, fast):
+    def test_absent_wheel_is_an_error(self, pair, fast):
         with pytest.raises(RecordingError, match=r"fast.mcap' holds no revolution of wheel W1") as caught:
             read_campaign([pair, fast], wheel="W1", jobs=1)
         assert "it holds W0" in str(caught.value)
         assert caught.value.remedy == "Choose another wheel: --wheel W0. Or leave this recording out."
 
-    def test_one_that_no_recording_holds_leads_to_those_that_there_are(self, pair):
+    def test_unrecorded_wheel_lists_the_others(self, pair):
         with pytest.raises(RecordingError, match="no revolution of wheel fl; it holds W0, W1") as caught:
             read_campaign([pair], wheel="fl")
         assert caught.value.remedy == "Choose another wheel: --wheel W0 or --wheel W1."
 
-    def test_one_that_nobody_configured_is_taken_with_what_is_assumed(self, folder):
+    def test_unconfigured_wheel_uses_assumptions(self, folder):
         path = write_recording(folder / "bare.mcap", AT_60, configured=False, duration_s=16.0)
         campaign = read_campaign([path])
         assert campaign.wheel == "hub0.wheel0"
@@ -201,14 +201,14 @@ class TestWheels:
         assert campaign.groups[0].pressure_known  # the sensor tells it
         assert math.isfinite(campaign.clock_error[0])
 
-    def test_a_given_configuration_wins(self, slow):
+    def test_given_configuration_takes_precedence(self, slow):
         text = RecordingReader(slow).vehicle_toml.replace("5000", "4600")
         vehicle = parse_vehicle(text, "test")
         assert read_campaign([slow], vehicle=vehicle).groups[0].conditions.load_n == 4600
 
 
 class TestConditions:
-    def test_a_ramp_makes_groups_and_leaves_out_what_is_too_few(self, folder):
+    def test_small_groups_of_a_ramp_are_left_out(self, folder):
         tables = "[motion]\nspeed_kmh = [[0.0, 50.0], [6.0, 50.0], [18.0, 70.0]]"
         campaign = read_campaign([write_recording(folder / "ramp.mcap", tables, duration_s=18.0)])
         counts = [sum(block.count for block in group.blocks) for group in campaign.groups]
@@ -224,7 +224,7 @@ class TestConditions:
         assert ramp
         assert ramp[0].conditions.omega_dot_radps2 == pytest.approx(20 / 12 / 3.6 / 0.32, rel=0.2)
 
-    def test_a_drive_over_many_speeds_is_cut_down_to_those_that_tell_the_most(self, folder):
+    def test_most_informative_speeds_are_kept(self, folder):
         tables = "[motion]\nspeed_kmh = [[0.0, 40.0], [4.0, 40.0], [28.0, 100.0]]"
         campaign = read_campaign([write_recording(folder / "drive.mcap", tables, duration_s=28.0)])
         assert len(campaign.groups) == MOST_GROUPS
@@ -234,7 +234,7 @@ class TestConditions:
         assert min(speeds) < 45
         assert max(speeds) > 88
 
-    def test_short_recordings_have_a_revolution_a_block(self, folder):
+    def test_short_recording_has_single_revolution_blocks(self, folder):
         campaign = read_campaign([write_recording(folder / "short.mcap", AT_60, duration_s=1.2)])
         assert {block.count for block in campaign.groups[0].blocks} == {1}
         assert len(campaign.groups[0].blocks) >= 3
@@ -247,20 +247,20 @@ class TestConditions:
         ],
         ids=["still", "short"],
     )
-    def test_no_revolution_at_all_is_told_with_what_there_is(self, tmp_path, tables, duration_s, found, remedy):
+    def test_recording_without_revolutions_is_an_error(self, tmp_path, tables, duration_s, found, remedy):
         path = write_recording(tmp_path / "none.mcap", tables, duration_s=duration_s)
         with pytest.raises(RecordingError, match=f"no whole revolution in .*none.mcap': {found}$") as caught:
             read_campaign([path])
         assert remedy in caught.value.remedy
 
-    def test_no_sample_at_all_is_told(self, tmp_path):
+    def test_recording_without_samples_is_an_error(self, tmp_path):
         path = tmp_path / "empty.mcap"
         RecordingWriter(path, start_ns=START_NS).close()
         with pytest.raises(RecordingError, match="no sample$") as caught:
             read_campaign([path])
         assert "inspect" in caught.value.remedy
 
-    def test_rolling_backwards_turns_the_circumferential_axis_and_the_declared_pitch(self, folder):
+    def test_reverse_flips_circumferential_axis_and_pitch(self, folder):
         path = write_recording(
             folder / "back.mcap", AT_60 + "\ndirection = 'reverse'", wheels=("[wheel.stated]\npitch_deg = 2.0",)
         )
@@ -273,11 +273,11 @@ class TestConditions:
         np.testing.assert_allclose(one[1:], other[1:], rtol=1e-3, atol=1e-3)
         assert turned.declared_pitch_rad == -plain.declared_pitch_rad == pytest.approx(math.radians(-2))
 
-    def test_a_stranger_cannot_be_reverse(self, slow, fast):
+    def test_unlisted_recording_cannot_be_reverse(self, slow, fast):
         with pytest.raises(RecordingError, match="not among"):
             read_campaign([slow], reverse=[fast])
 
-    def test_one_recording_may_be_written_in_two_ways(self, slow, tmp_path, monkeypatch):
+    def test_recording_path_is_normalized(self, slow, tmp_path, monkeypatch):
         monkeypatch.chdir(slow.parent)
         (tmp_path / "link.mcap").symlink_to(slow)
         for other in (Path(slow.name), tmp_path / "link.mcap"):
@@ -304,7 +304,7 @@ class TestSensors:
         assert last == pytest.approx(0.28 * 2400 * 2 * math.pi / group.conditions.omega_radps, abs=2)
         assert 0 < group.deviation_rate_hz < 1600
 
-    def test_a_dead_axis_is_left_out_and_told(self, folder):
+    def test_dead_axis_is_left_out(self, folder):
         path = write_recording(
             folder / "dead.mcap", AT_60, wheels=("[wheel.defect]\naxes = ['lateral']\ndead_from_s = 0.0",)
         )
@@ -313,14 +313,14 @@ class TestSensors:
         assert np.isfinite(campaign.groups[0].blocks[0].orders_mps2[[0, 2]]).all()
         assert any("lateral axis" in note and "dead.mcap" in note for note in campaign.notes)
 
-    def test_clipped_revolutions_are_used_where_all_are(self, folder):
+    def test_clipped_revolutions_are_used_if_all_are(self, folder):
         """Up to 140 g at 60 km/h are cut at 95 g."""
         path = write_recording(folder / "cut.mcap", AT_60, wheels=("[wheel.defect]\nclip_g = 95.0",))
         campaign = read_campaign([path])
         assert sum(block.count for block in campaign.groups[0].blocks) > 40
         assert CUT_OFF not in campaign.rejected
 
-    def test_a_range_that_is_left_now_and_then_only_leaves_those_out(self, folder):
+    def test_occasional_clipping_is_left_out(self, folder):
         tables = "[motion]\nspeed_kmh = 60.0\n[road]\nrms_mps2 = 8.0"
         loud = read_campaign([write_recording(folder / "wide.mcap", tables)])
         peaks = [one.axes_mps2[2].max() / STANDARD_GRAVITY_MPS2 for one in revolutions(folder / "wide.mcap")]
@@ -333,7 +333,7 @@ class TestSensors:
 
 
 @pytest.mark.skipif(not MEASURED.exists(), reason="the measured recording is not here")
-def test_the_measured_recording_gives_five_revolutions_and_tells_what_is_assumed(tmp_path):
+def test_measured_recording_has_five_revolutions(tmp_path):
     path = tmp_path / "drum.mcap"
     import_file(MEASURED, load_map(MAP), path, lambda _: None)
     campaign = read_campaign([path])

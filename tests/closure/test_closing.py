@@ -1,4 +1,4 @@
-"""Selection and hold-out together: what most folds do not come to by themselves is not called by its name."""
+"""Selection with hold-out: effects that most folds do not find are refused."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from gateway.closure.observation import ORDERS, Campaign
 from gateway.closure.starting import make_core
 from gateway.errors import TreadlinkError
 from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.reasons import Code, Reason
 from tests.closure.planted_campaign import (
     ALL_AXES,
     ONE_SPEED,
@@ -69,14 +70,14 @@ def goes_on(told: list[tuple[float, str]]) -> bool:
     return onwards and len(shares) == len(told) and 0.0 <= shares[0] < shares[-1] <= 1.0
 
 
-def test_what_fewer_than_half_of_the_folds_find_is_taken_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_effect_found_in_few_folds_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     has(monkeypatch, among("pitch tilt")["pitch tilt"], Sideways("constant"))
     result = closed(lateral_means(TWO_FOLDS))
     assert [step.effect.name for step in result.selection.steps] == ["pitch tilt"]
     assert finding(result, "pitch tilt").verdict is Verdict.NAMED
     out = finding(result, "constant")
     assert out.verdict is Verdict.REFUSED
-    assert out.reason == "found in 2 of 5 folds only when one fold is left out"
+    assert out.reason == Reason(Code.FOUND_IN_FEW_FOLDS, found=2, folds=5)
     assert out.chi2 == pytest.approx(sum(TWO_FOLDS) ** 2 / 5, rel=0.01)
     mean = sum(TWO_FOLDS) / 5 * STD
     assert out.parameters["size_mps2"].value == pytest.approx(mean, rel=0.01)
@@ -86,7 +87,7 @@ def test_what_fewer_than_half_of_the_folds_find_is_taken_out(monkeypatch: pytest
     assert [error.effects for error in result.errors] == [("pitch tilt",)] * 5
 
 
-def test_what_more_than_half_of_the_folds_find_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_effect_found_in_most_folds_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     has(monkeypatch, among("pitch tilt")["pitch tilt"], Sideways("constant"))
     result = closed(lateral_means(THREE_FOLDS))
     assert [found.verdict for found in result.findings] == [Verdict.NAMED] * 2
@@ -96,7 +97,7 @@ def test_what_more_than_half_of_the_folds_find_stays(monkeypatch: pytest.MonkeyP
     assert without.chi2 > 1000.0
 
 
-def test_what_comes_in_its_place_is_not_named_either(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_replacement_of_refused_effect_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     has(monkeypatch, among("pitch tilt")["pitch tilt"], Sideways("constant"), Sideways("its twin"))
     result = closed(lateral_means(TWO_FOLDS))
     assert finding(result, "pitch tilt").verdict is Verdict.NAMED
@@ -104,7 +105,7 @@ def test_what_comes_in_its_place_is_not_named_either(monkeypatch: pytest.MonkeyP
         assert finding(result, name).verdict is Verdict.REFUSED
 
 
-def test_what_takes_turns_with_its_like_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_alternating_effects_are_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """All data prefer one of a pair, and three folds of five the other: neither is certain."""
     bent = 0.05
     has(monkeypatch, Sideways("one"), Sideways("other", bent=bent))
@@ -119,10 +120,10 @@ def test_what_takes_turns_with_its_like_is_not_named(monkeypatch: pytest.MonkeyP
     (in_it,) = result.selection.steps
     assert finding(result, in_it.effect.name).verdict is Verdict.INDISTINGUISHABLE
     assert finding(result, "other").rivals == ("one",)
-    assert "found in 2 of 5 folds" in finding(result, "one").reason
+    assert finding(result, "one").reason == Reason(Code.FOUND_IN_FEW_FOLDS, found=2, folds=5)
 
 
-def test_rivals_are_looked_for_among_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_confounders_are_searched_among_all_effects(monkeypatch: pytest.MonkeyPatch) -> None:
     has(monkeypatch, Sideways("one"), Sideways("other"))
     result = closed(lateral_means((9.0, 9.0, 9.0, 9.0, 9.0), pitch_rad=0.0))
     (found,) = result.findings
@@ -131,7 +132,7 @@ def test_rivals_are_looked_for_among_what_is_left(monkeypatch: pytest.MonkeyPatc
     assert found.decide_with
 
 
-def test_nothing_at_all_gives_no_findings() -> None:
+def test_exact_ring_gives_no_findings() -> None:
     """The whole catalogue on an exact ring's noise, one group of three axes."""
     told: list[tuple[float, str]] = []
     result = closed(campaign_of(ONE_SPEED, nothing, axes=ALL_AXES), lambda *step: told.append(step))
@@ -142,14 +143,14 @@ def test_nothing_at_all_gives_no_findings() -> None:
     assert goes_on(told)
 
 
-def test_progress_does_not_go_back_in_the_second_round(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_never_decreases(monkeypatch: pytest.MonkeyPatch) -> None:
     has(monkeypatch, Sideways("constant"))
     told: list[tuple[float, str]] = []
     closed(lateral_means(TWO_FOLDS, pitch_rad=0.0), lambda *step: told.append(step))
     assert goes_on(told)
 
 
-def test_a_start_that_fits_nothing_says_what_to_check(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unfittable_model_has_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     def unsolvable(*_: object, **__: object) -> None:
         raise RingNotConvergedError("no equilibrium")
 

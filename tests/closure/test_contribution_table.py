@@ -1,4 +1,4 @@
-"""Table of the contributions of named effects, for the direction in which the wheel rolls on the car."""
+"""The correction table of named effects."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def test_forward_recordings_are_preferred() -> None:
     assert made.omega_range_radps[1] == pytest.approx(1.1 * at(80.0).omega_radps)
 
 
-def test_tire_state_recorded_forward_is_preferred() -> None:
+def test_forward_state_is_preferred() -> None:
     made = table(group(60.0, 20, state=0), group(90.0, 500, state=1, reverse=True))
     assert made.omega_range_radps[1] == pytest.approx(1.1 * at(60.0).omega_radps)
     assert leak(made) > 0.0
 
 
-def test_reverse_only_table_is_in_sensor_axes() -> None:
+def test_reverse_only_uses_sensor_axes() -> None:
     made = table(group(60.0, 20, reverse=True))
     # As glued, the radial axis leaks into +circumferential whichever way the wheel turns.
     assert leak(made) == pytest.approx(np.sin(PITCH_RAD), rel=0.02)

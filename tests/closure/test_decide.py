@@ -1,4 +1,4 @@
-"""Which recording would tell two explanations apart."""
+"""Experiment design: the recording that distinguishes two explanations."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from gateway.closure.fit import Fit
 from gateway.closure.likelihood import Whitened, whiten
 from gateway.closure.selection import select
 from gateway.closure.starting import make_core
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -43,19 +44,19 @@ from tests.closure.planted_campaign import (
 OMEGA = conditions().omega_radps
 NOISY = 7.0
 SPEED_SQUARED: Callable[[GroupConditions], float] = lambda here: (here.omega_radps / OMEGA) ** 2  # noqa: E731
-CASES: list[tuple[Callable[[GroupConditions], float], str]] = [
+SLOWER = Reason(Code.RECORD_AT_SPEED, speed_ratio=0.25)
+FASTER = Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
+REVERSED = Reason(Code.RECORD_REVERSED)
+WARMER = Reason(Code.RECORD_WARMER, difference_k=20.0)
+CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
     # At a quarter of the speed nothing is left of it; where it is true, it is largest at the highest speed.
-    (SPEED_SQUARED, "at a quarter of the speed"),
-    (lambda here: 1.0 if here.omega_radps != 0.6 * OMEGA else -3.0, "at 0.6 times the speed"),
-    (lambda here: -1.0 if here.reverse else 1.0, "rolling the other way round"),
-    (lambda here: (here.temperature_degc - 5.0) / 20.0, "with the tire 20 K warmer"),
-    (lambda here: here.load_n / LOAD_N, "at 1.4 times the load"),
-    (lambda here: here.pressure_pa / PRESSURE_PA, "at 0.7 times the pressure"),
+    (SPEED_SQUARED, SLOWER),
+    (lambda here: 1.0 if here.omega_radps != 0.6 * OMEGA else -3.0, Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6)),
+    (lambda here: -1.0 if here.reverse else 1.0, REVERSED),
+    (lambda here: (here.temperature_degc - 5.0) / 20.0, WARMER),
+    (lambda here: here.load_n / LOAD_N, Reason(Code.RECORD_AT_LOAD, load_ratio=1.4)),
+    (lambda here: here.pressure_pa / PRESSURE_PA, Reason(Code.RECORD_AT_PRESSURE, pressure_ratio=0.7)),
 ]
-
-
-def sentence(words: str) -> str:
-    return f"one more recording {words} would decide"
 
 
 @cache
@@ -65,44 +66,44 @@ def with_constant() -> tuple[Sideways, Fit, Whitened]:
     return constant, *fitted(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), constant)
 
 
-@pytest.mark.parametrize(("goes_with", "words"), CASES, ids=[words for _, words in CASES])
-def test_what_differs_with_one_condition_is_decided_there(
-    goes_with: Callable[[GroupConditions], float], words: str
+@pytest.mark.parametrize(("goes_with", "recording"), CASES, ids=[str(reason.code) for _, reason in CASES])
+def test_recording_at_the_condition_that_differs(
+    goes_with: Callable[[GroupConditions], float], recording: Reason
 ) -> None:
     constant, fit, data = with_constant()
-    assert deciding_recording(fit, constant, Sideways("other", goes_with), data) == sentence(words)
+    assert deciding_recording(fit, constant, Sideways("other", goes_with), data) == recording
 
 
-@pytest.mark.parametrize(("size_mps2", "words"), [(20.0, "at 1.5 times the speed"), (0.7, "")])
-def test_where_the_growing_one_is_true_the_faster_decides(size_mps2: float, words: str) -> None:
+@pytest.mark.parametrize(("size_mps2", "recording"), [(20.0, FASTER), (0.7, NOTHING)])
+def test_faster_recording_decides_when_effect_grows(size_mps2: float, recording: Reason) -> None:
     """And what is weak is not told apart by one recording more, whatever its speed."""
     growing, constant = Sideways("growing", SPEED_SQUARED), Sideways("constant")
     fit, data = fitted(campaign_of(ONE_SPEED, sideways(size_mps2), noise_mps2=NOISY, axes=ALL_AXES), growing)
-    assert deciding_recording(fit, growing, constant, data) == (sentence(words) if words else NOTHING)
+    assert deciding_recording(fit, growing, constant, data) == recording
 
 
-def test_the_recording_that_tells_most_is_named() -> None:
+def test_most_informative_recording_is_chosen() -> None:
     """Both a warmer tire and the other direction tell them, the direction better."""
     constant, fit, data = with_constant()
     other = Sideways("other", lambda here: (here.temperature_degc - 5.0) / 20.0 * (-1.0 if here.reverse else 1.0))
-    assert deciding_recording(fit, constant, other, data) == sentence("rolling the other way round")
+    assert deciding_recording(fit, constant, other, data) == REVERSED
 
 
 @pytest.mark.parametrize(
-    ("groups", "plant", "name", "rival", "words"),
+    ("groups", "plant", "name", "rival", "recording"),
     [
-        (WARM, gain, "gain", "gain-temperature drift", "with the tire 20 K warmer"),
-        (WARM, drift, "gain-temperature drift", "gain", "with the tire 20 K warmer"),
-        (ONE_SPEED, turned(LATERAL, 0.004), "roll tilt", "zero-g offset", "at 1.5 times the speed"),
-        (ONE_SPEED, sideways(4.0), "zero-g offset", "roll tilt", "at a quarter of the speed"),
+        (WARM, gain, "gain", "gain-temperature drift", WARMER),
+        (WARM, drift, "gain-temperature drift", "gain", WARMER),
+        (ONE_SPEED, turned(LATERAL, 0.004), "roll tilt", "zero-g offset", FASTER),
+        (ONE_SPEED, sideways(4.0), "zero-g offset", "roll tilt", SLOWER),
     ],
 )
-def test_the_catalogues_pairs(
-    groups: tuple[GroupConditions, ...], plant: Plant, name: str, rival: str, words: str
+def test_pairs_of_the_catalogue(
+    groups: tuple[GroupConditions, ...], plant: Plant, name: str, rival: str, recording: Reason
 ) -> None:
     effects = among(name, rival)
     fit, data = fitted(campaign_of(groups, plant, noise_mps2=NOISY, axes=ALL_AXES), effects[name])
-    assert deciding_recording(fit, effects[name], effects[rival], data) == sentence(words)
+    assert deciding_recording(fit, effects[name], effects[rival], data) == recording
 
 
 @pytest.mark.parametrize(
@@ -113,30 +114,28 @@ def test_the_catalogues_pairs(
         (gain, "gain", "sample clock error"),
     ],
 )
-def test_a_clock_is_decided_by_another_clock(plant: Plant, name: str, rival: str) -> None:
+def test_clock_error_needs_another_clock(plant: Plant, name: str, rival: str) -> None:
     effects = among(name, rival)
     fit, data = fitted(campaign_of(ONE_SPEED, plant), effects[name])
     found = deciding_recording(fit, effects[name], effects[rival], data)
-    assert found == "a recording made live, with the host's own time stamps, would decide"
+    assert found == Reason(Code.RECORD_LIVE)
 
 
 @pytest.mark.parametrize(
     ("plant", "name", "rival", "noise_mps2"),
     [(gain, "gain", "rolling radius", 0.1), (larger_belt, "rolling radius", "gain", 0.25)],
 )
-def test_a_gain_and_a_larger_belt_are_told_apart_by_gravity_in_a_slow_recording(
-    plant: Plant, name: str, rival: str, noise_mps2: float
-) -> None:
+def test_gravity_separates_gain_from_radius_when_slow(plant: Plant, name: str, rival: str, noise_mps2: float) -> None:
     """At speed a share of gravity is less than what their equations leave, a hundredth of what they add."""
     effects = among(name, rival)
     campaign = campaign_of((conditions(90.0),), plant, noise_mps2=noise_mps2)
     core = make_core(BaselineModel.EXACT)
     found = select(campaign, core, whiten(campaign, with_mean=core.mean), {name: effects[name]})
-    words = deciding_recording(found.final, effects[name], effects[rival], found.data)
-    assert words == sentence("at a quarter of the speed")
+    recording = deciding_recording(found.final, effects[name], effects[rival], found.data)
+    assert recording == SLOWER
 
 
-def test_conditions_are_changed_from_those_of_the_most_revolutions() -> None:
+def test_conditions_start_from_the_largest_group() -> None:
     constant = Sideways("constant")
     other = Sideways("other", lambda here: -1.0 if here.temperature_degc == 45.0 else 1.0)
     two = conditions(temperature_degc=30.0), conditions()
@@ -148,7 +147,7 @@ def test_conditions_are_changed_from_those_of_the_most_revolutions() -> None:
         groups[more] = replace(groups[more], blocks=tuple(replace(block, count=2 * block.count) for block in blocks))
         fit, data = fitted(replace(campaign, groups=tuple(groups)), constant)
         found.append(deciding_recording(fit, constant, other, data))
-    assert found == [NOTHING, sentence("with the tire 20 K warmer")]
+    assert found == [NOTHING, WARMER]
 
 
 class Stiffer(Sideways):
@@ -162,8 +161,8 @@ class Stiffer(Sideways):
         return row
 
 
-class TestNothing:
-    def test_the_same_everywhere_is_never_told_apart(self) -> None:
+class TestUndecidable:
+    def test_identical_effects_are_never_separated(self) -> None:
         """Nor beside another effect, which grows with the conditions; nor where there is hardly any noise."""
         true, twin, beside = Sideways("true"), Sideways("twin"), among("pitch tilt")["pitch tilt"]
 
@@ -173,7 +172,7 @@ class TestNothing:
         fit, data = fitted(campaign_of(ONE_SPEED, both, noise_mps2=0.2, axes=ALL_AXES), true, beside)
         assert deciding_recording(fit, true, twin, data) == NOTHING
 
-    def test_at_another_load_the_tire_has_numbers_of_its_own(self) -> None:
+    def test_another_load_has_its_own_ring_parameters(self) -> None:
         """They take up whatever looks like a stiffer sidewall there."""
         true, other = Stiffer("true"), Stiffer("other", lambda here: here.load_n / LOAD_N)
         fit, data = fitted(campaign_of(ONE_SPEED), true)
@@ -181,7 +180,7 @@ class TestNothing:
         fit = replace(fit, vector=np.where(np.arange(len(fit.vector)) == place, 6.0, fit.vector))
         assert deciding_recording(fit, true, other, data) == NOTHING
 
-    def test_what_the_recordings_at_hand_tell_already_is_not_counted(self) -> None:
+    def test_existing_evidence_is_not_counted(self) -> None:
         """Of 1000 in chi-square the rival leaves 20 in two recordings; a third one adds 10, not 30."""
         std = NOISY * (REVOLUTIONS * BLOCKS * 2) ** -0.5
         true, rival = Sideways("true"), Sideways("rival", bent=0.02**0.5)

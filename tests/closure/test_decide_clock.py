@@ -1,4 +1,4 @@
-"""What would decide between a clock and all that looks like one."""
+"""Experiment design for a clock error and its confounders."""
 
 from __future__ import annotations
 
@@ -12,31 +12,45 @@ from gateway.closure import findings
 from gateway.closure.decide import deciding_recording
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.model import AngleEffect
+from gateway.reasons import Code, Reason
+
+AGAIN = Reason(Code.RECORD_AT_ANOTHER_SPEED)
+
+
+def against(confounder: str) -> Reason:
+    return Reason(Code.DECIDES_AGAINST, effect=confounder, recording=AGAIN)
 
 
 @pytest.mark.parametrize(
-    ("std", "words"),
-    [(math.nan, "made live"), (9e-5, "longer recording made live would decide: the hub's clock is known to 90 ppm"),
-     (2e-6, "better than a host's 50 ppm")],
-)  # fmt: skip
+    ("std", "recording"),
+    [
+        (math.nan, Reason(Code.RECORD_LIVE)),
+        (9e-5, Reason(Code.RECORD_LIVE_FOR_LONGER, clock_std=9e-5)),
+        (2e-6, Reason(Code.COMPARE_CLOCK, host_clock=5e-5)),
+    ],
+)
 @pytest.mark.parametrize("names", [("rolling radius", "sample clock error"), ("sample clock error", "gain")])
-def test_how_well_the_clock_is_known_tells_what_would_decide(std: float, words: str, names: tuple[str, str]) -> None:
+def test_clock_uncertainty_chooses_the_recording(std: float, recording: Reason, names: tuple[str, str]) -> None:
     final: Any = SimpleNamespace(model=SimpleNamespace(campaign=SimpleNamespace(clock_error=(0.0, std))))
     effect, rival = (cast(AngleEffect, catalogue()[name]) for name in names)
     data: Any = None
-    assert words in deciding_recording(final, effect, rival, data)
+    assert deciding_recording(final, effect, rival, data) == recording
 
 
 @pytest.mark.parametrize(
-    ("rivals", "asked", "words"),
+    ("rivals", "asked", "recording"),
     [
-        (("gain", "sample clock error", "run-out"), "sample clock error", "against sample clock error: a recording"),
-        (("gain", "run-out"), "gain", "against gain: a recording"),
-        (("run-out",), "run-out", "a recording"),
+        (
+            ("gain", "sample clock error", "run-out"),
+            "sample clock error",
+            against("sample clock error"),
+        ),
+        (("gain", "run-out"), "gain", against("gain")),
+        (("run-out",), "run-out", AGAIN),
     ],
 )
-def test_the_clock_is_asked_for_first(
-    monkeypatch: pytest.MonkeyPatch, rivals: tuple[str, ...], asked: str, words: str
+def test_clock_comes_first(
+    monkeypatch: pytest.MonkeyPatch, rivals: tuple[str, ...], asked: str, recording: Reason
 ) -> None:
     effects = {name: cast(AngleEffect, effect) for name, effect in catalogue().items()}
     step: Any = SimpleNamespace(effect=effects["rolling radius"])
@@ -44,13 +58,13 @@ def test_the_clock_is_asked_for_first(
     data: Any = None
     seen: list[str] = []
 
-    def deciding(_final: object, effect: AngleEffect, rival: AngleEffect, _data: object) -> str:
+    def deciding(_final: object, effect: AngleEffect, rival: AngleEffect, _data: object) -> Reason:
         seen.append(f"{effect.name} or {rival.name}")
-        return "a recording"
+        return AGAIN
 
     monkeypatch.setattr(findings, "rivals_of", lambda *_: dict.fromkeys(rivals))
     monkeypatch.setattr(findings, "deciding_recording", deciding)
     monkeypatch.setattr(findings, "_added", lambda *told: told[-1])
     found, _ = findings.findings_of(selection, data, effects)
-    assert cast(list[object], found) == [words]
+    assert cast(list[object], found) == [recording]
     assert seen == [f"rolling radius or {asked}"]

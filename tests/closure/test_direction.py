@@ -1,4 +1,4 @@
-"""A recording that rolls the other way round than stated is told as that, and not explained by an effect."""
+"""Detection of a wrongly stated rolling direction."""
 
 from __future__ import annotations
 
@@ -48,26 +48,26 @@ def backwards(plant: Plant) -> Plant:
 
 @pytest.mark.parametrize("plant", [nothing, gain, offset, turned(CIRCUMFERENTIAL, 0.1)])
 @pytest.mark.parametrize("noise_mps2", [1.0, 5.0])
-def test_nothing_else_turns_the_circumferential_axis_round(plant: Plant, noise_mps2: float) -> None:
+def test_only_reversal_flips_the_circumferential_axis(plant: Plant, noise_mps2: float) -> None:
     assert turned_round(*fitted(campaign_of(THREE, plant, noise_mps2=noise_mps2))) == []
     found = turned_round(*fitted(campaign_of(THREE, backwards(plant), noise_mps2=noise_mps2)))
     assert found == [0, 1, 2]
 
 
-def test_one_of_several_is_found() -> None:
+def test_one_reversed_recording_is_found() -> None:
     def second(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         return (backwards(nothing) if here.omega_radps == THREE[1].omega_radps else nothing)(signal, theta, here)
 
     assert turned_round(*fitted(campaign_of(THREE, second))) == [1]
 
 
-def test_without_that_axis_nothing_is_said() -> None:
+def test_no_detection_without_circumferential_axis() -> None:
     assert turned_round(*fitted(campaign_of(THREE[:1], axes=(RADIAL,)))) == []
 
 
-@pytest.mark.parametrize(("here", "remedy"), [(THREE[0], "say --reverse run 1"), (BACKWARDS, "leave out --reverse")])
-def test_the_recording_and_the_remedy_are_named(here: GroupConditions, remedy: str) -> None:
+@pytest.mark.parametrize(("here", "remedy"), [(THREE[0], "add --reverse run 1"), (BACKWARDS, "remove --reverse")])
+def test_error_names_recording_and_remedy(here: GroupConditions, remedy: str) -> None:
     campaign = campaign_of((here,), backwards(nothing))
-    with pytest.raises(TreadlinkError, match="opposite of a rolling tire's in 'run 1'") as caught:
+    with pytest.raises(TreadlinkError, match="opposite to that of a rolling tire in 'run 1'") as caught:
         diagnose(campaign)
     assert remedy in caught.value.remedy

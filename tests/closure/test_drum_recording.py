@@ -1,4 +1,4 @@
-"""The figures of docs/evidence/closure-drum.md: what the measured inner-liner recording says of edge waves."""
+"""Edge waves in the measured inner-liner recording."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def repeating(curves: FloatArray) -> float:
     return mean / (mean + scatter)
 
 
-def test_the_circumferential_axis_shows_that_they_run_away_from_the_contact(fitted: Fitted) -> None:
+def test_waves_travel_away_from_the_contact(fitted: Fitted) -> None:
     left = fitted.left(fitted.before).mean(axis=0)
     spectrum = np.fft.rfft(left, axis=-1)
     spectrum[:, :14] = 0.0
@@ -126,7 +126,7 @@ def test_the_circumferential_axis_shows_that_they_run_away_from_the_contact(fitt
     assert share == pytest.approx(0.0064, abs=0.0008)
 
 
-def test_orders_slopes_and_decays_are_those_of_one_tread_on_one_belt(fitted: Fitted) -> None:
+def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
     found = parameters(fitted.after)
     conditions = fitted.campaign.groups[0].conditions
     speed = conditions.radius_m * conditions.omega_radps
@@ -145,7 +145,7 @@ def test_orders_slopes_and_decays_are_those_of_one_tread_on_one_belt(fitted: Fit
     assert ratio == pytest.approx(((1.0 + share) / (1.0 - share)) ** 2, rel=0.15)
 
 
-def test_they_are_worth_their_parameters_in_every_revolution(fitted: Fitted) -> None:
+def test_waves_reduce_every_revolutions_error(fitted: Fitted) -> None:
     assert fitted.before.misfit - fitted.after.misfit == pytest.approx(2310.0, abs=60.0)
     assert (fitted.before.held_out() - fitted.after.held_out() > 100.0).all()
     found = parameters(fitted.after)
@@ -161,7 +161,7 @@ def test_they_are_worth_their_parameters_in_every_revolution(fitted: Fitted) -> 
         ((12.0, 60.0), 0.86, 0.60),
     ],
 )
-def test_what_repeats_is_what_they_take(
+def test_waves_explain_the_repeating_part(
     fitted: Fitted, window: tuple[float, float], share_before: float, share_after: float
 ) -> None:
     there = within(*window)
@@ -170,7 +170,7 @@ def test_what_repeats_is_what_they_take(
 
 
 @pytest.mark.slow
-def test_the_diagnosis_names_them(recording: Path) -> None:
+def test_diagnosis_names_the_waves(recording: Path) -> None:
     diagnosis = diagnose_recordings([recording], jobs=1)
     found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
     assert set(found) == {"mounting offset", "ply steer", WAVES}

@@ -1,4 +1,4 @@
-"""Edges of the contact that come early or late: seen in single revolutions, put back, and told from all else."""
+"""Contact-edge jitter: detected in single revolutions, corrected, and distinguished from other causes."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.observation import ORDERS, Block, EdgeTiming, Group
 from gateway.closure.scatter import regressors
 from gateway.closure.starting import angle_effects
+from gateway.reasons import Code, Reason
 from gateway.session.campaign import read_campaign
 from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, OMEGA, RADIUS_M, THETA, block_of
@@ -71,7 +72,7 @@ def compared(waves: FloatArray, period_s: FloatArray | None = None) -> Edges:
 
 
 @pytest.mark.parametrize(("leading_mm", "trailing_mm"), [(0.3, 0.1), (0.2, 0.4), (2.0, 0.5)])
-def test_scatter_is_measured_and_told_to_its_edge(leading_mm: float, trailing_mm: float) -> None:
+def test_jitter_is_measured_at_its_edge(leading_mm: float, trailing_mm: float) -> None:
     edges = compared(*wheel(150, leading_mm, trailing_mm, 1))
     assert edges.evident
     assert edges.timing.chi2 > 100.0
@@ -82,7 +83,7 @@ def test_scatter_is_measured_and_told_to_its_edge(leading_mm: float, trailing_mm
     assert edges.timing.left_m2ps4 < 0.1 * edges.timing.explained_m2ps4
 
 
-def test_edges_are_put_back() -> None:
+def test_edges_are_corrected() -> None:
     waves, period_s = wheel(600, 3.0, 0.5, 2)
     orders = waveform_orders(waves)
     edges = compared(waves, period_s)
@@ -98,14 +99,14 @@ def test_edges_are_put_back() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_noise_is_no_scatter(seed: int) -> None:
+def test_noise_is_no_jitter(seed: int) -> None:
     edges = compared(*wheel(100, 0.0, 0.0, seed))
     assert not edges.evident
     assert edges.timing.chi2 < 12.0
 
 
 @pytest.mark.parametrize("hz", [4.3, 11.3, 24.9, 212.0])
-def test_what_is_not_at_the_contact_is_no_scatter(hz: float) -> None:
+def test_signal_away_from_contact_is_no_jitter(hz: float) -> None:
     """A tone goes on through the revolutions, and stands still in space as a hub does."""
     count = 100
     waves, _ = wheel(count, 0.0, 0.0, 3)
@@ -117,7 +118,7 @@ def test_what_is_not_at_the_contact_is_no_scatter(hz: float) -> None:
     assert compared(waves).timing.chi2 < 12.0
 
 
-def test_a_contact_that_grows_slowly_is_no_scatter() -> None:
+def test_slow_contact_growth_is_no_jitter() -> None:
     count = 100
     grown = np.linspace(-1.0, 1.0, count)[:, None] * PER_MM
     signal = block_of().signal_mps2
@@ -129,7 +130,7 @@ def test_a_contact_that_grows_slowly_is_no_scatter() -> None:
     assert not compared(waves).evident
 
 
-def test_few_revolutions_and_gaps_say_nothing() -> None:
+def test_few_revolutions_and_gaps_give_nothing() -> None:
     waves, period_s = wheel(10, 2.0, 0.5, 5)
     assert compared(waves, period_s).timing == EdgeTiming()
     waves, _ = wheel(40, 2.0, 0.5, 5)
@@ -156,7 +157,7 @@ def test_absent_axes_stay_unknown() -> None:
     assert np.isfinite(bent[:, [0, 2]]).all()
 
 
-def test_bending_back_undoes_a_movement() -> None:
+def test_correction_reverses_a_shift() -> None:
     early = np.zeros((1, TERMS))
     early[0] = 4e-3, -2e-3, 1e-3, 0.0
     plain = np.cos(3.0 * THETA) + 0.3 * np.cos(40.0 * THETA)
@@ -169,13 +170,13 @@ def test_bending_back_undoes_a_movement() -> None:
     assert np.abs(back - plain).max() < 1e-3
 
 
-def test_the_mean_waveform_is_not_asked_for_it() -> None:
+def test_mean_waveform_is_not_used() -> None:
     for model in BaselineModel:
         assert "contact edge scatter" in candidates(model)
         assert "contact edge scatter" not in angle_effects(candidates(model))
 
 
-def test_a_speed_that_changes_steadily_is_no_timing() -> None:
+def test_steady_acceleration_is_no_jitter() -> None:
     rng = np.random.default_rng(7)
     true = OMEGA * np.linspace(0.995, 1.005, 100)
     timed = true * (1.0 + 4e-4 * rng.standard_normal(100))
@@ -197,7 +198,7 @@ def timing(scatter_mm: float, noise_mm: float = 0.05, *, left: float = 0.0) -> E
     return EdgeTiming((14.0,) * 5, tuple((spread * (square + noise)).tolist()), noise, 0.8, 0.05, 100.0, left)
 
 
-def test_a_finding_has_sizes_evidence_and_a_held_out_gain() -> None:
+def test_finding_has_sizes_and_evidence() -> None:
     (found,) = edge_findings([group(timing(0.5)), group(timing(0.4)), group(EdgeTiming())])
     assert found.verdict is Verdict.NAMED
     assert found.name == "contact edge scatter"
@@ -209,7 +210,7 @@ def test_a_finding_has_sizes_evidence_and_a_held_out_gain() -> None:
     assert found.held_out_std > 0.0
 
 
-def test_nothing_is_said_without_evidence() -> None:
+def test_no_finding_without_evidence() -> None:
     assert edge_findings([]) == ()
     assert edge_findings([group(EdgeTiming())]) == ()
     assert edge_findings([group(timing(0.01)), group(timing(0.0))]) == ()
@@ -218,30 +219,31 @@ def test_nothing_is_said_without_evidence() -> None:
 @pytest.mark.parametrize(
     ("groups", "why"),
     [
-        ([group(timing(0.5)), group(timing(0.0)), group(timing(0.5))], "another size in other recordings"),
-        ([group(timing(0.5, left=60.0))], "leaves"),
-        ([group(timing(40.0))], "not plausible"),
+        ([group(timing(0.5)), group(timing(0.0)), group(timing(0.5))], Code.SIZE_DIFFERS_BETWEEN_RECORDINGS),
+        ([group(timing(0.5, left=60.0))], Code.LEAVES_RESIDUAL_AT_EDGES),
+        ([group(timing(40.0))], Code.IMPLAUSIBLE_PARAMETER),
     ],
 )
-def test_what_does_not_behave_as_edges_do_is_refused(groups: list[Group], why: str) -> None:
+def test_failed_acceptance_test_is_refused(groups: list[Group], why: Code) -> None:
     (found,) = edge_findings(groups)
     assert found.verdict is Verdict.REFUSED
-    assert why in found.reason
+    assert found.reason is not None
+    assert found.reason.code is why
 
 
-def test_what_putting_edges_back_may_leave_gets_no_name() -> None:
+def test_residual_of_corrected_edges_is_refused() -> None:
     edges = edge_findings([group(timing(0.5))])
     (scatter,) = edges
     found = tuple(
         replace(scatter, name="hub vibration", rms_mps2=share * scatter.rms_mps2, lock="time") for share in (0.05, 0.5)
     )
     assert [one.verdict for one in beside_edges(found, edges)] == [Verdict.REFUSED, Verdict.NAMED]
-    assert "edges" in beside_edges(found, edges)[0].reason
+    assert beside_edges(found, edges)[0].reason == Reason(Code.SMALLER_THAN_EDGE_RESIDUAL)
     assert beside_edges(found, ()) == found
 
 
 @pytest.mark.parametrize(("size", "seed"), [(1, 21), (2, 22)])
-def test_recordings_of_a_wheel_whose_edges_scatter(tmp_path: Path, size: int, seed: int) -> None:
+def test_jitter_is_found_in_recordings(tmp_path: Path, size: int, seed: int) -> None:
     case = draw(Order(Kind.EFFECT, seed, ("contact edge scatter",), size))
     given = record(case, tmp_path, 5.0)
     campaign = read_campaign(given.paths, jobs=1, reverse=given.reverse)
@@ -252,7 +254,7 @@ def test_recordings_of_a_wheel_whose_edges_scatter(tmp_path: Path, size: int, se
     assert 0.5 * truth < 1e3 * found.parameters["leading_m"].value < 1.3 * truth
 
 
-def test_where_the_edges_are_on_average_is_known_no_better_than_they_scatter(tmp_path: Path) -> None:
+def test_mean_edges_are_as_uncertain_as_jitter(tmp_path: Path) -> None:
     case = draw(Order(Kind.EFFECT, 23, ("contact edge scatter",), 2))
     variances = []
     for name, tables in (("moving", case.tables), ("still", {})):

@@ -9,7 +9,7 @@ from gateway.closure.effects.base import RADIAL, GroupConditions
 from gateway.closure.findings import fitted_parameter
 from gateway.closure.rivals import rivals_of
 from gateway.types import FloatArray
-from gateway.views.report.rows import show_fitted
+from gateway.views.report.quantities import show_fitted
 from tests.closure.planted_campaign import (
     TWO_SPEEDS,
     Plant,

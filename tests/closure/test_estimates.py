@@ -1,4 +1,4 @@
-"""What a fit says of the tire: at the radius that it has, with errors that know of what is not decided."""
+"""Estimates of a fit and their standard errors."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from gateway.closure.rivals import rivals_of
 from gateway.closure.selection import select
 from gateway.closure.starting import make_core
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     LOAD_N,
@@ -44,7 +45,7 @@ NUMBERS = ("Bs", "Cw", "Rs", "Ts")
 RADIUS = among("rolling radius")["rolling radius"]
 
 
-def test_the_same_waveform_means_stiffnesses_that_fall_with_the_radius_squared() -> None:
+def test_stiffnesses_fall_with_radius_squared() -> None:
     """At the same load and pressure: the shape over R is the same, the contact's angle too."""
     factor = (1.0 + LARGER) ** -2
     plain, larger = (
@@ -66,7 +67,7 @@ def test_the_same_waveform_means_stiffnesses_that_fall_with_the_radius_squared()
     assert larger.half_angle_rad == pytest.approx(plain.half_angle_rad, rel=1e-5)
 
 
-def test_with_a_larger_radius_the_numbers_are_those_of_the_larger_ring() -> None:
+def test_numbers_refer_to_the_fitted_radius() -> None:
     fit, data = fitted(campaign_of(TWO_SPEEDS, larger_belt, noise_mps2=0.2), RADIUS)
     found, determined = estimates_of(fit, data)
     for name, truth in TRUTH.items():
@@ -80,7 +81,7 @@ def test_with_a_larger_radius_the_numbers_are_those_of_the_larger_ring() -> None
     assert found["contact_half_angle_rad"].value == pytest.approx(true_angle, rel=2e-3)
 
 
-def test_how_well_the_radius_is_known_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_radius_error_is_propagated(monkeypatch: pytest.MonkeyPatch) -> None:
     fit, data = fitted(campaign_of(TWO_SPEEDS, larger_belt, noise_mps2=0.2), RADIUS)
     covariance = np.zeros((len(fit.vector), len(fit.vector)))
     place = fit.model.layout.effect("rolling radius").start
@@ -93,7 +94,7 @@ def test_how_well_the_radius_is_known_counts(monkeypatch: pytest.MonkeyPatch) ->
         assert found[name].std < 1e-9 * found[name].value, name
 
 
-def test_what_is_undecided_widens_the_error() -> None:
+def test_confounders_widen_the_error() -> None:
     effects = among("gain", "rolling radius")
     fit, data = fitted(campaign_of(ONE_SPEED, gain, noise_mps2=5.0), effects["gain"])
     rivals = rivals_of(fit, effects["gain"], effects, data)
@@ -110,7 +111,7 @@ def test_what_is_undecided_widens_the_error() -> None:
     assert other["Cw"].value / found["Cw"].value == pytest.approx(0.98, abs=0.005)
 
 
-def test_a_diagnosis_widens_what_it_leaves_undecided(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_diagnosis_widens_undecided_estimates(monkeypatch: pytest.MonkeyPatch) -> None:
     few = {name: catalogue()[name] for name in ("rolling radius", "sample clock error", "gain", "zero-g offset")}
     for module in (closing, held_out):
         monkeypatch.setattr(module, "candidates", lambda _model: few)
@@ -124,7 +125,7 @@ def test_a_diagnosis_widens_what_it_leaves_undecided(monkeypatch: pytest.MonkeyP
         assert found.value == pytest.approx(TRUTH[name], abs=2.0 * found.std)
 
 
-def test_from_the_series_errors_cover_what_its_equations_leave() -> None:
+def test_series_errors_cover_equation_errors() -> None:
     """It does not average out over blocks and recordings of one state: the same is left in all of them."""
     campaign = campaign_of([conditions(speed, load_n=5500.0) for speed in (40.0, 60.0, 80.0, 100.0)], noise_mps2=0.3)
     core = make_core(BaselineModel.SERIES)
@@ -136,7 +137,7 @@ def test_from_the_series_errors_cover_what_its_equations_leave() -> None:
     assert values["Bs"].std < 0.03 * TRUTH["Bs"]
 
 
-def test_model_error_is_carried_as_one_over_blocks_recordings_and_orders_near_by() -> None:
+def test_model_error_is_correlated_over_orders() -> None:
     fit, data = fitted(campaign_of(TWO_SPEEDS, noise_mps2=1.0))
     share = 3e-3
     sizes = [share * np.abs(orders[0]) for orders in data.orders]
@@ -163,7 +164,7 @@ def test_model_error_is_carried_as_one_over_blocks_recordings_and_orders_near_by
     assert np.sqrt(np.diagonal(total))[states] == pytest.approx(drawn, rel=0.15)
 
 
-def test_one_bad_state_does_not_hide_behind_good_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_state_is_judged_separately(monkeypatch: pytest.MonkeyPatch) -> None:
     """The model lacks something under one load of three, and all together stand at the noise."""
     for module in (closing, held_out):
         monkeypatch.setattr(module, "candidates", lambda _model: {})
@@ -177,4 +178,6 @@ def test_one_bad_state_does_not_hide_behind_good_ones(monkeypatch: pytest.Monkey
     assert diagnosis.held_out.rms_after_mps2 < FAR_OFF * diagnosis.noise_floor_mps2
     for name, known in diagnosis.determined.items():
         assert known == ("5500 N" not in name), name
-    assert "at 5500 N, 220 kPa (1." in diagnosis.notes[0]
+    note = diagnosis.notes[0]
+    assert isinstance(note, Reason)
+    assert [state["load_n"] for state in note if state.code is Code.STATE_WITH_ERROR] == [5500.0]

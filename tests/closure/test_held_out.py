@@ -1,4 +1,4 @@
-"""Nested hold-out: no fold has a part in what it is judged by, and the figures are what they say."""
+"""Nested hold-out."""
 
 from __future__ import annotations
 
@@ -67,14 +67,14 @@ def held_out(campaign: Campaign, begin: FloatArray, fold: int = FOLD) -> FoldErr
     return error
 
 
-class TestNothingLeaks:
+class TestLeakage:
     """Only order 0 and 1 of the fold are changed, in phase: then its size and scatter, which weigh, stay the same."""
 
     def turned_round(self, campaign: Campaign, angle_rad: float, fold: int = FOLD) -> Campaign:
         low = np.where(np.arange(ORDERS) < 2, np.exp(1j * angle_rad), 1.0)
         return with_blocks(campaign, lambda k, orders: orders * low if k == fold else orders)
 
-    def test_neither_selection_nor_prediction_has_seen_the_fold(self) -> None:
+    def test_held_out_fold_is_unseen(self) -> None:
         campaign = rolled()
         angles = (0.0, 2.0, 4.0, 5.5)
         errors = [held_out(self.turned_round(campaign, angle), start()) for angle in angles]
@@ -92,7 +92,7 @@ class TestNothingLeaks:
             assert values.max() > 1e3 * values.min()
         assert [error.noise for error in errors] == pytest.approx([errors[0].noise] * len(angles), rel=1e-12)
 
-    def test_what_scatters_in_the_fold_does_not_blur_the_others(self) -> None:
+    def test_scatter_of_the_fold_is_unseen(self) -> None:
         campaign = rolled()
         real, imaginary = np.random.default_rng(5).normal(0.0, 500.0, (2, 3, ORDERS))
         wild = with_blocks(campaign, lambda k, orders: orders + (real + 1j * imaginary if k == FOLD else 0.0))
@@ -102,11 +102,11 @@ class TestNothingLeaks:
         change = (POWER * (real**2 + imaginary**2)).sum()
         assert there.after - here.after == pytest.approx(change, rel=0.02)
 
-    def test_the_same_change_of_a_fold_that_is_seen_hides_the_effect(self) -> None:
+    def test_change_of_a_seen_fold_hides_the_effect(self) -> None:
         campaign = rolled()
         assert held_out(self.turned_round(campaign, 2.0, FOLD + 1), start()).effects == ()
 
-    def test_an_effect_in_the_fold_alone_is_not_found_without_it(self) -> None:
+    def test_effect_in_one_fold_is_not_found_without_it(self) -> None:
         plain, crooked = rolled(plant=nothing), rolled()
         there = crooked.groups[0].blocks[FOLD].orders_mps2
         mixed = with_blocks(plain, lambda k, orders: there if k == FOLD else orders)
@@ -116,7 +116,7 @@ class TestNothingLeaks:
         # Nor is it learnt as what stands out.
         assert alone.empirical > 0.9 * alone.before
 
-    def test_where_the_search_begins_decides_nothing(self) -> None:
+    def test_start_has_no_influence(self) -> None:
         campaign = rolled()
         elsewhere = start() + 0.05 * np.random.default_rng(3).standard_normal(len(start()))
         here, there = held_out(campaign, start()), held_out(campaign, elsewhere)
@@ -125,10 +125,10 @@ class TestNothingLeaks:
         assert there.after == pytest.approx(here.after, rel=1e-3)
 
 
-class TestFigures:
+class TestErrors:
     """Of a fold against what was planted, by sums written out here."""
 
-    def test_an_error_is_what_was_planted_and_what_is_noise(self) -> None:
+    def test_error_is_planted_plus_noise(self) -> None:
         campaign = rolled(TWO_SPEEDS)
         error = held_out(campaign, start(TWO_SPEEDS))
         planted = sum(
@@ -144,7 +144,7 @@ class TestFigures:
         assert error.after == pytest.approx(noise, abs=4.0 * spread)
         assert error.before - error.after == pytest.approx(planted, rel=0.05)
 
-    def test_each_state_of_the_tire_has_its_share(self) -> None:
+    def test_error_by_tire_state(self) -> None:
         """What stands out under one load only is the error of that state, however many good ones there are."""
         loads = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
 
@@ -168,7 +168,7 @@ class TestFigures:
         assert (low.curves, plane.curves) == (3, 2)
         assert plane.noise == pytest.approx(whole.noise * 2 / 3, rel=0.01)
 
-    def test_a_fold_that_some_groups_lack_is_of_the_others(self) -> None:
+    def test_fold_missing_in_some_groups(self) -> None:
         campaign = rolled(TWO_SPEEDS)
         short = replace(campaign.groups[1], blocks=campaign.groups[1].blocks[:FOLD])
         ragged = replace(campaign, groups=(campaign.groups[0], short))
@@ -176,7 +176,7 @@ class TestFigures:
         assert (error.curves, error.revolutions) == (3, REVOLUTIONS)
         assert error.noise == pytest.approx(3 * ORDERS * NOISE_MPS2**2 / REVOLUTIONS, rel=0.01)
 
-    def test_what_stands_out_of_the_other_folds_is_taken_off_by_the_empirical_one(self) -> None:
+    def test_empirical_correction_uses_other_folds(self) -> None:
         campaign = rolled(plant=bump)
         error = held_out(campaign, start())
         assert error.effects == ()
@@ -186,7 +186,7 @@ class TestFigures:
 
 
 class TestFolds:
-    def test_two_processes_find_what_one_does(self) -> None:
+    def test_processes_give_the_same_result(self) -> None:
         """Of two effects that are there one may be found."""
         without = frozenset(catalogue()) - {"roll tilt", "gain"}
         campaign = rolled(plant=lambda *of: turned(CIRCUMFERENTIAL, 0.005)(ROLL(*of), *of[1:]))
@@ -212,13 +212,13 @@ class TestFolds:
                     assert getattr(error, name) == pytest.approx(getattr(alone, name), rel=1e-9)
         assert len({error.before for error in one}) == len(folds)
 
-    def test_effects_that_are_ruled_out_are_no_candidates(self) -> None:
+    def test_excluded_effects_are_no_candidates(self) -> None:
         campaign = rolled()
         (error,) = hold_out(campaign, BaselineModel.EXACT, start(), [FOLD], without=frozenset(catalogue()) - {"gain"})
         assert error.effects == ()
         assert error.after == error.before
 
-    def test_one_without_which_nothing_can_be_fitted_is_missing(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_indispensable_fold_is_skipped(self, monkeypatch: pytest.MonkeyPatch) -> None:
         campaign = rolled()
         solves = {name: getattr(ExactCore, name) for name in ("shape", "refine")}
         done = 0
@@ -247,8 +247,8 @@ def error_of(before: float, after: float, *effects: str, curves: int = 2, revolu
     return FoldError(before, after, 0.5 * after, 0.25 * after, curves, revolutions, effects)
 
 
-class TestOfAllFolds:
-    def test_figures_are_root_mean_squares_over_all_curves(self) -> None:
+class TestSummary:
+    def test_summary_is_rms_over_all_curves(self) -> None:
         errors = [error_of(40.0, 10.0), error_of(8.0, 6.0, curves=6, revolutions=5)]
         figures, noise, empirical = summary(errors)
         assert figures.rms_before_mps2 == pytest.approx(math.sqrt(48.0 / 8.0))
@@ -257,7 +257,7 @@ class TestOfAllFolds:
         assert noise == pytest.approx(math.sqrt(4.0 / 8.0))
         assert empirical == pytest.approx(math.sqrt(8.0 / 8.0))
 
-    def test_they_are_those_of_the_data(self) -> None:
+    def test_summary_matches_the_data(self) -> None:
         """Two folds against an error computed from the truth: nothing planted, so all there is is noise."""
         campaign = rolled(plant=nothing)
         errors = hold_out(campaign, BaselineModel.EXACT, start(), range(BLOCKS), without=WITHOUT)

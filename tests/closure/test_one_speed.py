@@ -1,11 +1,12 @@
-"""An order that is seen at one speed only may be a frequency."""
+"""Effects with an order at one speed."""
 
 from __future__ import annotations
 
 import pytest
 
 from gateway.closure.diagnosis import Finding, Verdict
-from gateway.closure.one_speed import doubted, is_one_speed
+from gateway.closure.one_speed import FIXED_FREQUENCY, doubted, is_one_speed
+from gateway.reasons import Code, Reason
 from tests.closure.planted_campaign import ONE_SPEED, TWO_SPEEDS, among, campaign_of
 
 
@@ -14,19 +15,19 @@ def found(name: str) -> Finding:
 
 
 @pytest.mark.parametrize("name", ["tire-locked edge waves", "tread pitch", "torsional ripple"])
-def test_where_much_is_left_an_order_at_one_speed_is_left_open(name: str) -> None:
+def test_order_at_one_speed_is_undecided(name: str) -> None:
     named = [found(name), found("mounting offset")]
     effects = list(among(name, "mounting offset").values())
     open_, offset = doubted(named, effects, campaign_of(ONE_SPEED), 3.3)
     assert open_.verdict is Verdict.INDISTINGUISHABLE
-    assert "frequency" in open_.rivals[0]
-    assert "speed would decide" in open_.decide_with
-    assert "3.3 times the noise" in open_.reason
+    assert open_.rivals == (FIXED_FREQUENCY,)
+    assert open_.decide_with == Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
+    assert open_.reason == Reason(Code.ORDER_OR_FREQUENCY, noise_floors=3.3)
     assert offset == named[1]
     assert doubted(named, effects, campaign_of(ONE_SPEED), 1.2) == named
     assert doubted(named, effects, campaign_of(TWO_SPEEDS), 3.3) == named
 
 
-def test_speeds_a_tenth_apart_are_two() -> None:
+def test_speeds_ten_percent_apart_are_two() -> None:
     assert is_one_speed(campaign_of(ONE_SPEED))
     assert not is_one_speed(campaign_of(TWO_SPEEDS))

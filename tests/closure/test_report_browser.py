@@ -1,4 +1,4 @@
-"""The report, opened in the browser that its readers have."""
+"""The report in a real browser."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def measured(chromium: str, page: Path, folder: Path, width: int) -> tuple[dict[
     return dict(re.findall(r'data-(page|drawn)="([^"]*)"', dom)), dom
 
 
-def test_the_browser_shows_every_section(chromium, report, tmp_path):
+def test_browser_shows_every_section(chromium, report, tmp_path):
     dom = browse(chromium, report, tmp_path / "profile", "--dump-dom")
     assert "<title>Diagnosis of FL: the exact ring</title>" in dom
     for heading in ("Result", "Effects", "Left unexplained", "Estimates before and after", "Waveform and residual",
@@ -86,7 +86,7 @@ def test_the_browser_shows_every_section(chromium, report, tmp_path):
 
 
 @pytest.mark.parametrize("width", [800, 1280])
-def test_the_page_fits_the_window_and_its_figures_are_drawn(chromium, report, tmp_path, width):
+def test_page_fits_the_window(chromium, report, tmp_path, width):
     seen, _ = measured(chromium, report, tmp_path, width)
     scroll, client, _ = map(int, seen["page"].split())
     assert client == width
@@ -94,7 +94,7 @@ def test_the_page_fits_the_window_and_its_figures_are_drawn(chromium, report, tm
     assert set(seen["drawn"].split(",")) == {"true"}
 
 
-def test_at_a_phone_s_width_tables_scroll_in_their_own_box(chromium, report, tmp_path):
+def test_tables_scroll_at_phone_width(chromium, report, tmp_path):
     """In a frame: no window of the browser's is as narrow."""
     inside = json.dumps(POLICY.sub("", report.read_text("utf-8"))).replace("</", "<\\/")
     look = (
@@ -117,7 +117,7 @@ def test_at_a_phone_s_width_tables_scroll_in_their_own_box(chromium, report, tmp
     assert seen["drawn"].count("true") >= 3, "wide tables are there, and scroll"
 
 
-def test_strings_that_attack_do_nothing(chromium, nasty_report, tmp_path):
+def test_hostile_strings_have_no_effect(chromium, nasty_report, tmp_path):
     seen, dom = measured(chromium, nasty_report, tmp_path, 800)
     scroll, client, scripts = map(int, seen["page"].split())
     assert scripts == 1, "the test's own"
@@ -127,7 +127,7 @@ def test_strings_that_attack_do_nothing(chromium, nasty_report, tmp_path):
     assert title[1].startswith("Diagnosis of ")
 
 
-def test_the_policy_stops_a_script_that_got_in(chromium, report, tmp_path):
+def test_content_policy_stops_scripts(chromium, report, tmp_path):
     page = tmp_path / "attacked.html"
     attack = "<script>document.title = 'taken'</script><img src=x onerror=\"document.title='taken'\"></body>"
     page.write_text(report.read_text("utf-8").replace("</body>", attack), "utf-8")
@@ -136,7 +136,7 @@ def test_the_policy_stops_a_script_that_got_in(chromium, report, tmp_path):
 
 
 @pytest.mark.parametrize("width", [800, 1280])
-def test_a_screenshot_has_the_colours_of_before_and_after(chromium, report, tmp_path, width):
+def test_screenshot_shows_before_and_after_colours(chromium, report, tmp_path, width):
     from matplotlib.image import imread
 
     picture = tmp_path / "page.png"

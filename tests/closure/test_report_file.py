@@ -14,7 +14,7 @@ from tests.testkit.diagnosis_data import empty
 
 
 @pytest.mark.parametrize("write", [write_html, write_json])
-def test_an_absent_folder_is_named_with_the_command_that_makes_it(tmp_path, write):
+def test_absent_folder_names_the_mkdir_command(tmp_path, write):
     path = tmp_path / "absent" / "report"
     with pytest.raises(OutputError, match="absent") as caught:
         write(empty(), path)
@@ -22,7 +22,7 @@ def test_an_absent_folder_is_named_with_the_command_that_makes_it(tmp_path, writ
     assert "mkdir -p" in caught.value.remedy
 
 
-def test_a_full_disk_leaves_the_old_file_and_no_rest(tmp_path, monkeypatch):
+def test_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "out.json"
     path.write_text("old")
 
@@ -39,17 +39,17 @@ def test_a_full_disk_leaves_the_old_file_and_no_rest(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
-def test_a_full_device_is_an_error_too():
+def test_full_device_is_an_error():
     with pytest.raises(OutputError, match="/dev/full"):
         write_whole(Path("/dev/full"), "text")
 
 
-def test_a_device_is_written_not_replaced():
+def test_device_is_written_not_replaced():
     write_whole(Path(os.devnull), "text")
     assert not Path(os.devnull).is_file()
 
 
-def test_a_link_stays_a_link(tmp_path):
+def test_symlink_is_kept(tmp_path):
     (tmp_path / "real").write_text("old")
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "real")
@@ -58,20 +58,20 @@ def test_a_link_stays_a_link(tmp_path):
     assert (tmp_path / "real").read_text() == "new"
 
 
-def test_the_mode_is_that_of_any_new_file(tmp_path):
+def test_file_mode_is_the_default(tmp_path):
     write_whole(tmp_path / "a", "text")
     (tmp_path / "b").write_text("text")
     assert (tmp_path / "a").stat().st_mode == (tmp_path / "b").stat().st_mode
 
 
 @pytest.mark.parametrize("name", ["", "x" * 300])
-def test_a_folder_and_an_impossible_name_are_refused_before_the_work(tmp_path, name):
+def test_unwritable_target_is_refused_early(tmp_path, name):
     with pytest.raises(OutputError) as caught:
         check_target(tmp_path / name)
     assert caught.value.remedy
 
 
-def test_what_is_there_is_told_before_the_work(tmp_path):
+def test_existing_target_is_refused_early(tmp_path):
     (tmp_path / "out").write_text("mine")
     with pytest.raises(OutputError, match="exists already"):
         check_target(tmp_path / "out")

@@ -8,28 +8,34 @@ import numpy as np
 import pytest
 
 from gateway.closure import likelihood
-from gateway.closure.diagnosis import Finding, Fitted, HeldOut, Verdict
+from gateway.closure.diagnosis import Finding, Fitted, HeldOut, TireState, Verdict
+from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.signal.order_spectrum import order_coefficients as reference_coefficients
-from tests.testkit.diagnosis_data import NASTY, curves, empty, nasty, ordinary, trends
+from tests.testkit.diagnosis_data import NASTY, WARMER, curves, empty, nasty, ordinary, trends
 
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
 pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")
 
-from gateway.views.report import chapters as closure_chapters
-from gateway.views.report.chapters import chapters
-from gateway.views.report.figures import order_coefficients, orders_figure, trend_figure, waveform_figure
-from gateway.views.report.html import diagnosis_html
+from gateway.views.report import html
+from gateway.views.report.figures import (
+    inline_svg,
+    order_coefficients,
+    orders_figure,
+    report_style,
+    trend_figure,
+    waveform_figure,
+)
+from gateway.views.report.html import chapters, diagnosis_html
+from gateway.views.report.quantities import reference_group
 from gateway.views.report.report_tables import by_state, estimate_rows, refused_rows, steps, unexplained_rows
-from gateway.views.report.rows import reference_group
-from gateway.views.report.svg import inline_svg, report_style
 from gateway.views.report.terminal import closure_summary_lines
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
 
 class Page(HTMLParser):
-    """Elements, attributes and text of a page; fails when an element is not closed where it should be."""
+    """Elements, attributes and text of a page; fails when an element is not closed properly."""
 
     def __init__(self, text: str) -> None:
         super().__init__(convert_charrefs=True)
@@ -67,93 +73,89 @@ def nasty_text() -> str:
     return diagnosis_html(nasty())
 
 
-def test_tables_come_first_and_say_it_all(page_text):
+def test_tables_come_first_and_hold_all_numbers(page_text):
     page = Page(page_text)
     assert page.tags.index("table") < page.tags.index("figure")
     for words in (
         "12.3", "2.10", "2.05", "1.02",  # errors
         "mounting offset", "5.02 ± 0.11 mm", "40100 ± 1200", "41230",
         "structural damping", "cavity resonance",
-        "cannot be told apart", "a recording at another temperature",
-        "clipping", "limit would be 9000 m/s², which is not plausible: above the largest sample",
+        "undecided", "record again with the tire 20 K warmer",
+        "clipping", "limit would be 9000 m/s², outside its plausible range of 0 to 2000 m/s²",
         "606.0 to 614.5", "1.210 ± 0.060", "81.4 to 90.5",
         "(2.610 ± 0.011)e-3", "(2.8340 ± 0.0070)e-3", "13.762 ± 0.023",
-        "drum-40kmh.mcap", "load 4000 N", "12 revolutions were left out",
+        "drum-40kmh.mcap", "load 4000 N", "12 revolutions left out",
     ):  # fmt: skip
         assert words in page.text, words
 
 
-def test_reasons_of_time_locked_and_edge_findings_call_parameters_as_the_table_does():
-    time = Finding(
-        "road vibration",
+def test_reasons_use_the_labels_of_the_table():
+    refused = Finding(
+        "contact edge scatter",
         Verdict.REFUSED,
-        {"corner_hz": Fitted(42.0, 0.4, "Hz"), "roll_off": Fitted(0.56, 0.04), "rms_mps2": Fitted(2.4, 0.1, "m/s^2")},
-        chi2=1.0, held_out_gain=1.0, held_out_std=1.0, rms_mps2=1.0, lock="time",
-        reason="corner_hz 42 Hz is not plausible (60 to 1000), nor roll_off 0.56, nor rms_mps2 2.4 m/s^2",
+        {"leading_m": Fitted(0.03, 0.001, "m", 1e3, "mm")},
+        chi2=1.0, held_out_gain=1.0, held_out_std=1.0, rms_mps2=1.0, lock="contact",
+        reason=Reason(
+            Code.IMPLAUSIBLE_PARAMETER, parameter="leading_m", value=30.0, low=0.0, high=20.0, unit="mm"
+        ),
     )  # fmt: skip
-    edges = replace(
-        time,
-        parameters={"leading_m": Fitted(0.03, 0.001, "m", 1e3, "mm")},
-        lock="contact",
-        reason="leading_m would be 30 mm, which is not plausible (0 to 20)",
+    pure = Reason(Code.IMPLAUSIBLE_PARAMETER, parameter="roll_off", value=0.56, low=1.0, high=2.0, unit="")
+    inverse = Reason(
+        Code.IMPLAUSIBLE_PARAMETER, parameter="inverse_limit_s2pm", value=0.02, low=0.0, high=0.01, unit="s^2/m"
     )
-    limit = replace(
-        time,
-        parameters={"inverse_limit_s2pm": Fitted(0.02, 1e-4, "s^2/m", inverse_display=(0.102, "g"))},
-        lock="angle",
-        reason="inverse_limit_s2pm would be 0.02 s^2/m, which is not plausible (0 to 0.01)",
-    )
-    reasons = [row.reason for row in refused_rows(replace(empty(), findings=(time, edges, limit)))]
+    found = [refused, *(replace(refused, reason=reason) for reason in (pure, inverse))]
+    reasons = [row.reason for row in refused_rows(replace(empty(), findings=tuple(found)))]
     assert reasons == [
-        "corner 42 Hz is not plausible (60 to 1000), nor roll-off 0.56, nor rms 2.4 m/s²",
-        "leading edge would be 30 mm, which is not plausible (0 to 20)",
-        "inverse limit would be 0.02 s²/m, which is not plausible (0 to 0.01)",
+        "leading edge would be 30 mm, outside its plausible range of 0 to 20 mm",
+        "roll-off would be 0.56, outside its plausible range of 1 to 2",
+        "inverse limit would be 0.02 s²/m, outside its plausible range of 0 to 0.01 s²/m",
     ]
 
 
-def test_revolutions_that_were_not_held_out_are_accounted_for():
+def test_revolutions_not_held_out_are_counted():
     assert "1240 revolutions in all." in diagnosis_html(ordinary())
     fewer = replace(ordinary(), held_out=replace(ordinary().held_out, revolutions=1230))
-    assert "1230 of the 1240 revolutions in all. The rest was in every fit" in diagnosis_html(fewer)
+    assert "1230 of the 1240 revolutions in all. The others were part of every fit" in diagnosis_html(fewer)
 
 
-def test_the_noise_floor_says_what_is_in_it():
+def test_noise_floor_definition_matches_the_likelihood():
     text = diagnosis_html(empty())
     assert f"1/{1 / likelihood._OWN_SHARE:,.0f} of the signal" in text
 
 
-def test_what_is_left_unexplained_is_said_once():
+def test_unexplained_residuals_are_listed_once():
     columns = [(row.remark, row.scaling) for row in unexplained_rows(ordinary())]
-    assert columns == [("the same Hz at every speed; also 0.3 m/s² radial", "constant"), ("", "ω²")]
-    moving = replace(ordinary().unexplained[0], orders=(12, 13), text="An order.")
+    assert columns == [("at the same frequency at every speed; also 0.3 m/s² radial", "constant"), ("", "ω²")]
+    moving = replace(ordinary().unexplained[0], orders=(12, 13), speeds=None)
     text = diagnosis_html(replace(empty(), unexplained=(moving,)))
-    assert Page(text).text.count("moves with speed, but not in step with the wheel") == 1
+    assert Page(text).text.count("rises with speed, but not in proportion to the wheel") == 1
     left = (replace(moving, lock_known=False), replace(ordinary().unexplained[1], changes=True))
     rows = unexplained_rows(replace(empty(), unexplained=left))
     assert [row.lock for row in rows] == ["not known", "wheel angle"]
-    assert "to time, or to the wheel" in rows[0].remark
+    assert "time-locked, or angle-locked" in rows[0].remark
     assert rows[1].remark.startswith("changes during the recording")
     text = Page(diagnosis_html(replace(empty(), unexplained=ordinary().unexplained[1:]))).text
     assert "repeats every revolution" not in text
-    assert "Also" not in text, "no empty column"
+    assert "Remarks" not in text, "no empty column"
 
 
-def test_effects_that_cannot_be_told_apart_are_in_the_answer_and_the_steps():
+def test_undecided_effects_are_in_summary_and_steps():
     first, second, *_ = ordinary().findings
-    unsure = replace(second, verdict=Verdict.INDISTINGUISHABLE, rivals=("run-out", "gain"), decide_with="more")
+    unsure = replace(second, verdict=Verdict.INDISTINGUISHABLE, rivals=("run-out", "gain"), decide_with=WARMER)
     answer = Page(diagnosis_html(replace(empty(), findings=(unsure,), held_out=HeldOut(4.0, 2.05, 40, 4)))).text
-    assert "The model lacks one of structural damping, run-out or gain; these data cannot tell which." in answer
+    assert "The model lacks structural damping, run-out or gain; these data do not distinguish them." in answer
     assert "from 4.00 to 2.05 m/s²" in answer
-    assert "has evidence enough" not in answer
-    assert "has grown" not in answer
+    assert "sufficient evidence" not in answer
+    assert "Do not rely" not in answer
     answer = Page(diagnosis_html(replace(empty(), findings=(first,), held_out=HeldOut(2.0, 4.0, 40, 4)))).text
-    assert "It has grown: what was added must not be relied on" in answer
-    # Sorted by verdict; the steps are in the order in which they were added.
+    assert "the held-out error increases from 2.00 to 4.00" in answer
+    assert "Do not rely on the effects" in answer
+    # Findings are sorted by verdict, steps by the order in which they were added.
     almost = {name: (replace(old, value=old.value * 1.0001), new) for name, (old, new) in first.estimates.items()}
     first = replace(first, estimates=almost)
     shuffled = replace(ordinary(1), findings=(second, replace(first, verdict=Verdict.INDISTINGUISHABLE)))
     names, rows = steps(shuffled)
-    assert names == ["starting model", "+ mounting offset", "+ structural damping"]
+    assert names == ["baseline model", "+ mounting offset", "+ structural damping"]
     assert [cell.text for cell in rows[0].cells] == [
         "(2.610 ± 0.011)e-3",
         "(2.8000 ± 0.0090)e-3",
@@ -161,29 +163,30 @@ def test_effects_that_cannot_be_told_apart_are_in_the_answer_and_the_steps():
     ]
 
 
-def test_a_model_that_still_lacks_much_casts_doubt_on_its_estimates():
+def test_large_residual_warns_about_estimates():
     far = replace(
         ordinary(1), curves=(), spectra=(), trends=(), held_out=HeldOut(14.3, 3.05, 40, 4), noise_floor_mps2=0.47
     )
-    assert "The error after is still 6.49 noise floors" in Page(diagnosis_html(far)).text
+    assert "The error after is 6.49 times the noise floor" in Page(diagnosis_html(far)).text
     assert "estimates may be biased" in "\n".join(closure_summary_lines(far))
     near = replace(far, noise_floor_mps2=3.0)
-    assert "noise floors. Standard errors" not in Page(diagnosis_html(near)).text
+    assert "The error after is" not in Page(diagnosis_html(near)).text
     assert "estimates may be biased" not in "\n".join(closure_summary_lines(near))
 
 
-def test_what_no_fit_has_moved_is_not_called_determined():
+def test_unfitted_estimate_is_not_called_determined():
     given = {"Bs": Fitted(0.003, 1e-5), "contact_half_angle_rad": Fitted(0.2, 0.0, "rad")}
     rows = estimate_rows(replace(empty(), estimates_before=given, estimates_after=given))
     assert [row.determined_text for row in rows] == ["yes", "not fitted"]
 
 
-def test_one_step_is_not_told_twice():
+def test_single_step_has_no_step_table():
     assert steps(replace(ordinary(1), findings=ordinary().findings[:1])) == ([], [])
 
 
-def test_estimates_of_another_load_stand_under_it_in_their_units():
-    other = {"contact_half_angle_rad (6111 N, 228 kPa)": Fitted(0.3, 0.001, "rad")}
+def test_estimates_are_grouped_by_tire_state():
+    name, state = "contact_half_angle_rad", TireState(6111.0, 228e3)
+    other = {f"{name} (6111 N, 228 kPa)": Fitted(0.3, 0.001, "rad", quantity=name, state=state)}
     diagnosis = replace(empty(), estimates_before=other, estimates_after=other)
     (group,) = by_state(estimate_rows(diagnosis))
     assert (group.state, group.rows[0].label) == ("6111 N, 228 kPa", "contact half angle, deg")
@@ -205,7 +208,7 @@ def test_every_figure_is_described(page_text):
 
 
 @pytest.mark.parametrize("which", ["page_text", "nasty_text"])
-def test_the_page_needs_nothing_and_runs_nothing(which, request):
+def test_page_has_no_scripts_or_external_resources(which, request):
     text = request.getfixturevalue(which)
     page = Page(text)
     assert not {"script", "img", "link", "iframe", "object", "embed", "image", "base"} & set(page.tags)
@@ -224,7 +227,7 @@ def test_the_page_needs_nothing_and_runs_nothing(which, request):
     assert targets | set(re.findall(r"url\(#([^)]*)\)", text)) <= set(ids)
 
 
-def test_what_nobody_should_trust_is_shown_as_text(nasty_text):
+def test_hostile_strings_are_shown_as_text(nasty_text):
     page = Page(nasty_text)
     assert "<script>document.title='taken'</script>" in page.text
     assert "{{7*7}}" in page.text
@@ -232,24 +235,24 @@ def test_what_nobody_should_trust_is_shown_as_text(nasty_text):
     assert "nan" not in re.sub(r"[^\w]", " ", page.text.lower()).split()
 
 
-def test_nothing_found_makes_a_page_too():
+def test_page_without_findings():
     page = Page(diagnosis_html(empty()))
     assert "figure" not in page.tags
-    assert "Nothing that repeats with the wheel stands out of the noise; the rest was not looked at" in page.text
+    assert "Nothing that repeats with the wheel exceeds the noise; the rest was not analyzed" in page.text
     page = Page(diagnosis_html(replace(empty(), spectra=ordinary().spectra)))
-    assert "Nothing stands out of the noise." in page.text
-    assert "Nothing else stands out of the noise." in page.text
+    assert "Nothing exceeds the noise." in page.text
+    assert "Nothing else exceeds the noise." in page.text
 
 
-def test_the_same_diagnosis_gives_the_same_bytes():
+def test_page_is_deterministic():
     small = replace(ordinary(1), spectra=())
     assert diagnosis_html(small) == diagnosis_html(small)
 
 
-def test_groups_drawn_are_limited_and_the_reference_shows_most(monkeypatch):
+def test_drawn_groups_are_limited(monkeypatch):
     diagnosis = ordinary(4)
     assert reference_group(diagnosis.curves) == 3
-    monkeypatch.setattr(closure_chapters, "MOST_GROUPS", 2)
+    monkeypatch.setattr(html, "MOST_GROUPS", 2)
     found = chapters(replace(diagnosis, spectra=(), trends=()))
     drawn = {chapter.id: chapter for chapter in found}
     assert [one.title for one in drawn["groups"].drawings] == [diagnosis.curves[at].label for at in (0, 2)]
@@ -258,7 +261,7 @@ def test_groups_drawn_are_limited_and_the_reference_shows_most(monkeypatch):
     assert diagnosis.curves[3].label in drawn["waveforms"].text
 
 
-def test_an_absent_axis_is_not_drawn():
+def test_absent_axis_is_not_drawn():
     diagnosis = nasty()
     drawn = {chapter.id: chapter for chapter in chapters(diagnosis)}
     assert [one.title for one in drawn["waveforms"].drawings] == [
@@ -267,7 +270,7 @@ def test_an_absent_axis_is_not_drawn():
     ]
 
 
-def test_order_coefficients_agree_with_the_pipelines():
+def test_order_coefficients_agree_with_the_pipeline():
     rng = np.random.default_rng(3)
     theta = -np.pi + 2 * np.pi * np.arange(256) / 256
     values = rng.normal(size=256)
@@ -277,7 +280,7 @@ def test_order_coefficients_agree_with_the_pipelines():
     np.testing.assert_allclose(sine, -complex_ones.imag, atol=1e-12)
 
 
-def test_the_waveform_figure_draws_the_residuals():
+def test_waveform_figure_draws_residuals():
     one = curves("any", 80.0)
     with report_style():
         figure = waveform_figure(one, 2)
@@ -288,11 +291,11 @@ def test_the_waveform_figure_draws_the_residuals():
     left = one.measured_mps2[2] - one.after_mps2[2]
     assert low < left.min()
     assert high > left.max()
-    assert high < 3.0 * left.max(), "what is left after has a scale of its own"
+    assert high < 3.0 * left.max(), "the residual after has its own scale"
 
 
 @pytest.mark.parametrize(("factor", "scale"), [(1.0, "linear"), (1000.0, "symlog")])
-def test_the_order_figure_shows_noise_and_the_largest(factor, scale):
+def test_order_figure_scale_shows_noise_and_maximum(factor, scale):
     one = curves("any", 40.0)
     before = one.measured_mps2 + factor * 0.1 * np.cos(3 * one.theta_rad)
     one = type(one)(one.label, one.theta_rad, one.measured_mps2, before, before, one.noise_mps2, one.order_noise_mps2)
@@ -305,7 +308,7 @@ def test_the_order_figure_shows_noise_and_the_largest(factor, scale):
     assert low == pytest.approx(-high, rel=0.3)
 
 
-def test_noise_that_is_not_known_is_not_drawn():
+def test_unknown_noise_is_not_drawn():
     one = curves("any", 40.0)
     unknown = np.full_like(one.order_noise_mps2, np.nan)
     one = type(one)(
@@ -316,7 +319,7 @@ def test_noise_that_is_not_known_is_not_drawn():
             assert "nan" not in inline_svg(figure, "x")
 
 
-def test_trends_are_in_field_units():
+def test_trends_are_in_display_units():
     with report_style():
         figure = trend_figure([trends()[1]])
     assert figure.axes[0].get_xlabel() == "load, N"

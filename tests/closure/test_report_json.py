@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.closure.diagnosis import Diagnosis, Fitted
+from gateway.closure.diagnosis import Diagnosis, Fitted, Scaling, ScalingStatus
 from gateway.errors import OutputError
 from gateway.views.report.diagnosis_json import FORMAT, FORMAT_VERSION, diagnosis_json, write_json
+from gateway.views.report.phrases import residual_sentence, scaling_text
 from tests.testkit.diagnosis_data import NASTY, empty, nasty, ordinary
 
 
@@ -26,7 +27,7 @@ def _written(diagnosis: Diagnosis, folder: Path) -> dict:
     return _strict((folder / "out.json").read_text("utf-8"))
 
 
-def test_keys_that_scripts_rely_on(tmp_path):
+def test_keys_are_stable(tmp_path):
     diagnosis = ordinary()
     found = _written(diagnosis, tmp_path)
     assert (found["format"], found["version"]) == (FORMAT, FORMAT_VERSION)
@@ -56,8 +57,14 @@ def test_keys_that_scripts_rely_on(tmp_path):
     assert verdicts == [finding.verdict.value for finding in diagnosis.findings]
     undecided = found["effects"][verdicts.index("indistinguishable")]
     assert undecided["rivals"] == ["run-out"]
-    assert "another temperature" in undecided["decide_with"]
-    assert "limit_mps2 would be" in found["effects"][verdicts.index("refused")]["reason"]
+    assert "20 K warmer" in undecided["decide_with"]
+    assert undecided["deciding_recordings"] == [
+        {"code": "record_warmer", "values": {"difference_k": 20.0}, "text": undecided["decide_with"]}
+    ]
+    refused = found["effects"][verdicts.index("refused")]
+    assert "limit_mps2 would be" in refused["reason"]
+    assert refused["reasons"][0]["values"]["value"] == 9000.0
+    assert found["notes"] == [found["reasons"]["notes"][0]["text"]]
 
     tone, bump = found["unexplained"]
     assert (tone["axis"], tone["lock"], tone["orders"], tone["hz"]) == (
@@ -77,7 +84,7 @@ def test_keys_that_scripts_rely_on(tmp_path):
     assert found["estimates"]["after"]["Ts"] == {"value": 2.41, "std": 0.9, "unit": "", "determined": False}
 
 
-def test_an_inverse_keeps_its_name_and_si_value():
+def test_inverse_keeps_name_and_si_value():
     diagnosis = ordinary()
     inverse = {"inverse_corner_s": Fitted(7e-4, 7e-6, "s", 1e3, "ms", (1.0, "Hz"))}
     finding = replace(diagnosis.findings[0], parameters=inverse)
@@ -85,7 +92,7 @@ def test_an_inverse_keeps_its_name_and_si_value():
     assert (effect["parameters"], effect["units"]) == ({"inverse_corner_s": 7e-4}, {"inverse_corner_s": "s"})
 
 
-def test_residuals_of_groups_are_those_of_the_curves(tmp_path):
+def test_group_residuals_match_the_curves(tmp_path):
     diagnosis = ordinary(2)
     groups = _written(diagnosis, tmp_path)["groups"]
     for group, curves in zip(groups, diagnosis.curves, strict=True):
@@ -94,7 +101,7 @@ def test_residuals_of_groups_are_those_of_the_curves(tmp_path):
         assert group["residual"]["radial"]["noise_mps2"] == curves.noise_mps2[2]
 
 
-def test_what_is_not_known_is_null_and_text_stays_text(tmp_path):
+def test_unknown_numbers_are_null(tmp_path):
     found = _written(nasty(), tmp_path)
     assert found["noise_floor_mps2"] is None
     assert found["held_out"]["rms_after_mps2"] is None
@@ -108,19 +115,19 @@ def test_what_is_not_known_is_null_and_text_stays_text(tmp_path):
     assert "lateral" not in found["groups"][0]["residual"]
 
 
-def test_nothing_found_is_empty_lists(tmp_path):
+def test_empty_diagnosis_has_empty_lists(tmp_path):
     found = _written(empty(), tmp_path)
     assert found["effects"] == found["unexplained"] == found["groups"] == found["trends"] == []
     assert found["estimates"] == {"before": {}, "after": {}}
     assert found["held_out"]["rms_empirical_mps2"] is None
 
 
-def test_numbers_of_numpy_become_plain():
+def test_numpy_numbers_become_plain():
     for diagnosis in (ordinary(), nasty()):
         json.dumps(diagnosis_json(diagnosis), allow_nan=False)
 
 
-def test_a_report_is_not_overwritten_unasked(tmp_path):
+def test_report_is_not_overwritten_without_force(tmp_path):
     path = tmp_path / "out.json"
     path.write_text("mine")
     with pytest.raises(OutputError, match="exists already"):
@@ -128,3 +135,37 @@ def test_a_report_is_not_overwritten_unasked(tmp_path):
     assert path.read_text() == "mine"
     write_json(ordinary(), path, force=True)
     assert _strict(path.read_text("utf-8"))["wheel"] == "FL"
+
+
+@pytest.mark.parametrize(
+    ("scaling", "text"),
+    [
+        (Scaling(ScalingStatus.KNOWN, 0.0), "constant"),
+        (Scaling(ScalingStatus.KNOWN, 2.0), "omega^2"),
+        (Scaling(ScalingStatus.KNOWN, 1.46), "omega^1.5"),
+        (Scaling(ScalingStatus.UNCERTAIN, 1.0, 0.6), "not known: omega^(1.0 +- 0.6)"),
+        (Scaling(ScalingStatus.ONE_SPEED), "not known: one speed"),
+        (Scaling(ScalingStatus.SEEN_AT_ONE_SPEED), "not known: seen at one speed on this axis"),
+        (Scaling(ScalingStatus.TOO_WEAK), "not known: too weak at other speeds"),
+        (Scaling(ScalingStatus.NON_STATIONARY), "not known: changes during the recording"),
+    ],
+)
+def test_scaling_keeps_its_json_text(scaling, text):
+    assert scaling_text(scaling) == text
+
+
+def test_residuals_are_described_in_one_sentence():
+    line, wave = ordinary().unexplained
+    assert residual_sentence(line) == (
+        "line at 610.2 Hz on the circumferential axis, 1.2 m/s^2 rms; at the same frequency at every speed; "
+        "also 0.3 m/s² radial; scaling: constant"
+    )
+    assert residual_sentence(wave) == (
+        "radial axis, orders 18 to 60, between 81 and 91 deg of the contact's centre: 0.84 m/s^2 rms, repeats every "
+        "revolution; scaling: omega^2"
+    )
+    changing = replace(wave, changes=True, largest_in="a.mcap")
+    assert "orders 18 to 60, 81.4 to 90.5 deg: changes during the recording" in residual_sentence(changing)
+    assert "most in a.mcap" in residual_sentence(changing)
+    moving = replace(line, speeds=None, orders=(12, 13), centre_hz=math.nan, centre_order=12.4)
+    assert residual_sentence(moving).startswith("line at order 12.40 of the wheel on the circumferential axis")

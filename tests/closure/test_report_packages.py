@@ -1,4 +1,4 @@
-"""What the page of a diagnosis needs: packages that may be missing, a template that is shipped."""
+"""Packages and packaged files that the page of a diagnosis needs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
-def test_a_missing_package_is_named_with_the_extra(package, monkeypatch):
+def test_missing_package_names_the_extra(package, monkeypatch):
     real = builtins.__import__
 
     def missing(name, *args, **kwargs):
@@ -36,7 +36,7 @@ def test_a_missing_package_is_named_with_the_extra(package, monkeypatch):
     assert "treadlink[plot]" in caught.value.remedy
 
 
-def test_the_views_import_nothing_heavy():
+def test_views_import_no_heavy_packages():
     code = (
         "import sys, gateway.views.report.html, gateway.views.report.diagnosis_json, gateway.views.report.terminal\n"
         "sys.exit(str({'matplotlib', 'jinja2'} & set(sys.modules) or 0))"
@@ -45,7 +45,7 @@ def test_the_views_import_nothing_heavy():
     assert done.stderr.strip() in ("", "0")
 
 
-def test_the_wheel_holds_the_template(tmp_path):
+def test_wheel_contains_template_and_style(tmp_path):
     pytest.importorskip("hatchling", reason="hatchling (extra 'dev') is not installed")
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, tmp_path)

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.closure.diagnosis import Fitted
+from gateway.closure.diagnosis import Fitted, TireState
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.findings import fitted_parameter
-from gateway.views.report.rows import printed, show_fitted, significant, span_text
+from gateway.views.report.quantities import show_fitted, significant, span_text, typeset
 from gateway.views.report.terminal import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
 from tests.testkit.diagnosis_data import empty, nasty, ordinary
 
 
 @pytest.mark.parametrize("make", [ordinary, nasty, empty])
-def test_lines_fit_the_terminal_and_command_nothing(make):
+def test_lines_fit_the_terminal_and_are_printable(make):
     lines = closure_summary_lines(make())
     assert 4 <= len(lines) <= 16
     for line in lines:
@@ -23,15 +23,15 @@ def test_lines_fit_the_terminal_and_command_nothing(make):
         assert line.isprintable()
 
 
-def test_the_summary_says_what_was_found():
+def test_summary_lists_findings():
     text = "\n".join(closure_summary_lines(ordinary()))
     assert text.startswith("FL: the exact ring against 1240 revolutions of 4 recordings, 12 left out\n")
     assert "12.31 m/s² before, 2.10 m/s² after" in text
-    assert "2.05 m/s²; after / floor 1.02" in text
+    assert "2.05 m/s²; after / noise floor 1.02" in text
     assert "mounting offset: 5.02±0.11 mm " in text
     assert "gain drift or run-out" in text
-    assert text.count("gain drift") == 1, "rivals share a line"
-    assert "to decide: a recording at another temperature" in text
+    assert text.count("gain drift") == 1, "confounders share a line"
+    assert "to decide: record again with the tire 20 K warmer" in text
     assert "606.0 to 614.5 Hz" in text
     assert "Bs (2.610±0.011)e-3 -> (2.8340±0.0070)e-3" in text
     assert "Ts 2.95±0.12 -> 2.41±0.90" in text
@@ -39,15 +39,15 @@ def test_the_summary_says_what_was_found():
     assert "clipping" not in text
 
 
-def test_nothing_found_is_said():
+def test_summary_without_findings():
     text = "\n".join(closure_summary_lines(empty()))
-    assert "nothing: no effect of the catalogue has evidence enough" in text
-    assert "nothing that repeats with the wheel stands out of the noise;" in text, "nobody looked at the rest"
+    assert "nothing: no effect has sufficient evidence" in text
+    assert "nothing that repeats with the wheel exceeds the noise;" in text
     text = "\n".join(closure_summary_lines(replace(empty(), spectra=ordinary().spectra)))
-    assert "nothing stands out of the noise" in text
+    assert "nothing exceeds the noise" in text
 
 
-def test_many_findings_are_counted_not_listed():
+def test_many_findings_are_counted():
     diagnosis = ordinary()
     many = tuple(replace(diagnosis.findings[0], name=f"effect {index}") for index in range(9))
     left = diagnosis.unexplained * 3
@@ -62,37 +62,38 @@ def test_many_findings_are_counted_not_listed():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"noise_floor_mps2": 1.0}, "the model still lacks too much; explain what is left first"),
-        ({"assumed": ("pressure 220 kPa (neither stated nor measured)",)}, "pressure assumed; state it"),
-        ({"assumed": ("temperature steady",)}, "known to no better than 30 %; record longer, or at more loads"),
+        ({"noise_floor_mps2": 1.0}, "the residual is too large; explain it first"),
+        ({"load_known": True, "pressure_known": False}, "pressure assumed; state it"),
+        ({"pressure_known": False}, "load and pressure assumed; state them"),
+        ({"load_known": True}, "standard error above 30 %; record longer, or at more loads"),
     ],
 )
-def test_what_is_not_determined_has_its_main_reason_and_remedy(changes, reason):
+def test_undetermined_estimates_have_reason_and_remedy(changes, reason):
     text = " ".join(line.strip() for line in closure_summary_lines(replace(ordinary(), **changes)))
     assert f"not determined: Ts ({reason})" in text
 
 
-def test_small_errors_that_are_not_determined_blame_the_model_or_the_number():
-    sure = replace(ordinary(), assumed=())
+def test_undetermined_despite_small_error():
+    sure = replace(ordinary(), load_known=True)
     sure = replace(sure, estimates_after={**sure.estimates_after, "Ts": Fitted(2.41, 0.09)})
     for doubtful, words in (
-        (("Bs", "Cw", "Rs", "Ts"), "the model lacks too much at this load and pressure"),
-        (("Bs",), "too small to be told"),
+        (("Bs", "Cw", "Rs", "Ts"), "the residual at this load and pressure is too large"),
+        (("Bs",), "too small to be measured"),
     ):
         lines = closure_summary_lines(replace(sure, determined=dict.fromkeys(doubtful, False)))
         assert words in " ".join(line.strip() for line in lines)
 
 
-def test_what_changes_and_whose_lock_is_not_known_says_so():
+def test_non_stationary_and_unknown_lock_are_marked():
     diagnosis = ordinary()
     line, wave = diagnosis.unexplained
     left = (replace(wave, changes=True), replace(line, lock_known=False))
     text = "\n".join(closure_summary_lines(replace(diagnosis, unexplained=left)))
     assert "orders 18 to 60, 81.4 to 90.5 deg  0.840±0.050 m/s²\n               changes during the recording\n" in text
-    assert "1.210±0.060 m/s²\n               not known whether locked to time or to the wheel\n" in text
+    assert "1.210±0.060 m/s²\n               time-locked or angle-locked: not known\n" in text
 
 
-def test_a_share_says_of_what():
+def test_share_names_its_reference():
     finding = replace(
         ordinary().findings[0],
         name="gravity",
@@ -102,7 +103,7 @@ def test_a_share_says_of_what():
     assert "gravity: 0.9923±0.0029 of known size" in text
 
 
-def test_a_wide_terminal_shows_more():
+def test_wide_terminal_shows_more():
     diagnosis = replace(ordinary(), notes=("words " * 30,))
     narrow, wide = closure_summary_lines(diagnosis), closure_summary_lines(diagnosis, 120)
     assert max(map(width, narrow)) <= 80
@@ -113,7 +114,7 @@ def test_a_wide_terminal_shows_more():
     assert narrow[-1].endswith("words…")
 
 
-def test_parameters_are_whole_and_the_rest_is_counted():
+def test_parameters_are_whole_or_counted():
     diagnosis = ordinary()
     many = {f"order_{index}": Fitted(20.0 + index, 0.5) for index in range(9)}
     finding = replace(diagnosis.findings[0], name="waves", parameters=many)
@@ -130,15 +131,15 @@ def test_parameters_are_whole_and_the_rest_is_counted():
     assert "±0.50" not in text
 
 
-def test_an_error_that_grew_and_effects_that_cannot_be_told_apart_are_said():
+def test_increased_error_and_undecided_effects():
     diagnosis = ordinary()
     grown = replace(diagnosis, held_out=replace(diagnosis.held_out, rms_after_mps2=14.0))
-    assert "14.00 m/s² after: it has grown" in "\n".join(closure_summary_lines(grown))
+    assert "14.00 m/s² after (increased)" in "\n".join(closure_summary_lines(grown))
     text = "\n".join(closure_summary_lines(replace(diagnosis, findings=diagnosis.findings[3:5])))
-    assert "nothing: these data cannot decide" in text
+    assert "nothing: these data do not decide" in text
 
 
-def test_an_angle_is_shown_in_degrees_and_a_display_unit_is_kept():
+def test_angles_in_degrees_display_units_kept():
     diagnosis = ordinary()
     tilts = {"tilt_rad": Fitted(0.02, 0.001, "rad"), "shift_rad": Fitted(3.0, 0.1, "deg")}
     finding = replace(diagnosis.findings[0], name="tilt", parameters=tilts)
@@ -159,13 +160,13 @@ def test_an_angle_is_shown_in_degrees_and_a_display_unit_is_kept():
         ("bending_ln", Fitted(0.2, 0.1), "ln bending", "0.20 ± 0.10"),
         (
             "half_angle_rad (3500 N, 210 kPa)",
-            Fitted(0.24, 0.001, "rad"),
+            Fitted(0.24, 0.001, "rad", quantity="half_angle_rad", state=TireState(3500.0, 210e3)),
             "half angle (3500 N, 210 kPa)",
             "13.751 ± 0.057 deg",
         ),
         (
             "stiffness_npm2 (3500 N, 210 kPa)",
-            Fitted(3.0, 0.1, "N/m^2"),
+            Fitted(3.0, 0.1, "N/m^2", quantity="stiffness_npm2", state=TireState(3500.0, 210e3)),
             "stiffness (3500 N, 210 kPa)",
             "3.00 ± 0.10 N/m²",
         ),
@@ -179,7 +180,7 @@ def test_labels_and_units(name, fitted, label, text):
 
 
 @pytest.mark.parametrize(
-    ("typed", "printed_one"),
+    ("typed", "printed"),
     [
         ("R omega^2, 3 +- 1 m/s^2", "R ω², 3 ± 1 m/s²"),
         ("dtheta, d theta, omega_dot", "dθ, d θ, ω_dot"),
@@ -188,8 +189,8 @@ def test_labels_and_units(name, fitted, label, text):
         ("error * a\x1b[2J", "error · a [2J"),
     ],
 )
-def test_what_is_typed_is_printed(typed, printed_one):
-    assert printed(typed) == printed_one
+def test_typesetting(typed, printed):
+    assert typeset(typed) == printed
 
 
 @pytest.mark.parametrize(
@@ -201,14 +202,14 @@ def test_what_is_typed_is_printed(typed, printed_one):
         ("anti-alias filter", -0.1e-3, 0.00693e-3, "inverse corner", "-0.1000 ± 0.0069 ms"),
     ],
 )
-def test_an_inverse_is_shown_as_what_it_is_the_inverse_of_where_that_can_be_told(name, value, std, label, text):
+def test_inverse_parameters_are_inverted_when_significant(name, value, std, label, text):
     parameter = catalogue()[name].parameters[0]
     shown = show_fitted(parameter.name, fitted_parameter(parameter, value, std))
     assert (shown.label, shown.joined()) == (label, text)
 
 
 @pytest.mark.parametrize("effect", catalogue().values(), ids=lambda effect: effect.name)
-def test_equations_are_an_engineers_not_a_programs(effect):
+def test_equations_are_mathematics_not_code(effect):
     assert not re.search(r"[+*-]=|->|\*\*|\bOmega\b|d2", effect.equation)
     for parameter in effect.parameters:
         if "_" in parameter.name:
@@ -232,5 +233,5 @@ def test_ranges(span, text):
     ("value", "text"),
     [(0.0, "0.00"), (12.31, "12.3"), (41230.0, "41230"), (0.151, "0.151"), (1e-9, "1.00e-09"), (float("inf"), "—")],
 )
-def test_numbers_without_an_error(value, text):
+def test_numbers_without_error(value, text):
     assert significant(value) == text

@@ -1,4 +1,4 @@
-"""Why there is nothing for estimators to take off."""
+"""Why a diagnosis has no correction for estimators to subtract."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.closure.contribution import _MEASURED
 from gateway.closure.diagnosis import Finding, Verdict
-from gateway.views.report.unsaved import MEASURED, saved_text, why_unsaved
+from gateway.reasons import Code, Reason
+from gateway.views.report.phrases import saved_text, why_unsaved
 from tests.testkit.diagnosis_data import empty, ordinary
 
 
@@ -21,34 +21,34 @@ def undecided(**changes: object) -> Finding:
     return replace(ordinary().findings[3], verdict=Verdict.INDISTINGUISHABLE, **changes)
 
 
-def test_what_is_left_to_estimators_is_what_the_closure_leaves_out():
-    assert MEASURED == _MEASURED
-
-
 @pytest.mark.parametrize(
     ("findings", "reason", "remedy"),
     [
-        ((), "no effect was named", "no correction"),
+        ((), "no effect was identified", "no correction"),
         (
-            (undecided(name="gain", rivals=("rolling radius", "run-out"), decide_with="a longer recording decides"),),
-            "gain, rolling radius and run-out cannot be told apart, so none is named",
-            "A longer recording decides.",
+            (undecided(name="gain", rivals=("rolling radius", "run-out"), decide_with=Reason(Code.RECORD_LIVE)),),
+            "gain, rolling radius and run-out cannot be distinguished, so none is identified",
+            "Record live, with host time stamps.",
         ),
-        ((undecided(name="gain", rivals=(), decide_with=""),), "gain is not certain", "Record at another speed"),
+        ((undecided(name="gain", rivals=(), decide_with=None),), "gain is not certain", "Record at another speed"),
         (named("ply steer"), "ply steer is left for the estimators to measure", "no correction"),
         (named("cavity resonance", lock="time"), "not the same in every revolution", "no correction"),
-        (named("mounting offset"), "without mounting offset the ring does not stand", "belt radius"),
-        (named("ply steer", "drum", "gain"), "without drum and gain the ring does not stand", "belt radius"),
+        (named("mounting offset"), "no solution at the fitted parameters without mounting offset", "belt radius"),
+        (
+            named("ply steer", "drum", "gain"),
+            "at the fitted parameters without drum and gain",
+            "belt radius",
+        ),
     ],
 )
-def test_the_reason_and_what_to_do(findings, reason, remedy):
-    told = why_unsaved(replace(empty(), findings=findings))
-    assert reason in told.reason
-    assert remedy in told.remedy
-    assert told.remedy.endswith(".")
+def test_reason_and_remedy(findings, reason, remedy):
+    why = why_unsaved(replace(empty(), findings=findings))
+    assert reason in why.reason
+    assert remedy in why.remedy
+    assert why.remedy.endswith(".")
 
 
-def test_what_a_saved_file_holds_and_what_it_does_not():
+def test_saved_and_unsaved_effects_are_listed():
     findings = (*named("gain", "ply steer"), *named("cavity resonance", "edge scatter", lock="time"))
     held = SimpleNamespace(effects=(SimpleNamespace(name="gain"),))
     assert saved_text(replace(empty(), findings=findings, correction=held)) == (

@@ -1,4 +1,4 @@
-"""Which effects would do in the place of one: pairs that one condition cannot tell, and two can."""
+"""Confounders: pairs that one condition does not distinguish and two do."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_gain_and_its_drift_need_two_temperatures(plant: Plant, name: str, rival
     ("plant", "name", "rival"),
     [(turned(LATERAL, 0.004), "roll tilt", "zero-g offset"), (sideways(4.0), "zero-g offset", "roll tilt")],
 )
-def test_a_weak_tilt_and_an_offset_need_two_speeds(plant: Plant, name: str, rival: str) -> None:
+def test_weak_tilt_and_offset_need_two_speeds(plant: Plant, name: str, rival: str) -> None:
     """So weak that all but the mean of the radial axis is lost in the noise."""
     assert rivals(campaign_of(ONE_SPEED, plant, noise_mps2=NOISY, axes=ALL_AXES), name, SIDE) == (rival,)
     assert rivals(campaign_of(TWO_SPEEDS, plant, noise_mps2=NOISY, axes=ALL_AXES), name, SIDE) == ()
@@ -67,19 +67,19 @@ def test_a_weak_tilt_and_an_offset_need_two_speeds(plant: Plant, name: str, riva
 
 class TestClock:
     @pytest.mark.parametrize("speeds", [ONE_SPEED, TWO_SPEEDS])
-    def test_no_speed_tells_it_from_the_radius(self, speeds: tuple[GroupConditions, ...]) -> None:
+    def test_speed_does_not_separate_clock_from_radius(self, speeds: tuple[GroupConditions, ...]) -> None:
         for plant, name, rival in (
             (fast_clock, "sample clock error", "rolling radius"),
             (larger_belt, "rolling radius", "sample clock error"),
         ):
             assert rivals(campaign_of(speeds, plant), name, SPEED) == (rival,)
 
-    def test_the_hosts_time_stamps_do(self) -> None:
+    def test_host_time_stamps_separate_clock_from_radius(self) -> None:
         for plant, name, measured in ((fast_clock, "sample clock error", 0.008), (larger_belt, "rolling radius", 0.0)):
             assert rivals(campaign_of(ONE_SPEED, plant, clock_error=(measured, 1e-6)), name, SPEED) == ()
 
 
-class TestMadeUp:
+class TestSynthetic:
     """On the lateral axis, of which the ring says nothing: what is left of one by the other is known beforehand."""
 
     STD = 1.0 / np.sqrt(REVOLUTIONS * BLOCKS)
@@ -95,15 +95,15 @@ class TestMadeUp:
         return bool(found)
 
     @pytest.mark.parametrize(("left", "expected"), [(0.0, True), (8.0, True), (13.0, False), (100.0, False)])
-    def test_alike_is_what_leaves_less_than_ten(self, left: float, expected: bool) -> None:
+    def test_confounder_threshold(self, left: float, expected: bool) -> None:
         explained = 400.0
         assert self.alike(explained, np.arcsin(np.sqrt(left / explained))) is expected
 
-    def test_an_implausible_one_is_no_rival(self) -> None:
+    def test_implausible_effect_is_no_confounder(self) -> None:
         assert self.alike(400.0, 0.0, high=1.2 * 20.0 * self.STD)
         assert not self.alike(400.0, 0.0, high=0.5 * 20.0 * self.STD)
 
-    def test_what_is_in_the_model_already_is_no_rival(self) -> None:
+    def test_effect_in_the_model_is_no_confounder(self) -> None:
         both = Sideways("constant"), Sideways("with speed", lambda c: (c.omega_radps / conditions().omega_radps) ** 2)
         third = Sideways("third")
         campaign = campaign_of(TWO_SPEEDS, sideways(2.0, lambda c: 1.0 + both[1].goes_with(c)), axes=ALL_AXES)

@@ -1,4 +1,4 @@
-"""The series as a starting model: against its equations, against the exact ring, and what closes the gap."""
+"""The series as a baseline model, against its equations and the exact ring."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def legendre_amounts(ring: RingSolution) -> tuple[float, float]:
     ],
 )
 @pytest.mark.parametrize(("load_n", "half_angle_rad"), [(5000.0, 0.24), (2000.0, 0.115), (8000.0, 0.33)])
-def test_it_is_the_series(
+def test_core_matches_the_series(
     model: BaselineModel, kinematics: Kinematics, road: RoadForce, load_n: float, half_angle_rad: float
 ) -> None:
     core = SeriesCore(model)
@@ -80,7 +80,7 @@ def test_it_is_the_series(
     assert core.gravity is core.drift is core.mean is (model is BaselineModel.SERIES)
 
 
-def test_the_same_parameters_are_the_same_shape_at_any_load_and_size() -> None:
+def test_shape_is_independent_of_load_and_size() -> None:
     core = SeriesCore(BaselineModel.SERIES)
     parameters = np.array([0.1, -0.2, 0.3, 0.2, 0.0])
     options = RingOptions(pressure_p2=-0.3, tension_loss=0.5)
@@ -89,7 +89,7 @@ def test_the_same_parameters_are_the_same_shape_at_any_load_and_size() -> None:
     assert other == pytest.approx(one, abs=1e-12)
 
 
-def test_the_fifth_parameter_is_the_half_angle() -> None:
+def test_fifth_parameter_is_the_contact_half_angle() -> None:
     core = SeriesCore(BaselineModel.SERIES)
     wider = core.shape(np.array([0.0, 0.0, 0.0, 0.0, math.log(1.02)]), conditions(), PLAIN, 0.24)
     told = core.shape(np.zeros(5), conditions(), PLAIN, 0.24 * 1.02)
@@ -97,7 +97,7 @@ def test_the_fifth_parameter_is_the_half_angle() -> None:
     assert wider.waveform.radial_m == pytest.approx(told.waveform.radial_m, abs=1e-12)
 
 
-def test_pressure_shape_is_the_contact_pressures() -> None:
+def test_pressure_shape_matches_contact_pressure() -> None:
     p2, p4, half_angle = -0.4, -0.55, 0.24
     n = np.arange(2, 111)
     push = road_orders(n, 5000.0, RADIUS_M, half_angle, (0.0, p2, 0.0, p4)).real
@@ -107,7 +107,7 @@ def test_pressure_shape_is_the_contact_pressures() -> None:
     assert np.abs(waveform_orders(series.waveform.radial_m, 110)[2:] - expected).max() < 1e-12
 
 
-def test_corrected_kinematics_turn_the_paper_into_the_series() -> None:
+def test_corrected_kinematics_give_the_series() -> None:
     options = RingOptions(kinematics=1.0, pressure_p2=-0.2)
     paper = SeriesCore(BaselineModel.PAPER).shape(np.zeros(4), conditions(), options, 0.24).waveform
     series = SeriesCore(BaselineModel.SERIES).shape(np.zeros(5), conditions(), options, 0.24).waveform
@@ -118,7 +118,7 @@ def test_corrected_kinematics_turn_the_paper_into_the_series() -> None:
     assert half.waveform.radial_m == pytest.approx(0.5 * (paper.radial_m + none.waveform.radial_m), abs=1e-12)
 
 
-def test_at_a_small_load_the_series_is_the_exact_ring() -> None:
+def test_series_is_exact_at_small_load() -> None:
     ring = exact(50.0)
     p2, p4 = legendre_amounts(ring)
     parameters = np.append(table_3_at(50.0), 0.0)
@@ -132,7 +132,7 @@ def test_at_a_small_load_the_series_is_the_exact_ring() -> None:
 
 
 @pytest.mark.parametrize(("load_n", "share"), [(3000.0, 0.002), (5000.0, 0.003), (6000.0, 0.01)])
-def test_tension_loss_and_the_true_pressure_give_the_exact_ring(load_n: float, share: float) -> None:
+def test_tension_loss_and_pressure_give_the_exact_ring(load_n: float, share: float) -> None:
     # A tread as stiff over its load as the one that the core takes. Two Legendre amounts are its pressure but for the
     # higher ones, which grow with load.
     ring = exact(load_n, tread_stiffness_npm2=7e7 * load_n / 5000.0)
@@ -164,7 +164,7 @@ def test_gravity_and_spin_follow_the_belt() -> None:
         assert np.abs(waveform_orders(field, 60) - true).max() < 0.01 * size, name
 
 
-def test_the_steps_are_small_enough_and_the_exact_rings_part_is_smooth() -> None:
+def test_derivative_steps_are_accurate() -> None:
     core = SeriesCore(BaselineModel.SERIES)
     options = RingOptions(tension_loss=1.0, pressure_p2=-0.3)
 
@@ -181,7 +181,7 @@ def test_the_steps_are_small_enough_and_the_exact_rings_part_is_smooth() -> None
         assert np.linalg.norm(one - half) < 0.005 * np.linalg.norm(one)
 
 
-def test_the_papers_corrections_are_found_in_the_exact_ring() -> None:
+def test_paper_corrections_are_found() -> None:
     """From Eq. 27 as printed to the exact ring's own numbers, by the options that its corrections are."""
     load_n = 3000.0
     ring = exact(load_n)
@@ -210,7 +210,7 @@ def test_the_papers_corrections_are_found_in_the_exact_ring() -> None:
     assert after[7] == pytest.approx(1.0, abs=0.15)
 
 
-def test_numbers_out_of_range_are_refused() -> None:
+def test_out_of_range_numbers_are_refused() -> None:
     core = SeriesCore(BaselineModel.PAPER)
     with pytest.raises(ValueError, match="finite"):
         core.shape(np.array([1000.0, 0.0, 0.0, 0.0]), conditions(), PLAIN, 0.24)

@@ -1,4 +1,4 @@
-"""What was stated, by whom, and that it stands in the report beside what is assumed."""
+"""Stated and assumed inputs of a diagnosis, with their sources."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_recording(tmp_path_factory.mktemp("stated") / "rec.mcap", AT_60, wheels=(keys,))
 
 
-def test_of_the_recorded_configuration(recording: Path) -> None:
+def test_recorded_configuration_is_stated(recording: Path) -> None:
     assert read_campaign([recording]).stated == (
         f"belt radius 320 mm {RECORDED}",
         f"load 4300 N {RECORDED}",
@@ -36,7 +36,7 @@ def test_of_the_recorded_configuration(recording: Path) -> None:
     )
 
 
-def test_of_a_given_one(recording: Path) -> None:
+def test_given_configuration_is_stated(recording: Path) -> None:
     vehicle = parse_vehicle(
         "[tire]\nradius_mm = 315\n[[wheel]]\nposition = 'W0'\nhub = 0\nwheel = 0\nload_n = 4000", "test"
     )
@@ -48,13 +48,13 @@ def test_of_a_given_one(recording: Path) -> None:
     )
 
 
-def test_a_pressure_that_no_sensor_measures_is_the_stated_one(recording: Path) -> None:
+def test_unmeasured_pressure_is_the_stated_one(recording: Path) -> None:
     vehicle = parse_vehicle(RecordingReader(recording).vehicle_toml or "", "test")
     told = stated(vehicle, vehicle.wheel[0], read_campaign([recording]).groups, GIVEN, pressure_measured=False)
     assert "pressure 210 kPa (--config)" in told
 
 
-def test_what_differs_says_of_which_recording(recording: Path, tmp_path: Path) -> None:
+def test_differing_values_name_their_recording(recording: Path, tmp_path: Path) -> None:
     other = write_recording(
         tmp_path / "other.mcap", AT_60, wheels=("load_n = 3500.0",), duration_s=3.0, start_ns=START_NS + 10**11
     )
@@ -64,7 +64,7 @@ def test_what_differs_says_of_which_recording(recording: Path, tmp_path: Path) -
     assert f"load 3500 N {RECORDED}: other.mcap" in told
 
 
-def test_what_a_configuration_holds_but_calls_assumed_is_not_stated(recording: Path) -> None:
+def test_assumed_configuration_value_is_not_stated(recording: Path) -> None:
     vehicle = parse_vehicle(
         "[vehicle]\nassumed = ['belt radius 315 mm: not stated']\n[tire]\nradius_mm = 315\n"
         "[[wheel]]\nposition = 'W0'\nhub = 0\nwheel = 0\nload_n = 4000",
@@ -75,21 +75,21 @@ def test_what_a_configuration_holds_but_calls_assumed_is_not_stated(recording: P
     assert campaign.assumed[0] == "belt radius 315 mm: not stated"
 
 
-def test_nobody_states_what_is_assumed(tmp_path: Path) -> None:
+def test_missing_configuration_is_assumed(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "bare.mcap", AT_60, configured=False, duration_s=3.0)
     campaign = read_campaign([path])
     assert campaign.stated == ("pressure 210 kPa (measured by the sensor)",)
     assert any("belt radius" in text for text in campaign.assumed)
 
 
-def test_it_is_in_the_report_and_in_the_figures() -> None:
+def test_inputs_are_in_page_and_json() -> None:
     pytest.importorskip("matplotlib")
     pytest.importorskip("jinja2")
     diagnosis = replace(ordinary(), stated=("load 4300 N (--config)",))
     page = diagnosis_html(diagnosis)
     rests = page[page.index('<h2 id="rests">') :]
     assert "<li>load 4300 N (--config)</li>" in rests
-    assert rests.index("4300 N") < rests.index("Assumed, because nobody stated it")
-    assert "Standard errors of the estimates leave out those of the load, pressure and belt radius" in rests
-    assert "leave out those of the load" not in diagnosis_html(ordinary())
+    assert rests.index("4300 N") < rests.index("<h3>Assumed</h3>")
+    assert "Standard errors of the estimates do not include those of load" in rests
+    assert "do not include those of load" not in diagnosis_html(ordinary())
     assert diagnosis_json(diagnosis)["stated"] == ["load 4300 N (--config)"]

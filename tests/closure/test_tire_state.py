@@ -1,4 +1,4 @@
-"""One tire at loads and pressures that differ by a little is one state, with its stiffnesses its own."""
+"""Tire states at similar loads and pressures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HERE = conditions()
 
 
 @pytest.mark.parametrize(("load", "pressure"), [(1.03, 1.0), (1.0, 1.009), (0.97, 0.995)])
-def test_another_load_and_pressure_leave_the_tire_as_it_is(load: float, pressure: float) -> None:
+def test_stiffnesses_are_independent_of_load_and_pressure(load: float, pressure: float) -> None:
     there = replace(HERE, load_n=load * HERE.load_n, pressure_pa=pressure * HERE.pressure_pa)
     state = np.array([0.1, -0.2, 0.05, 0.3, -0.1])
     known = ring_parameters(state, HERE, RingOptions())
@@ -37,14 +37,14 @@ def test_another_load_and_pressure_leave_the_tire_as_it_is(load: float, pressure
     assert ring.tangential_stiffness_npm2 == pytest.approx(grown * known.tangential_stiffness_npm2, rel=1e-12)
 
 
-def test_slopes_are_those_of_the_shift() -> None:
+def test_slopes_match_the_shift() -> None:
     step = 1e-6
     for slope, name in zip(slopes(NAMES), ("load_n", "pressure_pa"), strict=True):
         there = replace(HERE, **{name: getattr(HERE, name) * np.exp(step)})
         assert slope == pytest.approx(shift(NAMES, there, HERE) / step, abs=1e-4)
 
 
-def test_a_percent_of_pressure_is_another_state_and_four_of_load_are_not() -> None:
+def test_state_boundaries() -> None:
     load = np.array([4000.0, 4100.0, 4000.0, 4000.0])
     pressure = np.array([2.0e5, 2.0e5, 2.01e5, 2.04e5])
     assert tire_states(load, pressure, np.full(4, 0.2), np.ones(4, dtype=bool)).tolist() == [0, 0, 0, 1]
@@ -54,7 +54,7 @@ def one_state(campaign: Campaign) -> Campaign:
     return replace(campaign, groups=tuple(replace(group, state=0) for group in campaign.groups), states=1)
 
 
-def test_recordings_at_loads_a_little_apart_lack_nothing() -> None:
+def test_similar_loads_need_no_effect() -> None:
     """The ring of the test keeps its numbers at every load, which is what one tire does."""
     loads = (conditions(load_n=LOAD_N), conditions(load_n=1.02 * LOAD_N), conditions(load_n=0.98 * LOAD_N))
     campaign = one_state(campaign_of(loads, noise_mps2=1.0))
@@ -64,7 +64,7 @@ def test_recordings_at_loads_a_little_apart_lack_nothing() -> None:
     assert found.final.misfit < 1.1 * found.data.used
 
 
-def test_blocks_of_a_group_whose_load_drifts_are_predicted_at_their_own() -> None:
+def test_drifting_load_is_predicted_by_block() -> None:
     """A block's waveform goes with its own load: what the group's mean says is off by the drift."""
     here = conditions(load_n=LOAD_N)
     core = make_core(BaselineModel.EXACT)

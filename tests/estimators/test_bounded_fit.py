@@ -11,7 +11,7 @@ from gateway.estimators.bounded_fit import fit_nonnegative
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_linear_problems_end_where_nnls_does(seed: int) -> None:
+def test_linear_problems_match_scipy_nnls(seed: int) -> None:
     rng = np.random.default_rng(seed)
     matrix, data = rng.normal(size=(12, 4)), rng.normal(size=12)
     expected, norm = nnls(matrix, data)
@@ -23,7 +23,7 @@ def test_linear_problems_end_where_nnls_does(seed: int) -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_rational_problems_end_where_scipy_does(seed: int) -> None:
+def test_rational_problems_match_scipy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = np.linspace(0.2, 3.0, 40)
     terms = np.stack([np.ones_like(x), x, x**2], axis=1)
@@ -42,14 +42,14 @@ def test_rational_problems_end_where_scipy_does(seed: int) -> None:
     assert fit.cost <= 2.0 * reference.cost * (1.0 + 1e-6)
 
 
-def test_a_parameter_that_wants_to_be_negative_is_held_at_zero_and_said() -> None:
+def test_negative_optimum_is_held_at_zero_and_reported() -> None:
     x = np.linspace(0.0, 1.0, 20)
     matrix = np.stack([np.ones_like(x), x], axis=1)
     fit = fit_nonnegative(lambda p: (matrix @ p, matrix), 2.0 - 0.5 * x, np.ones(2))
     assert fit.parameters[1] == 0.0
     assert fit.free.tolist() == [True, False]
     assert fit.parameters[0] == pytest.approx(1.75)
-    # From the bound, a parameter comes back when the data want it.
+    # A parameter leaves its bound when the data ask for it.
     back = fit_nonnegative(lambda p: (matrix @ p, matrix), 2.0 + 0.5 * x, np.array([2.0, 0.0]))
     np.testing.assert_allclose(back.parameters, [2.0, 0.5], rtol=1e-6)
 

@@ -1,4 +1,4 @@
-"""Which numbers count as determined, and how estimates say so."""
+"""The test of which numbers are determined, and the reasons of those that are not."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.estimators.base import Conditions, Status
+from gateway.constants import RING_NUMBERS, RING_RATIOS
+from gateway.estimators.base import Status, TireConditions
 from gateway.estimators.determination import (
-    NUMBERS,
-    RATIOS,
     FittedNumbers,
     all_invalid,
     determination,
@@ -23,7 +22,7 @@ from gateway.estimators.determination import (
 )
 from gateway.reasons import Code, Reason, codes_of
 
-CONDITIONS = Conditions(0.32, 5000.0, 2.1e5)
+CONDITIONS = TireConditions(0.32, 5000.0, 2.1e5)
 VALUES = np.array([3e-3, 0.2, 3.0, 2.5])
 FREE = np.ones(4, dtype=bool)
 
@@ -33,13 +32,13 @@ def fitted(relative_noise: object, relative_model: object = 0.0, values: np.ndar
     return FittedNumbers(values, FREE, noise, model)
 
 
-def test_a_number_is_determined_three_standard_errors_from_zero_model_error_counted() -> None:
+def test_determined_means_three_standard_errors_with_model_error() -> None:
     numbers = fitted([0.1, 0.3, 0.3, 0.2], [0.1, 0.1, 0.2, 0.5])
     found = determination(numbers)
     np.testing.assert_allclose(found.relative_error, [0.14142, 0.31623, 0.36056, 0.53852], rtol=1e-4)
     assert found.determined.tolist() == [True, True, False, False]
     estimates = {e.name: e for e in number_estimates(numbers, CONDITIONS, ())}
-    assert [estimates[name].status for name in NUMBERS] == [Status.VALID] * 2 + [Status.PROVISIONAL] * 2
+    assert [estimates[name].status for name in RING_NUMBERS] == [Status.VALID] * 2 + [Status.PROVISIONAL] * 2
     undetermined, share = estimates["Ts"].reasons
     assert undetermined == Reason(Code.NOT_DETERMINED, relative_error=found.relative_error[3])
     assert share["share"] == pytest.approx(0.5**2 / (0.2**2 + 0.5**2))
@@ -47,14 +46,14 @@ def test_a_number_is_determined_three_standard_errors_from_zero_model_error_coun
     assert estimates["Ts"].std == pytest.approx(0.53852 * 2.5, rel=1e-4)
 
 
-def test_weak_bending_must_be_determined_better() -> None:
+def test_weak_bending_needs_a_smaller_error() -> None:
     weak = np.array([1e-4, 0.2, 3.0, 2.5])
     assert determination(fitted(0.25)).determined[0]
     assert not determination(fitted(0.25, values=weak)).determined[0]
     assert determination(fitted(0.15, values=weak)).determined[0]
 
 
-def test_on_the_bound_it_is_invalid_and_the_others_stand() -> None:
+def test_number_on_its_bound_is_invalid_others_valid() -> None:
     held = replace(fitted(0.1), values=VALUES * [1, 1, 1, 0], free=np.array([True, True, True, False]))
     found = {e.name: e for e in number_estimates(held, CONDITIONS, ())}
     assert found["Ts"].status is found["Ts/Cw"].status is Status.INVALID
@@ -62,11 +61,11 @@ def test_on_the_bound_it_is_invalid_and_the_others_stand() -> None:
     assert found["Rs"].status is found["Rs/Cw"].status is Status.VALID
     without_cw = replace(fitted(0.1), values=VALUES * [1, 0, 1, 1], free=np.array([True, False, True, True]))
     found = {e.name: e for e in number_estimates(without_cw, CONDITIONS, ())}
-    assert {found[name].status for name in RATIOS} == {Status.INVALID}
-    assert {found[name].reasons for name in RATIOS} == {(Reason(Code.FIT_AT_ZERO, number="Cw"),)}
+    assert {found[name].status for name in RING_RATIOS} == {Status.INVALID}
+    assert {found[name].reasons for name in RING_RATIOS} == {(Reason(Code.FIT_AT_ZERO, number="Cw"),)}
 
 
-def test_confounded_numbers_name_each_other() -> None:
+def test_correlated_numbers_are_reported() -> None:
     std = np.array([0.1, 0.5, 0.5, 0.1]) * VALUES
     correlation = np.eye(4)
     correlation[1, 2] = correlation[2, 1] = -0.98
@@ -81,26 +80,26 @@ def test_confounded_numbers_name_each_other() -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=16, max_size=16), st.floats(1e-4, 3.0))
-def test_ratios_have_the_errors_of_ratios(entries: list[float], size: float) -> None:
+def test_ratio_errors_follow_from_the_covariance(entries: list[float], size: float) -> None:
     root = np.array(entries).reshape(4, 4) * size * 1e-2 * VALUES[:, np.newaxis]
     numbers = FittedNumbers(VALUES, FREE, root @ root.T, np.zeros((4, 4)))
     found = {e.name: e for e in number_estimates(numbers, CONDITIONS, ())}
-    for name, i in zip(RATIOS, (0, 2, 3), strict=True):
+    for name, i in zip(RING_RATIOS, (0, 2, 3), strict=True):
         gradient = np.zeros(4)
         gradient[i], gradient[1] = 1.0 / VALUES[1], -VALUES[i] / VALUES[1] ** 2
         assert found[name].value == pytest.approx(VALUES[i] / VALUES[1])
         assert found[name].std == pytest.approx(math.sqrt(gradient @ root @ root.T @ gradient), rel=1e-6, abs=1e-12)
 
 
-def test_scale_and_doubt_and_nothing() -> None:
+def test_scale_doubts_notes_and_invalid_estimates() -> None:
     conditions = replace(CONDITIONS, load_std_n=50.0, pressure_std_pa=4.2e3, radius_std_m=0.0016)
     assert load_number(conditions) == pytest.approx(5000.0 / (2.1e5 * 0.32**2))
-    assert load_number(Conditions(0.32)) == 1.0
+    assert load_number(TireConditions(0.32)) == 1.0
     assert scale_error(conditions) == pytest.approx(math.hypot(0.01, 0.02, 0.01))
     doubt, note = Reason(Code.FIT_NOT_CONVERGED), Reason(Code.LINEAR_RING)
     doubted = number_estimates(fitted(0.1), conditions, (doubt,), (note,))
     assert all(e.status is Status.PROVISIONAL and e.reasons == (doubt,) for e in doubted)
     assert all(e.reasons == (note,) for e in number_estimates(fitted(0.1), conditions, (), (note,)))
     nothing = all_invalid(doubt)
-    assert [e.name for e in nothing] == [*NUMBERS, *RATIOS]
+    assert [e.name for e in nothing] == [*RING_NUMBERS, *RING_RATIOS]
     assert all(e.status is Status.INVALID and math.isnan(e.value) and e.reasons == (doubt,) for e in nothing)

@@ -1,4 +1,4 @@
-"""What every registered estimator must do, whatever it estimates."""
+"""Contract of every registered estimator."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import ConfigError
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
 from tests.testkit.exact_ring import RADIUS_M, solution
@@ -35,11 +35,11 @@ def empty_average(average: AngleAverage) -> AngleAverage:
     )
 
 
-CASES: dict[str, tuple[Revolution, AngleAverage, Conditions]] = {
+CASES: dict[str, tuple[Revolution, AngleAverage, TireConditions]] = {
     "good": (GOOD, settled(GOOD), CONDITIONS),
     "first": (GOOD, settled(GOOD, 1), CONDITIONS),
-    "no load": (GOOD, settled(GOOD), Conditions(radius_m=RADIUS_M)),
-    "nan radius": (GOOD, settled(GOOD), Conditions(radius_m=NAN)),
+    "no load": (GOOD, settled(GOOD), TireConditions(radius_m=RADIUS_M)),
+    "nan radius": (GOOD, settled(GOOD), TireConditions(radius_m=NAN)),
     "faults": (replace(GOOD, faults=(Reason(Code.SAMPLES_LOST),), saturated=True), settled(GOOD), CONDITIONS),
     "empty average": (GOOD, empty_average(settled(GOOD)), CONDITIONS),
     "nan revolution": (
@@ -75,7 +75,7 @@ def check(estimates: tuple[Estimate, ...]) -> None:
 
 @pytest.mark.parametrize("case", list(CASES))
 @pytest.mark.parametrize("name", list(ESTIMATORS))
-def test_never_raises_and_keeps_its_columns(name: str, case: str) -> None:
+def test_never_raises_and_keeps_its_names(name: str, case: str) -> None:
     estimator = make_estimator(name)
     assert estimator.name == name
     columns = [e.name for e in estimator.update(*CASES["good"])]
@@ -87,14 +87,14 @@ def test_never_raises_and_keeps_its_columns(name: str, case: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(ESTIMATORS))
-def test_reset_makes_it_as_new(name: str) -> None:
+def test_reset_restores_the_initial_state(name: str) -> None:
     estimator = make_estimator(name)
     first = [repr(estimator.update(*case)) for case in CASES.values()]
     estimator.reset()
     assert [repr(estimator.update(*case)) for case in CASES.values()] == first
 
 
-def test_defaults_exist_and_columns_do_not_collide() -> None:
+def test_default_estimators_have_distinct_names() -> None:
     assert DEFAULT_ESTIMATORS[0] == "kinematic"
     names = [e.name for default in DEFAULT_ESTIMATORS for e in make_estimator(default).update(*CASES["good"])]
     assert len(set(names)) == len(names)

@@ -1,4 +1,4 @@
-"""The forward estimator against exact rings that it has to find, and against what it must not claim."""
+"""Forward estimator on exact rings, and on signals that it must not take for one."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Conditions, Estimate, Status
+from gateway.estimators.base import Estimate, Status, TireConditions
 from gateway.estimators.forward import SHAPE, ForwardEstimator
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
-from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P
-from gateway.estimators.forward_waves import packet_basis
+from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P, packet_basis
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.physics.tread_pattern import EdgeWaves
@@ -66,7 +65,7 @@ SMALL = (0.3, 0.7, 0.7, 4.0)
 
 
 @pytest.mark.parametrize("load_n", [2000.0, 8000.0])
-def test_finds_the_numbers_at_any_load(load_n: float) -> None:
+def test_numbers_are_recovered_at_any_load(load_n: float) -> None:
     ring = solved(load_n=load_n)
     found = fit(ring)
     check(found, ring, SMALL)
@@ -83,26 +82,26 @@ def test_finds_the_numbers_at_any_load(load_n: float) -> None:
     ],
     ids=lambda change: "+".join(change),
 )
-def test_knows_what_else_a_tire_may_be(change: dict[str, float]) -> None:
+def test_numbers_are_recovered_on_other_tires(change: dict[str, float]) -> None:
     ring = solved(replace(BASE_RING, **change))
     check(fit(ring), ring, SMALL)
 
 
-def test_knows_a_driven_wheel() -> None:
+def test_numbers_are_recovered_on_a_driven_wheel() -> None:
     ring = solved(axle_torque_nm=300.0)
     found = fit(ring)
     check(found, ring, SMALL)
     assert found.parameters[P.TRACTION] == pytest.approx(300.0 / (5000.0 * RADIUS_M), rel=0.03)
 
 
-def test_a_worn_tire_gets_the_grid_that_it_needs() -> None:
+def test_worn_tire_gets_a_finer_grid() -> None:
     ring = solved(replace(BASE_RING, bending_stiffness_nm2=0.19 * BASE_RING.bending_stiffness_nm2), load_n=8000.0)
     found = fit(ring)
     check(found, ring, SMALL)
     assert len(found.solution.ring.theta_rad) > COARSE_NODES
 
 
-def test_tells_bending_from_shear_where_the_ring_is_all_there_is() -> None:
+def test_bending_and_shear_are_separated_on_a_pure_ring() -> None:
     ring = solved(replace(BASE_RING, shear_stiffness_n=1e5))
     found = fit(ring)
     check(found, ring, SMALL)
@@ -111,7 +110,7 @@ def test_tells_bending_from_shear_where_the_ring_is_all_there_is() -> None:
     assert found.parameters[P.SHEAR] == pytest.approx(truth, abs=0.2)
 
 
-def test_gives_edge_waves_a_place_of_their_own() -> None:
+def test_edge_waves_do_not_change_the_numbers() -> None:
     ring = solved()
     found = fit(ring, waves=EdgeWaves(0.05, order_before=33.0, order_after=46.0, decay_rad=0.8, phase_rad=0.6))
     check(found, ring, SMALL)
@@ -121,8 +120,8 @@ def test_gives_edge_waves_a_place_of_their_own() -> None:
     assert after.decay_rad == pytest.approx(0.8, rel=0.05)
 
 
-def test_what_it_has_no_place_for_widens_the_errors() -> None:
-    """Waves on both sides of a second order: the errors grow, and cover what they do to the numbers."""
+def test_unmodelled_waves_widen_the_errors() -> None:
+    """Waves of a second order on both sides widen the errors, which cover the change of the numbers."""
     ring = solved()
     clean = fit(ring)
     theta = ring.theta_rad
@@ -144,7 +143,7 @@ def test_what_it_has_no_place_for_widens_the_errors() -> None:
     assert_all(np.abs(error) < 4.0 * std, f"{error} against {std}")
 
 
-def test_derivatives_are_the_model_s() -> None:
+def test_derivatives_match_differences_of_the_model() -> None:
     model = ForwardModel(40, shear=True, offset=0.01, nodes=240)
     at = PRIOR_MEAN.copy()
     at[[P.BEFORE_COSINE, P.BEFORE_SINE, P.AFTER_COSINE, P.AFTER_SINE]] = 0.03, -0.02, 0.01, 0.04
@@ -161,7 +160,7 @@ def test_derivatives_are_the_model_s() -> None:
             assert half_angle[place] == pytest.approx((there.half_angle_rad - here.half_angle_rad) / step, rel=1e-3)
 
 
-def test_packets_end_where_the_contact_begins() -> None:
+def test_wave_packets_end_at_the_contact() -> None:
     theta = -math.pi + 2.0 * math.pi / 512 * np.arange(512)
     basis = packet_basis(theta, 0.25, 1, 2.0 * math.pi - 0.5, 30.0, 0.7)
     assert_all(basis[:, (np.abs(theta) < 0.25)] == 0.0)
@@ -172,7 +171,7 @@ def named(estimates: tuple[Estimate, ...]) -> dict[str, Estimate]:
     return {estimate.name: estimate for estimate in estimates}
 
 
-def test_an_estimator_of_its_own() -> None:
+def test_estimator_refits_and_scales_with_load() -> None:
     revolution = make_revolution(exact_wave(solution()))
     average = settled(revolution)
     estimator = ForwardEstimator()
@@ -183,19 +182,19 @@ def test_an_estimator_of_its_own() -> None:
         assert first[name].value == pytest.approx(getattr(truth, name), rel=0.01)
     assert first["half_angle_rad"].value == pytest.approx(solution().half_angle_rad, rel=2e-3)
     assert first[SHAPE[1]].value < 1e-3
-    # Between fits the numbers follow the stated load, and nothing is fitted anew.
+    # Between fits the numbers follow the stated load without a new fit.
     estimator.update(revolution, average, CONDITIONS)
     held = estimator._fit
     third = named(estimator.update(revolution, average, replace(CONDITIONS, load_n=5100.0)))
     assert estimator._fit is held
     second_bs = named(estimator.update(revolution, average, CONDITIONS))["Bs"].value
     assert third["Bs"].value == pytest.approx(1.02 * second_bs, rel=2e-3)
-    no_load = named(estimator.update(revolution, average, Conditions(RADIUS_M)))
+    no_load = named(estimator.update(revolution, average, TireConditions(RADIUS_M)))
     assert no_load["Bs"].status is Status.INVALID
     assert no_load["Rs/Cw"].value == pytest.approx(truth.Rs / truth.Cw, rel=0.01)
 
 
-def test_refuses_what_is_no_ring() -> None:
+def test_noise_is_rejected() -> None:
     rng = np.random.default_rng(4)
     noise = 1000.0 + 200.0 * rng.normal(size=1024)
     revolution = make_revolution(noise, edges=(-0.24, 0.24), edge_std=0.01)
@@ -207,9 +206,9 @@ def test_refuses_what_is_no_ring() -> None:
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 
 
-def test_on_a_measured_tire_it_says_what_is_not_determined() -> None:
+def test_measured_tire_leaves_numbers_undetermined() -> None:
     if not MEASURED.exists():
-        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+        pytest.skip("the measured recording is not part of the repository; it is expected in ../shared/measured")
     samples = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3] * STANDARD_GRAVITY_MPS2
     contacts, sign = find_contacts(samples, 25600.0)
     refined = [refine_contact(sign * samples, at, width) for at, _, width in contacts]
@@ -222,11 +221,11 @@ def test_on_a_measured_tire_it_says_what_is_not_determined() -> None:
         wave = normalise_radial(raw, phase, ac_coupled=True, steady_mps2=0.3 * omega**2).radial_mps2
         revolution = replace(make_revolution(wave), omega_radps=omega, ac_coupled=True)
         result = take(average, revolution)
-    found = named(ForwardEstimator().update(revolution, result, Conditions(0.3, 3500.0, 2.2e5)))
+    found = named(ForwardEstimator().update(revolution, result, TireConditions(0.3, 3500.0, 2.2e5)))
     for name in ("Bs", "Ts", "Bs/Cw", "Ts/Cw"):
         assert found[name].status is not Status.VALID
         assert {Code.NOT_DETERMINED, Code.FIT_AT_ZERO} & {*codes_of(found[name].reasons)}, name
-    # Held to the order of magnitude: nobody knows this tire's numbers.
+    # Only the order of magnitude is checked: this tire's numbers are not known.
     assert found["Rs/Cw"].value == pytest.approx(9.0, rel=0.4)
     assert found["half_angle_rad"].value == pytest.approx(0.205, abs=0.005)
     assert found["edge_wave_after"].value > 3.0 * found["edge_wave_after"].std

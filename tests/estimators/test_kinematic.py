@@ -42,13 +42,13 @@ def test_speed_edges_and_length() -> None:
         ({"faults": (Reason(Code.CONTACT_INTERPOLATED),)}, Code.CONTACT_INTERPOLATED),
     ],
 )
-def test_doubtful_revolutions_are_provisional_and_say_why(change: dict[str, object], code: Code) -> None:
+def test_doubtful_revolutions_are_provisional_with_a_reason(change: dict[str, object], code: Code) -> None:
     estimates = estimates_of(make_revolution(WAVE, **change))
     assert {e.status for e in estimates.values()} == {Status.PROVISIONAL}
     assert all(code in codes_of(e.reasons) for e in estimates.values())
 
 
-def test_no_edges_leave_the_speed() -> None:
+def test_speed_is_valid_without_edges() -> None:
     nan = math.nan
     revolution = replace(
         make_revolution(WAVE),

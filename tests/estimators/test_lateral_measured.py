@@ -1,4 +1,4 @@
-"""The lateral axis of a real tire: five revolutions on a drum, AC-coupled."""
+"""Lateral axis of a measured tire: five revolutions on a drum, AC-coupled."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RECORDING = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerlin
 
 
 @pytest.mark.skipif(not RECORDING.exists(), reason="the measured recording is not at hand")
-def test_deformation_repeats_but_without_the_tilt_it_is_no_ply_steer_angle() -> None:
+def test_measured_deformation_repeats_but_roll_tilt_is_unknown() -> None:
     columns = np.genfromtxt(RECORDING, delimiter=",", names=True)
     values = np.stack([columns[axis] for axis in ("x_g", "y_g", "z_g")], axis=1) * STANDARD_GRAVITY_MPS2
     sensor = Sensor(rate_hz=25600.0)
@@ -32,5 +32,5 @@ def test_deformation_repeats_but_without_the_tilt_it_is_no_ply_steer_angle() -> 
     last = {e.name: e for e in results[-1].estimates}
     assert last["ply_steer_first_half_rad"].status is Status.PROVISIONAL
     assert last["sensor_roll_rad"].status is Status.INVALID
-    # A degree of tilt, which nobody knows, moves it by a third.
+    # The tilt is not known; one degree of it changes the slope by a third.
     assert np.degrees(last["ply_steer_first_half_rad"].std) > 0.05

@@ -1,4 +1,4 @@
-"""The ply steer estimator on tires whose equations it does not know, through the wheel's pipeline."""
+"""Ply steer estimator on simulated belts, through the pipeline of a wheel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from firmware_protocol.messages import Coupling
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import lateral_record, slopes
 from gateway.estimators.ply_steer import NAMES, ROLL_NAME, PlySteerEstimator, separate_plysteer_conicity
 from gateway.estimators.registry import make_estimator
@@ -22,13 +22,13 @@ from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.revolution_data import settled
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
-CONDITIONS = Conditions(RADIUS_M)
-# Noise that dithers the 16-bit steps of 0.6 m/s^2 and is else negligible.
+CONDITIONS = TireConditions(RADIUS_M)
+# Noise that dithers the 16-bit steps of 0.6 m/s^2 and is otherwise negligible.
 QUIET = Sensor(noise_mg=1.0)
 
 
 def true_deg(ring: RingSolution, shape: LateralSolution) -> np.ndarray:
-    """Peak, first half and adhesion line from the belt's shape, by finite differences and polyfit."""
+    """Return peak, first half and adhesion line of the belt's shape, by finite differences and polyfit."""
     fine = np.linspace(ring.leading_edge_rad, ring.trailing_edge_rad, 2001)
     y = np.interp(fine, shape.theta_rad, shape.y_m)
     slope = np.interp(fine, shape.theta_rad, shape.slope_rad)
@@ -69,7 +69,7 @@ def angles_deg(found: dict[str, Estimate]) -> np.ndarray:
 
 @pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
 @pytest.mark.parametrize("pressure_pa", [1.7e5, 2.5e5])
-def test_angles_are_those_of_the_belt(load_n: float, pressure_pa: float) -> None:
+def test_angles_match_those_of_the_belt(load_n: float, pressure_pa: float) -> None:
     ring = radial(load_n, pressure_pa)
     found = estimate(rolled(ring))
     # Bench: rms 0.002 deg over the grid, largest 0.007 (first half, which the edges' error reaches).
@@ -85,26 +85,26 @@ def test_angles_are_those_of_the_belt(load_n: float, pressure_pa: float) -> None
         LateralBelt(coupling_length_m=-2e-3),
     ],
 )
-def test_other_belts_are_measured_as_well(belt: LateralBelt) -> None:
+def test_angles_match_on_other_belts(belt: LateralBelt) -> None:
     ring = radial()
     assert angles_deg(estimate(rolled(ring, belt))) == pytest.approx(true_deg(ring, lateral(ring, belt)), abs=0.008)
 
 
-def test_roll_tilt_calibrates_itself_away() -> None:
+def test_roll_tilt_is_calibrated() -> None:
     straight = estimate(rolled(radial()))
     for degrees in (-2.0, 2.0):
         tilted = estimate(rolled(radial(), sensor=replace(QUIET, roll_rad=math.radians(degrees))))
         assert math.degrees(tilted[ROLL_NAME].value) == pytest.approx(degrees, abs=0.02)
         assert angles_deg(tilted) == pytest.approx(angles_deg(straight), abs=0.005)
         assert tilted[ROLL_NAME].status is Status.VALID
-    # Left alone it would be a gross error.
+    # Without calibration the error would be gross.
     raw = rolled(radial(), sensor=replace(QUIET, roll_rad=math.radians(2.0)))[0]
     edges = (raw.leading_edge_rad, raw.trailing_edge_rad)
     left = np.degrees(slopes(lateral_record(raw, 0.0), edges, RADIUS_M).values_rad)
     assert np.abs(left - angles_deg(straight)).max() > 0.1
 
 
-def test_offset_camber_and_yaw_stay_within_the_stated_error() -> None:
+def test_offset_camber_and_yaw_stay_within_the_error() -> None:
     straight = angles_deg(estimate(rolled(radial())))
     for sensor in (
         replace(QUIET, lateral_offset_mps2=1.0),
@@ -117,7 +117,7 @@ def test_offset_camber_and_yaw_stay_within_the_stated_error() -> None:
         assert np.all(stated < 0.02)
 
 
-def test_unknown_offset_is_found_from_a_change_of_speed() -> None:
+def test_unknown_offset_is_found_from_two_speeds() -> None:
     sensor = replace(QUIET, lateral_offset_mps2=9.8, roll_rad=0.02)
     ring = radial()
     both: list[Revolution] = []
@@ -129,12 +129,12 @@ def test_unknown_offset_is_found_from_a_change_of_speed() -> None:
     assert angles_deg(found) == pytest.approx(true_deg(ring, lateral(ring)), abs=0.012)
 
 
-def test_speeding_up_changes_nothing() -> None:
+def test_acceleration_does_not_change_the_angle() -> None:
     fast = estimate(rolled(radial(), count=20, acceleration_mps2=3.0))
     assert angles_deg(fast) == pytest.approx(angles_deg(estimate(rolled(radial()))), abs=0.004)
 
 
-def test_scatter_is_near_the_bound_and_the_stated_noise_is_honest() -> None:
+def test_scatter_matches_the_stated_error() -> None:
     sensor = Sensor(noise_mg=15.0)
     revolutions = rolled(radial(), sensor=sensor, count=120)
     ring = radial()
@@ -144,7 +144,7 @@ def test_scatter_is_near_the_bound_and_the_stated_noise_is_honest() -> None:
     bound = 15e-3 * STANDARD_GRAVITY_MPS2 / math.sqrt(revolutions[0].period_s) / revolutions[0].omega_radps ** 2
     scatter = np.std([rows @ record.lateral_m for record in records], axis=0, ddof=1)
     assert scatter == pytest.approx(np.linalg.norm(rows, axis=1) * bound, rel=0.25)
-    # The estimate's own figure for it, apart from mounting and edges.
+    # The estimate's own error, without mounting and edges.
     estimator = PlySteerEstimator()
     estimate(revolutions, estimator)
     record = estimator._average.record()
@@ -152,12 +152,12 @@ def test_scatter_is_near_the_bound_and_the_stated_noise_is_honest() -> None:
     assert stated == pytest.approx(scatter / math.sqrt(len(revolutions)), rel=0.3)
 
 
-def test_reason_names_what_one_direction_cannot_tell() -> None:
+def test_reason_names_conicity_and_orders() -> None:
     found = estimate(rolled(radial()))
     for name in NAMES:
         assert found[name].reasons == (Reason(Code.INCLUDES_CONICITY), Reason(Code.ORDERS_USED, first=1, last=40))
     values = [found[name].value for name in NAMES]
-    assert len({round(math.degrees(value), 2) for value in values}) == 3  # the definitions differ, and are told apart
+    assert len({round(math.degrees(value), 2) for value in values}) == 3  # the definitions differ
 
 
 def test_first_revolutions_and_faults_are_provisional() -> None:
@@ -172,7 +172,7 @@ def test_first_revolutions_and_faults_are_provisional() -> None:
     assert Code.SAMPLES_LOST in codes_of(after[NAMES[0]].reasons)
 
 
-def test_ac_coupling_leaves_the_tilt_in_the_error() -> None:
+def test_ac_coupling_adds_roll_tilt_to_the_error() -> None:
     values = samples(radial(), [(15, lateral(radial()))], QUIET)
     values = values - values.mean(axis=0)
     revolutions = [r.revolution for r in through_pipeline(values, QUIET, coupling=Coupling.AC)]
@@ -183,7 +183,7 @@ def test_ac_coupling_leaves_the_tilt_in_the_error() -> None:
     assert math.degrees(found[NAMES[0]].std) > 0.04
 
 
-def test_nothing_is_said_without_a_lateral_axis() -> None:
+def test_no_estimates_without_a_lateral_axis() -> None:
     values = samples(radial(), [(4, lateral(radial()))], QUIET)
     for name in ("ply-steer", "slip-angle"):
         results = through_pipeline(values, QUIET, [name], axes=0b101)
@@ -191,7 +191,7 @@ def test_nothing_is_said_without_a_lateral_axis() -> None:
         assert all(r.estimates == () for r in results)
 
 
-def test_numbers_that_are_not_finite_are_refused() -> None:
+def test_non_finite_values_are_rejected() -> None:
     good = rolled(radial())[0]
     for name in ("ply-steer", "slip-angle"):
         estimator = make_estimator(name)
@@ -208,7 +208,7 @@ def test_numbers_that_are_not_finite_are_refused() -> None:
                 assert found.reasons
         no_contact = replace(settled(good), leading_edge_rad=math.nan)
         assert all(e.status is Status.INVALID for e in estimator.update(good, no_contact, CONDITIONS))
-        no_radius = estimator.update(good, settled(good), Conditions(math.nan))
+        no_radius = estimator.update(good, settled(good), TireConditions(math.nan))
         assert all(e.status is Status.INVALID for e in no_radius)
 
 
@@ -220,18 +220,18 @@ def test_reset_forgets() -> None:
     assert estimate(rolled(radial())[:5], estimator) == first
 
 
-def test_both_directions_separate_plysteer_from_conicity() -> None:
-    """Rolling in reverse is the mirror image: the coupling changes sign, the cone stays."""
+def test_two_directions_separate_ply_steer_and_conicity() -> None:
+    """In reverse the coupling changes sign, the cone does not."""
     ring = radial()
     cone = LateralBelt(conicity_rad=0.02)
     forward = angles_deg(estimate(rolled(ring, cone)))
     reverse = angles_deg(estimate(rolled(ring, replace(cone, coupling_length_m=-cone.coupling_length_m))))
     apart = separate_plysteer_conicity(forward, reverse, 0.003, 0.004)
-    # The mean over a fixed half adds up; peak and adhesion line lie elsewhere on every shape and do not.
+    # Only the mean over a fixed half is linear; peak and adhesion line lie elsewhere on every shape.
     assert apart.plysteer[1] == pytest.approx(true_deg(ring, lateral(ring))[1], abs=0.01)
     only_cone = true_deg(ring, lateral(ring, replace(cone, coupling_length_m=0.0)))
     assert apart.conicity[1] == pytest.approx(only_cone[1], abs=0.01)
     assert apart.std == pytest.approx(0.0025)
-    # One direction alone holds the sum.
+    # One direction gives the sum.
     assert forward[1] == pytest.approx(apart.plysteer[1] + apart.conicity[1])
     assert abs(apart.conicity[1]) > 0.005

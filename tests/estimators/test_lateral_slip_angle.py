@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.slip_angle import (
     NAMES,
     REFERENCE_SETTLED,
@@ -29,7 +29,7 @@ BELT = LateralBelt()
 
 @lru_cache(maxsize=8)
 def drive(slips_deg: tuple[tuple[int, float], ...], belt: LateralBelt = BELT) -> tuple[Revolution, ...]:
-    """Revolutions at one slip angle after another; (count, deg)."""
+    """Return revolutions at a sequence of slip angles, (count, deg)."""
     ring = radial(4000.0)
     shapes = [(count, replace(lateral(ring, belt, math.radians(slip)))) for count, slip in slips_deg]
     values = samples(ring, shapes, SENSOR)
@@ -39,7 +39,8 @@ def drive(slips_deg: tuple[tuple[int, float], ...], belt: LateralBelt = BELT) ->
 def follow(revolutions: tuple[Revolution, ...], estimator: SlipAngleEstimator) -> list[dict[str, Estimate]]:
     average = settled(revolutions[0])
     return [
-        {e.name: e for e in estimator.update(revolution, average, Conditions(RADIUS_M))} for revolution in revolutions
+        {e.name: e for e in estimator.update(revolution, average, TireConditions(RADIUS_M))}
+        for revolution in revolutions
     ]
 
 
@@ -51,7 +52,7 @@ def mean_of(found: list[dict[str, Estimate]], where: slice, name: str) -> float:
     return float(np.mean([estimates[name].value for estimates in found[where]]))
 
 
-def test_slip_is_measured_with_the_belts_share_and_its_direction_told() -> None:
+def test_apparent_slip_has_the_belts_share_and_direction() -> None:
     found = follow(drive(ZIGZAG), SlipAngleEstimator())
     straight, left, right = (math.degrees(mean_of(found, where, NAMES[0])) for where in (slice(40, 58), LEFT, RIGHT))
     assert abs(straight) < 0.01
@@ -69,15 +70,15 @@ def test_apparent_slip_error_is_the_scatter() -> None:
     assert found[57][NAMES[0]].status is Status.VALID
 
 
-def test_known_share_gives_the_slip_angle() -> None:
+def test_slip_angle_follows_from_the_belts_share() -> None:
     found = follow(drive(ZIGZAG), SlipAngleEstimator(belt_share=0.21))
     assert math.degrees(mean_of(found, LEFT, SLIP_NAME)) == pytest.approx(1.0, abs=0.12)
     assert math.degrees(mean_of(found, RIGHT, SLIP_NAME)) == pytest.approx(-1.0, abs=0.12)
 
 
-def test_asymmetry_between_left_and_right_is_there_with_ply_steer_only() -> None:
+def test_left_right_asymmetry_needs_ply_steer() -> None:
     found = follow(drive(ZIGZAG), SlipAngleEstimator())
-    # One extremum at right slip, two at left: as the paper's Fig. 2.
+    # One extremum at right slip, two at left, as in Fig. 2 of the paper.
     assert mean_of(found, RIGHT, NAMES[2]) > 0.6
     assert -0.65 < mean_of(found, LEFT, NAMES[2]) < -0.3
     steered = found[-1][NAMES[3]]
@@ -102,7 +103,7 @@ def test_learnt_zero_is_provisional_until_settled() -> None:
     assert codes_of(found[int(REFERENCE_SETTLED) + 2][NAMES[0]].reasons) == (Code.ZERO_SLIP_IS_MEAN,)
 
 
-def test_faulty_revolutions_are_refused() -> None:
+def test_faulty_revolutions_are_rejected() -> None:
     revolution = drive(ZIGZAG)[0]
     bad = replace(revolution, faults=(Reason(Code.SAMPLES_LOST),))
     found = follow((bad,), SlipAngleEstimator(belt_share=0.2))[0]

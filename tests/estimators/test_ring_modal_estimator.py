@@ -1,4 +1,4 @@
-"""The modal estimator: exact on its own ring, better than the paper's on the exact one, and where it is not."""
+"""Modal estimator on the linear ring and on the exact one."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.estimators.base import Estimate, Status
-from gateway.estimators.ring_modal import RingModalEstimator
-from gateway.estimators.ring_modal_fit import fit_modal
+from gateway.estimators.ring_modal import RingModalEstimator, fit_modal
 from gateway.estimators.ring_paper import RingPaperEstimator
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
@@ -44,12 +43,12 @@ def estimates_of(wave: np.ndarray, estimator: object | None = None) -> dict[str,
     shape=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.8, -0.2), st.floats(-0.1, 0.1), st.floats(-0.6, -0.1)),
     half=st.floats(0.19, 0.3),
 )
-def test_a_linear_ring_gives_numbers_edges_and_pressure_back(
+def test_linear_ring_is_recovered_with_edges_and_pressure(
     factors: tuple[float, ...], shape: tuple[float, ...], half: float
 ) -> None:
     numbers = tuple(f * n for f, n in zip(factors, TABLE_3_NUMBERS, strict=True))
     data = linear_orders(numbers, half, shape, 0.003)[1:]
-    # Edges as measured lie a little off. A wider contact with less pressure at its edges is nearly the same.
+    # The measured edges have a small error. A wider contact with less pressure at its edges is nearly the same.
     fit = fit_modal(ORDERS[1:], data, np.full(59, 1e-9), edges_rad=(-half - 0.002, half + 0.004), edge_std_rad=0.006)
     assert fit is not None
     model = np.abs(fit.residual).max() / np.abs(data).max()
@@ -59,8 +58,8 @@ def test_a_linear_ring_gives_numbers_edges_and_pressure_back(
     assert fit.half_angle_rad == pytest.approx(half, abs=0.03)
 
 
-def test_on_the_exact_ring_bending_is_right_and_the_tension_is_not() -> None:
-    """Half of the tension is lost in the contact at 5000 N: no linear ring can tell."""
+def test_exact_ring_gives_bending_but_not_tension() -> None:
+    """At 5000 N half of the tension is lost in the contact, which no linear ring shows."""
     wave = exact_wave(solution())
     modal, paper = estimates_of(wave), estimates_of(wave, RingPaperEstimator())
     true = dict(zip(("Bs", "Cw", "Rs", "Ts"), TABLE_3_NUMBERS, strict=True))
@@ -71,7 +70,7 @@ def test_on_the_exact_ring_bending_is_right_and_the_tension_is_not() -> None:
     assert codes_of(modal["Bs"].reasons) == (Code.LINEAR_RING_TENSION,)
 
 
-def test_light_loads_are_linear() -> None:
+def test_light_loads_give_all_numbers() -> None:
     ring = solution(300.0)
     revolution = make_revolution(
         exact_wave(ring), edges=(ring.leading_edge_rad, ring.trailing_edge_rad), edge_std=0.002
@@ -82,14 +81,14 @@ def test_light_loads_are_linear() -> None:
         assert found[name].value == pytest.approx(number, rel=0.06)
 
 
-def test_gain_and_speed_do_not_matter() -> None:
+def test_gain_and_speed_do_not_change_the_fit() -> None:
     wave = exact_wave(solution())
     base, louder = estimates_of(wave), estimates_of(1.05 * wave)
     for name, estimate in base.items():
         assert louder[name].value == pytest.approx(estimate.value, rel=1e-3)
 
 
-def test_what_is_no_ring_is_refused() -> None:
+def test_non_ring_signals_are_rejected() -> None:
     wave = exact_wave(solution())
     rng = np.random.default_rng(1)
     for other in (wave - 2.0 * wave.mean(), wave.mean() + rng.normal(0.0, 500.0, 1024)):

@@ -11,11 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Conditions, Estimate, Status
-from gateway.estimators.determination import NUMBERS, RATIOS, SETTLED_REVOLUTIONS
-from gateway.estimators.ring_fit import fit_ring_numbers
-from gateway.estimators.ring_paper import RingPaperEstimator
+from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
+from gateway.estimators.base import AngleAverage, Estimate, Status, TireConditions
+from gateway.estimators.determination import SETTLED_REVOLUTIONS
+from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import signal_orders, signal_waveform, stiffness_terms
 from gateway.reasons import Code, Reason, codes_of
@@ -37,14 +36,14 @@ def series_wave(numbers: tuple[float, ...] = TABLE_3_NUMBERS) -> np.ndarray:
 
 
 def estimate_once(
-    wave: np.ndarray, conditions: Conditions = CONDITIONS, *, count: int = 10, **revolution: object
+    wave: np.ndarray, conditions: TireConditions = CONDITIONS, *, count: int = 10, **revolution: object
 ) -> dict[str, Estimate]:
     data = make_revolution(wave, **revolution)
     return {e.name: e for e in RingPaperEstimator().update(data, settled(data, count), conditions)}
 
 
 def values(estimates: dict[str, Estimate]) -> np.ndarray:
-    return np.array([estimates[name].value for name in NUMBERS])
+    return np.array([estimates[name].value for name in RING_NUMBERS])
 
 
 factor = st.floats(0.4, 2.5)
@@ -52,7 +51,7 @@ factor = st.floats(0.4, 2.5)
 
 @settings(max_examples=40, deadline=None)
 @given(factors=st.tuples(factor, factor, factor, factor))
-def test_the_papers_own_data_give_the_numbers_back(factors: tuple[float, float, float, float]) -> None:
+def test_data_of_the_papers_model_return_its_numbers(factors: tuple[float, float, float, float]) -> None:
     numbers = tuple(f * t for f, t in zip(factors, TABLE_3_NUMBERS, strict=True))
     estimates = estimate_once(series_wave(numbers), edges=(-HALF, HALF))
     np.testing.assert_allclose(values(estimates), numbers, rtol=1e-4)
@@ -61,14 +60,14 @@ def test_the_papers_own_data_give_the_numbers_back(factors: tuple[float, float, 
     assert all(e.status is not Status.INVALID for e in estimates.values())
 
 
-def test_a_contact_centre_off_zero_changes_nothing() -> None:
+def test_contact_centre_does_not_change_the_numbers() -> None:
     shifted = np.fft.irfft(np.fft.rfft(series_wave()) * np.exp(-1j * np.arange(513) * 0.013), n=1024)
     estimates = estimate_once(shifted, edges=(0.013 - HALF, 0.013 + HALF))
     np.testing.assert_allclose(values(estimates), TABLE_3_NUMBERS, rtol=1e-3)
 
 
-def test_model_error_on_the_exact_ring_is_what_the_documentation_says() -> None:
-    """True half angle and load, no noise: the estimator's own error, tens of percent."""
+def test_model_error_on_the_exact_ring_is_as_documented() -> None:
+    """With true half angle and load and no noise, the model error is tens of percent."""
     ring = solution(5000.0)
     fit = fit_ring_numbers(
         ORDERS,
@@ -79,12 +78,12 @@ def test_model_error_on_the_exact_ring_is_what_the_documentation_says() -> None:
     )
     assert fit is not None
     np.testing.assert_allclose(fit.numbers / TABLE_3_NUMBERS, [0.78, 0.64, 1.07, 2.24], atol=0.01)
-    assert fit.residual == pytest.approx(0.059, abs=0.002)
+    assert fit.residual_share == pytest.approx(0.059, abs=0.002)
 
 
 @pytest.mark.parametrize("load_n", [2000.0, 5000.0, 8000.0])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_fit_is_no_worse_than_scipys_from_many_starts(load_n: float, noise: float) -> None:
+def test_fit_matches_scipy_from_many_starts(load_n: float, noise: float) -> None:
     ring = solution(load_n)
     data = cosine_orders(ring.sensor.radial_m)
     data = data + np.random.default_rng(4).normal(size=60) * noise * np.abs(data).max()
@@ -101,7 +100,7 @@ def test_fit_is_no_worse_than_scipys_from_many_starts(load_n: float, noise: floa
         key=lambda result: result.cost,
     )
     assert fit is not None
-    assert fit.residual**2 * float(data @ data) <= 2.0 * best.cost * (1.0 + 1e-5)
+    assert fit.residual_share**2 * float(data @ data) <= 2.0 * best.cost * (1.0 + 1e-5)
     weak = best.x < 1e-3
     np.testing.assert_allclose((fit.numbers / TABLE_3_NUMBERS)[~weak], best.x[~weak], rtol=0.01)
 
@@ -116,33 +115,33 @@ def test_fit_is_no_worse_than_scipys_from_many_starts(load_n: float, noise: floa
         (replace(CONDITIONS, pressure_pa=0.0), (Code.NEEDS_PRESSURE,)),
     ],
 )
-def test_without_load_or_pressure_only_the_ratios_stand(conditions: Conditions, codes: tuple[Code, ...]) -> None:
+def test_ratios_need_neither_load_nor_pressure(conditions: TireConditions, codes: tuple[Code, ...]) -> None:
     complete = estimate_once(series_wave(), edges=(-HALF, HALF))
     estimates = estimate_once(series_wave(), conditions, edges=(-HALF, HALF))
-    for name in NUMBERS:
+    for name in RING_NUMBERS:
         assert estimates[name].status is Status.INVALID
         assert math.isnan(estimates[name].value)
         assert codes_of(estimates[name].reasons) == codes
-    for name in RATIOS:
+    for name in RING_RATIOS:
         assert estimates[name].status is Status.VALID
         assert estimates[name].value == pytest.approx(complete[name].value, rel=1e-4)
         assert estimates[name].std == pytest.approx(complete[name].std, rel=1e-2, abs=1e-9)
 
 
-def test_load_and_pressure_errors_are_carried_over() -> None:
+def test_load_and_pressure_errors_are_propagated() -> None:
     wave = exact_wave(solution())
     bare = estimate_once(wave)
     loaded = estimate_once(wave, replace(CONDITIONS, load_std_n=150.0, pressure_std_pa=4000.0))
     share = math.hypot(150.0 / 5000.0, 4000.0 / PRESSURE_PA)
-    for name in NUMBERS:
+    for name in RING_NUMBERS:
         assert loaded[name].std == pytest.approx(math.hypot(bare[name].std, share * bare[name].value))
-    for name in RATIOS:
+    for name in RING_RATIOS:
         assert loaded[name].std == pytest.approx(bare[name].std)
     heavier = estimate_once(wave, replace(CONDITIONS, load_n=5150.0))
     np.testing.assert_allclose(values(heavier), 1.03 * values(bare), rtol=1e-3)
 
 
-def test_edge_errors_are_carried_over_by_their_derivative() -> None:
+def test_edge_errors_are_propagated() -> None:
     ring = solution()
     data, half = cosine_orders(ring.sensor.radial_m), ring.half_angle_rad
 
@@ -159,7 +158,7 @@ def test_edge_errors_are_carried_over_by_their_derivative() -> None:
         vague = replace(average, leading_edge_std_rad=edge_std, trailing_edge_std_rad=edge_std)
         return np.array([e.std for e in RingPaperEstimator().update(revolution, vague, CONDITIONS)[:4]])
 
-    # Both edges off by 5 mrad the same way move the half angle by 5 mrad.
+    # A common error of 5 mrad of both edges changes the half angle by 5 mrad.
     np.testing.assert_allclose(np.sqrt(stds(5e-3) ** 2 - stds(0.0) ** 2), np.abs(5e-3 * numeric), rtol=0.05)
 
 
@@ -173,7 +172,7 @@ def test_standard_errors_cover_noise(noise: float) -> None:
         for _ in range(9):
             revolution = make_revolution(series_wave() + rng.normal(size=1024) * noise, edges=(-HALF, HALF))
             result = take(average, revolution)
-        # The edges' definition is exact here: leave its share out.
+        # The edges are exact here, so the error of their definition is left out.
         result = replace(result, leading_edge_std_rad=0.0, trailing_edge_std_rad=0.0)
         estimates = RingPaperEstimator().update(revolution, result, CONDITIONS)
         found.append([e.value for e in estimates])
@@ -195,10 +194,10 @@ def test_provisional_until_settled_and_on_faults() -> None:
     assert all(codes_of(e.reasons) == (Code.REVOLUTION_NOT_USED, Code.SAMPLES_LOST) for e in faulty.values())
 
 
-def test_a_number_stuck_at_zero_is_not_determined() -> None:
+def test_number_at_zero_is_not_determined() -> None:
     numbers = (TABLE_3_NUMBERS[0], TABLE_3_NUMBERS[1], TABLE_3_NUMBERS[2], 0.0)
     coefficients = signal_orders(ORDERS, numbers, **CONTEXT)
-    coefficients[0] *= 1.6  # asks for a negative Ts
+    coefficients[0] *= 1.6  # makes the best Ts negative
     wave = signal_waveform(angle_grid(), OMEGA, RADIUS_M, coefficients)
     estimates = estimate_once(wave, edges=(-HALF, HALF))
     for name in ("Ts", "Ts/Cw"):
@@ -215,7 +214,7 @@ def with_orders(average: AngleAverage, kept: int) -> AngleAverage:
     return replace(average, orders_mps2=orders)
 
 
-def test_fewer_orders_still_give_the_numbers_and_too_few_are_refused() -> None:
+def test_thirty_orders_suffice_twelve_are_rejected() -> None:
     revolution = make_revolution(series_wave(), edges=(-HALF, HALF))
     average = settled(revolution)
     thirty = RingPaperEstimator().update(revolution, with_orders(average, 30), CONDITIONS)
@@ -225,7 +224,7 @@ def test_fewer_orders_still_give_the_numbers_and_too_few_are_refused() -> None:
 
 
 @pytest.mark.parametrize("kind", ["upside down", "noise", "harmonic"])
-def test_a_signal_that_is_no_ring_is_refused(kind: str) -> None:
+def test_non_ring_signals_are_rejected(kind: str) -> None:
     wave = {
         "upside down": -series_wave(),
         "noise": np.random.default_rng(1).normal(size=1024),
@@ -248,13 +247,13 @@ def test_a_signal_that_is_no_ring_is_refused(kind: str) -> None:
         {"orders_mps2": np.full(61, complex(math.inf, 0.0))},
     ],
 )
-def test_bad_averages_are_refused_with_a_reason_and_forgotten(change: dict[str, object]) -> None:
+def test_bad_averages_are_rejected_and_forgotten(change: dict[str, object]) -> None:
     revolution = make_revolution(series_wave(), edges=(-HALF, HALF))
     average = settled(revolution)
     estimator = RingPaperEstimator()
     good = estimator.update(revolution, average, CONDITIONS)
     bad = estimator.update(revolution, replace(average, **change), CONDITIONS)
-    assert [e.name for e in bad] == [*NUMBERS, *RATIOS]
+    assert [e.name for e in bad] == [*RING_NUMBERS, *RING_RATIOS]
     assert all(e.status is Status.INVALID and e.reasons for e in bad)
     again = estimator.update(revolution, average, CONDITIONS)
     np.testing.assert_allclose([e.value for e in again], [e.value for e in good], rtol=1e-4)
@@ -272,7 +271,7 @@ def test_warm_start_follows_a_change_of_tire_and_load() -> None:
         np.testing.assert_allclose([e.value for e in warm], [e.value for e in cold], rtol=2e-3)
 
 
-def test_reset_and_replay_give_the_same_bits() -> None:
+def test_reset_and_replay_are_bit_equal() -> None:
     rng = np.random.default_rng(2)
     waves = [exact_wave(solution()) + rng.normal(size=1024) for _ in range(12)]
 
@@ -287,7 +286,7 @@ def test_reset_and_replay_give_the_same_bits() -> None:
     assert run(estimator) == first
 
 
-def test_measured_tire_gives_ratios_with_honest_errors() -> None:
+def test_measured_tire_gives_ratios_with_errors() -> None:
     if not MEASURED.exists():
         pytest.skip("the measured recording is not kept with the project")
     radial = np.loadtxt(MEASURED, delimiter=",", skiprows=1)[:, 3:] * STANDARD_GRAVITY_MPS2
@@ -299,10 +298,10 @@ def test_measured_tire_gives_ratios_with_honest_errors() -> None:
         wave = normalise_radial(resample_revolution(radial, phase)[0], phase, ac_coupled=True).radial_mps2
         revolution = replace(make_revolution(wave), omega_radps=2.0 * math.pi * 25600.0 / phase.samples)
         result = take(average, revolution)
-    estimates = {e.name: e for e in RingPaperEstimator().update(revolution, result, Conditions(radius_m=0.30))}
-    assert all(estimates[name].status is Status.INVALID for name in NUMBERS)
-    assert all(estimates[name].status is Status.PROVISIONAL for name in RATIOS)
-    # The study found Cw 0.25 to 0.27 and Rs 2.8 by another estimator: a ratio of about 11.
+    estimates = {e.name: e for e in RingPaperEstimator().update(revolution, result, TireConditions(radius_m=0.30))}
+    assert all(estimates[name].status is Status.INVALID for name in RING_NUMBERS)
+    assert all(estimates[name].status is Status.PROVISIONAL for name in RING_RATIOS)
+    # Another estimator gave Cw 0.25 to 0.27 and Rs 2.8, a ratio of about 11.
     assert abs(estimates["Rs/Cw"].value - 11.0) < 2.0 * estimates["Rs/Cw"].std
     assert estimates["Bs/Cw"].std > 0.3 * estimates["Bs/Cw"].value
     assert estimates["Ts/Cw"].std > 0.5 * estimates["Ts/Cw"].value

@@ -1,4 +1,4 @@
-"""Self-calibration against sensors whose faults are known, through the whole pipeline."""
+"""Self-calibration of simulated sensors with known errors, through the whole pipeline."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ roll_deg = 2
 pitch_deg = -1.5
 """
 TWO_SPEEDS = FAULTY + "[motion]\nspeed_kmh = [[0, 40], [20, 100]]"
-# The radial axis stands at the cosines of both tilts.
+# The radial axis is reduced by the cosines of both tilts.
 TRUE_GAIN = 1.015 * math.cos(math.radians(2)) * math.cos(math.radians(1.5))
 
 
@@ -31,7 +31,7 @@ def within(estimate, truth: float, errors: float = 3.0) -> bool:
     return abs(estimate.value - truth) < errors * estimate.std
 
 
-def test_two_speeds_part_gain_from_offset() -> None:
+def test_two_speeds_separate_gain_and_offset() -> None:
     found = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
     gain, offset = found["gain"], found["zero_g_offset_mps2"]
     assert gain.status is Status.VALID
@@ -42,7 +42,7 @@ def test_two_speeds_part_gain_from_offset() -> None:
     assert offset.std < 0.2
 
 
-def test_tilts_and_mounting_offset() -> None:
+def test_tilts_and_mounting_offset_are_recovered() -> None:
     found = last(simulated(TWO_SPEEDS, 20.0, SETUP, ESTIMATORS)[0])
     assert within(found["roll_tilt_rad"], math.radians(2))
     assert found["roll_tilt_rad"].std < math.radians(0.05)
@@ -52,7 +52,7 @@ def test_tilts_and_mounting_offset() -> None:
     assert found["sensor_offset_m"].std < 0.0002
 
 
-def test_one_speed_says_what_it_needs() -> None:
+def test_one_speed_leaves_gain_provisional() -> None:
     found = last(simulated(FAULTY, 12.0, SETUP, ESTIMATORS)[0])
     assert found["zero_g_offset_mps2"].status is Status.INVALID
     assert codes_of(found["zero_g_offset_mps2"].reasons) == (Code.NEEDS_TWO_SPEEDS,)
@@ -73,11 +73,11 @@ def test_gain_follows_temperature() -> None:
     found = last(results)
     assert found["gain_per_degc"].status is Status.VALID
     assert found["gain_per_degc"].value == pytest.approx(4e-4, abs=max(5e-5, 3 * found["gain_per_degc"].std))
-    # The simulator's gain is true at its reference temperature, 25 degC.
+    # The simulated gain holds at the reference temperature, 25 degC.
     assert found["gain"].value == pytest.approx(1.0 + 4e-4 * 35.0, abs=1e-3)
 
 
-def test_ac_coupling_says_what_is_lost() -> None:
+def test_ac_coupling_leaves_only_the_gain() -> None:
     tables = FAULTY + "coupling = 'ac'\nhighpass_hz = 0.05"
     setup = WheelSetup("FL", 0, 0, 0.32, sensor_offset_m=0.005)
     found = last(simulated(tables, 16.0, setup, ESTIMATORS)[0])
@@ -90,27 +90,27 @@ def test_ac_coupling_says_what_is_lost() -> None:
     assert within(found["sensor_offset_m"], 0.005)
 
 
-def test_a_saturated_signal_is_refused() -> None:
+def test_saturated_signal_is_rejected() -> None:
     found = last(simulated("[sensor]\nrange_g = 132", 8.0, SETUP, ESTIMATORS)[0])
     for name in ("gain", "pitch_tilt_rad", "sensor_offset_m", "roll_tilt_rad"):
         assert found[name].status is Status.INVALID
         assert Code.RADIAL_SATURATED in codes_of(found[name].reasons)
 
 
-def test_without_other_axes_the_gain_is_left() -> None:
+def test_radial_axis_alone_gives_the_gain() -> None:
     found = last(simulated("[sensor]\naxes = ['radial']", 8.0, SETUP, ESTIMATORS)[0])
     assert within(found["gain"], 1.0)
     assert found["sensor_offset_m"].reasons == (Reason(Code.AXIS_MISSING, axis="circumferential"),)
     assert found["roll_tilt_rad"].reasons == (Reason(Code.AXIS_MISSING, axis="lateral"),)
 
 
-def test_a_wrong_offset_in_the_vehicle_file_is_told() -> None:
+def test_wrong_stated_offset_is_reported() -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor_offset_m=0.001)
     found = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])
     assert found["sensor_offset_m"].reasons == (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.001),)
 
 
-def test_road_noise_is_in_the_errors() -> None:
+def test_errors_cover_road_noise() -> None:
     tables = "[sensor]\noffset_mm = 8\nrange_g = 1000\n[road]\nrms_mps2 = 5\n[motion]\nspeed_kmh = [[0, 50], [16, 90]]"
     found = last(simulated(tables, 16.0, SETUP, ESTIMATORS)[0])
     assert within(found["gain"], 1.0, 4.0)

@@ -1,4 +1,4 @@
-"""The load calibration against the exact ring, found edges and all."""
+"""Load calibration and reference numbers on the exact ring, with estimated edges."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def point(load_n: float, pressure_pa: float) -> TirePoint:
 GRID = [(load, pressure) for load in (2500.0, 4000.0, 5500.0, 7000.0) for pressure in (1.8e5, 2.1e5, 2.4e5)]
 
 
-def test_it_fits_the_exact_ring() -> None:
+def test_calibration_fits_the_exact_ring() -> None:
     fit = fit_load_calibration([point(*at) for at in GRID])
     assert np.abs(fit.residuals).max() < 0.03
     assert fit.calibration.relative_std < 0.02
@@ -37,7 +37,7 @@ def test_it_fits_the_exact_ring() -> None:
         assert found == pytest.approx(load_n, rel=3.0 * fit.calibration.relative_std)
 
 
-def test_leaving_out_tells_what_a_new_load_will_meet() -> None:
+def test_left_out_error_predicts_new_loads() -> None:
     points = [point(load, 2.1e5) for load in (3000.0, 4500.0, 6000.0)]
     fit = fit_load_calibration(points)
     assert np.abs(fit.left_out).max() > np.abs(fit.residuals).max()
@@ -47,7 +47,7 @@ def test_leaving_out_tells_what_a_new_load_will_meet() -> None:
     assert fit.left_out[2] == pytest.approx(expected, abs=1e-9)
 
 
-def test_one_recording_gives_the_scale_and_says_how_little_that_is() -> None:
+def test_one_recording_gives_the_scale_with_a_large_error() -> None:
     fit = fit_load_calibration([point(5500.0, 2.1e5)])
     assert np.isnan(fit.left_out).all()
     assert fit.calibration.relative_std > 0.05
@@ -57,7 +57,7 @@ def test_one_recording_gives_the_scale_and_says_how_little_that_is() -> None:
         assert found == pytest.approx(load_n, rel=2.0 * fit.calibration.relative_std)
 
 
-def test_an_uncertain_load_weighs_less() -> None:
+def test_uncertain_load_has_less_weight() -> None:
     good = [point(*at) for at in GRID]
     wrong = replace(point(5500.0, 2.1e5), load_n=6600.0, load_std_n=1200.0)
     fit = fit_load_calibration([*good, wrong])
@@ -65,7 +65,7 @@ def test_an_uncertain_load_weighs_less() -> None:
     assert np.abs(fit.residuals[:-1] - clean.residuals).max() < 0.005
 
 
-def test_outside_and_slope() -> None:
+def test_range_check_and_slope() -> None:
     calibration = fit_load_calibration([point(*at) for at in GRID]).calibration
     assert calibration.outside(0.2, 2.1e5) == ()
     assert codes_of(calibration.outside(0.2, 3.0e5)) == (Code.PRESSURE_OUTSIDE_CALIBRATION,)
@@ -78,7 +78,7 @@ def numbers(bs: float, cw: float, rs: float, status: Status = Status.VALID) -> d
     return {name: Estimate(name, value, 0.01 * value, status) for name, value in (("Bs", bs), ("Cw", cw), ("Rs", rs))}
 
 
-def test_reference_holds_at_one_pressure() -> None:
+def test_reference_uses_points_of_one_pressure() -> None:
     points = [
         replace(point(5500.0, 1.8e5), numbers=numbers(3.5e-3, 0.195, 3.3)),
         replace(point(5500.0, 2.1e5), numbers=numbers(3.0e-3, 0.197, 3.0)),
@@ -93,12 +93,12 @@ def test_reference_holds_at_one_pressure() -> None:
     assert found.Ts is None
 
 
-def test_reference_takes_valid_numbers_only() -> None:
+def test_reference_uses_valid_numbers_only() -> None:
     points = [replace(point(5500.0, 2.1e5), numbers=numbers(3e-3, 0.195, 3.0, Status.PROVISIONAL))]
     assert reference_numbers(points, "weak-form").Bs is None
 
 
-def test_scatter_that_the_errors_do_not_cover_counts() -> None:
+def test_reference_error_includes_scatter() -> None:
     points = [
         replace(point(load, 2.1e5), numbers=numbers(bs, 0.195, 3.0))
         for load, bs in ((2500.0, 2.8e-3), (4000.0, 3.0e-3), (5500.0, 3.2e-3))

@@ -1,4 +1,4 @@
-"""The weak form on the geometrically exact ring: accuracy, invariance, honesty of its errors."""
+"""Weak form on the geometrically exact ring: accuracy, invariance and stated errors."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Status
-from gateway.estimators.weak_form import WeakFormEstimator
-from gateway.estimators.weak_form_fit import WaveformFits, fit_waveforms
+from gateway.estimators.base import Estimate, Status, TireConditions
+from gateway.estimators.weak_form import WaveformFits, WeakFormEstimator, fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.tread_pattern import EdgeWaves
@@ -27,15 +26,17 @@ LOAD_NUMBER = 5000.0 / (PRESSURE_PA * RADIUS_M**2)
 
 
 def estimates_of(
-    wave: np.ndarray, conditions: Conditions = CONDITIONS, *, count: int = 10, **revolution: object
+    wave: np.ndarray, conditions: TireConditions = CONDITIONS, *, count: int = 10, **revolution: object
 ) -> dict[str, Estimate]:
     data = make_revolution(wave, **revolution)
     return {e.name: e for e in WeakFormEstimator().update(data, settled(data, count), conditions)}
 
 
-def errors_of(ring: RingSolution, conditions: Conditions | None = None, wave: np.ndarray | None = None) -> np.ndarray:
-    """Relative errors of the four numbers."""
-    conditions = conditions or Conditions(RADIUS_M, ring.load_n, ring.pressure_pa)
+def errors_of(
+    ring: RingSolution, conditions: TireConditions | None = None, wave: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the relative errors of the four numbers."""
+    conditions = conditions or TireConditions(RADIUS_M, ring.load_n, ring.pressure_pa)
     found = estimates_of(exact_wave(ring) if wave is None else wave, conditions)
     return np.array([found[name].value for name in ("Bs", "Cw", "Rs", "Ts")]) / np.array(ring.numbers) - 1.0
 
@@ -46,7 +47,7 @@ def fits_of(waves: np.ndarray, order_std: float) -> WaveformFits:
     return fit_waveforms(waves, np.full(61, order_std), np.zeros(len(waves)), half)
 
 
-def test_the_grid_of_table_1() -> None:
+def test_numbers_are_recovered_over_table_1() -> None:
     errors = []
     for wear, pressure, load in itertools.product((0.0, 2.9, 6.4), (1.7e5, 2.5e5), (2000.0, 5000.0, 8000.0)):
         sidewall = 0.5 + 0.5 * pressure / PRESSURE_PA
@@ -62,7 +63,7 @@ def test_the_grid_of_table_1() -> None:
     assert (worst < [0.006, 0.004, 0.004, 0.03]).all()
 
 
-def test_what_is_left_of_the_error_is_the_belts_extension() -> None:
+def test_remaining_error_is_the_belts_extension() -> None:
     stiff = solve_rolling_ring(replace(BASE_RING, extension_stiffness_n=5e8), 5000.0, PRESSURE_PA, OMEGA, nodes=1440)
     assert (np.abs(errors_of(stiff)) < [2e-3, 1e-3, 5e-4, 2e-3]).all()
 
@@ -81,18 +82,18 @@ BASE_ERRORS = errors_of(solution())
         ({"sidewall_stiffening_pm": -5.0}, (0.055, 0.06, 0.08, 0.1)),
     ],
 )
-def test_laws_it_is_not_told_move_it_by_no_more(change: dict[str, float], most: tuple[float, ...]) -> None:
+def test_unmodelled_laws_change_the_numbers_little(change: dict[str, float], most: tuple[float, ...]) -> None:
     ring = solve_rolling_ring(replace(BASE_RING, **change), 5000.0, PRESSURE_PA, OMEGA, nodes=1440)
     assert (np.abs(errors_of(ring) - BASE_ERRORS) <= most).all()
 
 
 @pytest.mark.parametrize("options", [{"drum_radius_m": 0.85}, {"axle_torque_nm": 300.0}])
-def test_drums_and_driving_torque(options: dict[str, float]) -> None:
+def test_drums_and_torque_change_the_numbers_little(options: dict[str, float]) -> None:
     ring = solve_rolling_ring(BASE_RING, 5000.0, PRESSURE_PA, OMEGA, nodes=1440, **options)
     assert (np.abs(errors_of(ring) - BASE_ERRORS) < [7e-3, 6e-3, 8e-3, 0.02]).all()
 
 
-def test_gain_speed_and_centre_do_not_matter() -> None:
+def test_gain_speed_and_centre_do_not_change_the_numbers() -> None:
     wave = exact_wave(solution())
     shifted = np.fft.irfft(np.fft.rfft(wave) * np.exp(-1j * np.arange(513) * 0.013), n=1024)
     for other in (0.95 * wave, 1.05 * wave, shifted):
@@ -103,17 +104,17 @@ def test_gain_speed_and_centre_do_not_matter() -> None:
         assert (np.abs(errors_of(solution(), wave=wave) - BASE_ERRORS) < 1e-4).all()
 
 
-def test_a_known_sensor_offset_is_undone_and_an_unknown_one_is_seen() -> None:
+def test_known_sensor_offset_is_corrected() -> None:
     ring = solve_rolling_ring(BASE_RING, 5000.0, PRESSURE_PA, OMEGA, nodes=1440, sensor_offset_m=0.005)
     wave = exact_wave(ring)
-    told = errors_of(ring, replace(CONDITIONS, sensor_offset_m=0.005), wave)
-    assert (np.abs(told - BASE_ERRORS) < [2e-3, 2e-3, 2e-3, 0.01]).all()
-    not_told = errors_of(ring, wave=wave)
-    assert not_told[1] < -0.04
-    assert not_told[3] < -0.3
+    corrected = errors_of(ring, replace(CONDITIONS, sensor_offset_m=0.005), wave)
+    assert (np.abs(corrected - BASE_ERRORS) < [2e-3, 2e-3, 2e-3, 0.01]).all()
+    uncorrected = errors_of(ring, wave=wave)
+    assert uncorrected[1] < -0.04
+    assert uncorrected[3] < -0.3
 
 
-def test_the_scale_is_that_of_load_pressure_and_radius() -> None:
+def test_numbers_scale_with_load_pressure_and_radius() -> None:
     wave = exact_wave(solution())
     found = estimates_of(wave)
     doubled = estimates_of(wave, replace(CONDITIONS, load_n=10000.0))
@@ -127,9 +128,9 @@ def test_the_scale_is_that_of_load_pressure_and_radius() -> None:
         assert with_errors[f"{name}/Cw"].std == found[f"{name}/Cw"].std if name != "Cw" else True
 
 
-def test_without_load_or_pressure_the_ratios_stand() -> None:
+def test_ratios_need_neither_load_nor_pressure() -> None:
     wave = exact_wave(solution())
-    full, ratios = estimates_of(wave), estimates_of(wave, Conditions(RADIUS_M))
+    full, ratios = estimates_of(wave), estimates_of(wave, TireConditions(RADIUS_M))
     for name in ("Bs", "Cw", "Rs", "Ts"):
         assert ratios[name].status is Status.INVALID
         assert codes_of(ratios[name].reasons) == (Code.NEEDS_LOAD, Code.NEEDS_PRESSURE)
@@ -138,7 +139,7 @@ def test_without_load_or_pressure_the_ratios_stand() -> None:
         assert ratios[name].status is Status.VALID
 
 
-def test_the_belts_width_known_gives_the_load() -> None:
+def test_known_belt_width_gives_the_load() -> None:
     for load in (2000.0, 8000.0):
         ring = solution(load)
         wave = on_grid(ring.sensor.radial_m)[np.newaxis]
@@ -149,8 +150,8 @@ def test_the_belts_width_known_gives_the_load() -> None:
         assert 0.0 < std[0] < 0.01 * load
 
 
-def test_noise_errors_are_as_stated_and_near_the_bound() -> None:
-    """The Cramer-Rao bound of this waveform with unknown tread stiffness is 0.39, 1.40, 0.98, 6.0 % a revolution."""
+def test_scatter_matches_the_error_and_is_near_the_bound() -> None:
+    """The Cramer-Rao bound with unknown tread stiffness is 0.39, 1.40, 0.98, 6.0 % for one revolution."""
     rng = np.random.default_rng(4)
     clean = on_grid(solution().sensor.radial_m)
     waves = clean + rng.normal(0.0, NOISE * RADIUS_M * math.sqrt(512.0), (256, 1024))
@@ -160,12 +161,12 @@ def test_noise_errors_are_as_stated_and_near_the_bound() -> None:
     stated = np.sqrt(np.diagonal(fits.noise + fits.model, axis1=1, axis2=2)).mean(axis=0) * LOAD_NUMBER / TRUTH
     assert (spread < 1.3 * np.array([0.39 * 2.0, 1.40, 0.98, 6.0]) * 1e-2).all()
     np.testing.assert_allclose(stated / spread, 1.1, atol=0.2)
-    # Errors of the factors do not pull the mean: five standard errors of it.
+    # Errors of the factors do not bias the mean: five standard errors of it.
     assert (np.abs(errors.mean(axis=0) - BASE_ERRORS) < 5.0 * spread / 16.0).all()
     assert np.median(fits.misfit) == pytest.approx(1.0, abs=0.15)
 
 
-def test_a_batch_gives_what_one_by_one_gives() -> None:
+def test_batch_matches_single_fits() -> None:
     rng = np.random.default_rng(5)
     clean = on_grid(solution().sensor.radial_m)
     waves = clean + rng.normal(0.0, 0.1 * NOISE * RADIUS_M * math.sqrt(512.0), (40, 1024))
@@ -182,8 +183,8 @@ def test_a_batch_gives_what_one_by_one_gives() -> None:
     assert np.isfinite(np.delete(found.values, [3, 4], axis=0)).all()
 
 
-def test_large_errors_that_repeat_leave_bending_unbiased() -> None:
-    """What averaging keeps: orders wrong by 0.5 % of R omega^2, the same in every revolution, in any phase."""
+def test_repeating_errors_leave_bending_unbiased() -> None:
+    """Orders wrong by 0.5 % of R omega^2, the same in every revolution, survive averaging."""
     rng = np.random.default_rng(6)
     clean = on_grid(solution().sensor.radial_m)
     orders = np.arange(2, 61)
@@ -197,13 +198,13 @@ def test_large_errors_that_repeat_leave_bending_unbiased() -> None:
     spread = ratio.std(axis=0)
     assert abs(np.median(ratio[:, 0]) - 1.0) < 0.1
     assert (spread[:3] > 0.02).all()
-    # Noise alone would state a hundredth of that.
-    told = np.median(stated, axis=0) * LOAD_NUMBER / TRUTH
-    assert (told[:3] > 0.4 * spread[:3]).all()
-    assert (told[:3] < 2.5 * spread[:3]).all()
+    # From noise alone the stated error would be a hundredth of that.
+    stated_error = np.median(stated, axis=0) * LOAD_NUMBER / TRUTH
+    assert (stated_error[:3] > 0.4 * spread[:3]).all()
+    assert (stated_error[:3] < 2.5 * spread[:3]).all()
 
 
-def test_waves_from_the_edges_widen_the_errors_by_what_they_do() -> None:
+def test_edge_waves_widen_the_errors() -> None:
     ring = solution()
     clean = on_grid(ring.sensor.radial_m)
     theta = -math.pi + 2.0 * math.pi / 1024 * np.arange(1024)
@@ -217,7 +218,7 @@ def test_waves_from_the_edges_widen_the_errors_by_what_they_do() -> None:
     assert (np.sqrt(np.mean(np.square(off), axis=0)) < 2.5).all()
 
 
-def test_updates_go_on_from_the_last_and_reset_forgets() -> None:
+def test_updates_start_warm_and_reset_forgets() -> None:
     wave = exact_wave(solution())
     rng = np.random.default_rng(7)
     average, estimator, fresh = RunningAverage(), WeakFormEstimator(), WeakFormEstimator()
@@ -233,7 +234,7 @@ def test_updates_go_on_from_the_last_and_reset_forgets() -> None:
         assert a.status is Status.VALID
 
 
-def test_few_orders_and_slow_sampling() -> None:
+def test_few_orders_are_rejected() -> None:
     wave = exact_wave(solution())
     refused = estimates_of(wave, order_max=14)
     assert all(e.status is Status.INVALID and e.reasons[0]["orders"] == 14 for e in refused.values())
@@ -245,23 +246,23 @@ def test_few_orders_and_slow_sampling() -> None:
 
 
 @pytest.mark.parametrize("wave", [np.zeros(1024), np.full(1024, -5.0), np.full(1024, 900.0)])
-def test_what_is_no_tire_is_refused(wave: np.ndarray) -> None:
+def test_non_tire_signals_are_rejected(wave: np.ndarray) -> None:
     found = estimates_of(wave, edges=(-0.2, 0.2))
     assert all(e.status is not Status.VALID for e in found.values())
 
 
-def test_a_clipped_signal_does_not_balance() -> None:
-    """Clipping is a fault of the revolution and refused before; where it is not seen, the errors grow."""
+def test_clipped_signal_does_not_balance() -> None:
+    """Clipped revolutions are rejected before; where clipping is not detected, the errors grow."""
     wave = np.minimum(exact_wave(solution()), 1.15 * RADIUS_M * OMEGA**2)
     clipped, whole = estimates_of(wave), estimates_of(exact_wave(solution()))
     for name in ("Bs", "Cw"):
         assert clipped[name].std > 20.0 * whole[name].std
 
 
-def test_another_ring_far_from_table_3() -> None:
+def test_ring_far_from_table_3_is_recovered() -> None:
     ring = RingParameters.from_numbers(
         0.02, 0.4, 8.0, 1.0, radius_m=0.5, pressure_pa=8e5, extension_stiffness_n=5e8, tread_stiffness_npm2=2e8
     )
     exact = solve_rolling_ring(ring, 40000.0, 8e5, 40.0, nodes=1440)
-    errors = errors_of(exact, Conditions(0.5, 40000.0, 8e5))
+    errors = errors_of(exact, TireConditions(0.5, 40000.0, 8e5))
     assert (np.abs(errors) < [0.01, 0.01, 0.01, 0.05]).all()

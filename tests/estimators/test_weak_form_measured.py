@@ -1,4 +1,4 @@
-"""What the modal and the weak form say of a measured tire: little, and they say that it is little."""
+"""Modal and weak form on a measured tire, which determines few numbers."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ MAP = ROOT / "examples" / "innerliner_drum_80kmh.map.toml"
 MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 
 
-def test_a_measured_tire_determines_no_bending_and_no_tangential_stiffness(tmp_path: Path) -> None:
+def test_measured_tire_leaves_bending_and_tangential_undetermined(tmp_path: Path) -> None:
     if not MEASURED.exists():
-        pytest.skip("the measured recording is not part of the repository; it is looked for in ../shared/measured")
+        pytest.skip("the measured recording is not part of the repository; it is expected in ../shared/measured")
     recording, table = tmp_path / "drum.mcap", tmp_path / "drum.jsonl"
     import_file(MEASURED, load_map(MAP), recording)
     options = ["--estimator", "weak-form", "--estimator", "ring-modal", "--json", str(table)]
     result = CliRunner().invoke(estimate, [str(recording), *options])
     assert result.exit_code == 0, result.output
     last = json.loads(table.read_text(encoding="utf-8").splitlines()[-1])
-    # No load is known: ratios only.
+    # Without a load there are only ratios.
     assert last["Cw_status"] == "invalid"
     assert last["ring-modal:Cw_status"] == "invalid"
-    # Waves that are not the belt's shape leave Rs/Cw known to about a half, Ts and Bs not at all.
+    # Because of waves that are not the belt's shape, Rs/Cw is known to about a half, Ts and Bs not at all.
     assert 5.0 < last["Rs/Cw"] < 16.0
     assert 0.2 < last["Rs/Cw_std"] / last["Rs/Cw"] < 0.9
     for name in ("Bs/Cw", "Ts/Cw"):

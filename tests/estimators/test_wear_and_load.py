@@ -1,4 +1,4 @@
-"""Wear and load through the whole pipeline, against tires whose wear and load are known."""
+"""Wear and load of simulated tires, through the whole pipeline."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Status
+from gateway.estimators.base import Estimate, Status, TireConditions
 from gateway.estimators.load import LoadEstimator
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, TireData
 from gateway.estimators.wear import WearEstimator
@@ -19,7 +19,7 @@ from tests.testkit.simulated_wheel import last, simulated
 
 # The simulator's new tire.
 NEW = TireData(0.015, 0.0, ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3))
-ESTIMATORS = ("load", "wear", "weak-form", "kinematic")  # any order: they run in the registry's
+ESTIMATORS = ("load", "wear", "weak-form", "kinematic")  # in any order
 
 
 def wheel(load_n: float | None, tire: TireData = NEW) -> WheelSetup:
@@ -27,26 +27,26 @@ def wheel(load_n: float | None, tire: TireData = NEW) -> WheelSetup:
 
 
 @pytest.mark.parametrize("wear_mm", [0.0, 2.9, 6.4])
-def test_wear_from_the_bending_number(wear_mm: float) -> None:
+def test_wear_follows_from_bending(wear_mm: float) -> None:
     found = last(simulated(f"[tire]\nwear_mm = {wear_mm}", 14.0, wheel(5000.0), ESTIMATORS)[0])["wear_mm"]
     assert found.status is Status.VALID
     assert found.value == pytest.approx(wear_mm, abs=0.03)
     assert found.std < 0.03
 
 
-def test_wear_without_a_load_goes_by_the_ratio() -> None:
+def test_wear_without_load_uses_the_ratio() -> None:
     found = last(simulated("[tire]\nwear_mm = 4", 14.0, wheel(None), ESTIMATORS)[0])
     assert Reason(Code.FROM_RATIO, ratio="Bs/Cw") in found["wear_mm"].reasons
     assert found["wear_mm"].value == pytest.approx(4.0, abs=0.05)
     assert found["wear_number"].value == pytest.approx(4.0 / 320.0, abs=2e-4)
 
 
-def test_pressure_does_not_pass_for_wear() -> None:
+def test_pressure_is_not_mistaken_for_wear() -> None:
     results, _ = simulated("", 14.0, wheel(5000.0), ESTIMATORS, "pressure_kpa = 180")
     assert last(results)["wear_mm"].value == pytest.approx(0.0, abs=0.03)
-    # Left out, 180 kPa would look like a stiffer ring: (210 / 180)^(1/3) is 0.8 mm of 15.
-    untold = replace(NEW, reference=replace(NEW.reference, pressure_pa=None))
-    results, _ = simulated("", 14.0, wheel(5000.0, untold), ESTIMATORS, "pressure_kpa = 180")
+    # Without compensation 180 kPa would look like a stiffer ring: (210 / 180)^(1/3) is 0.8 mm of 15.
+    uncompensated = replace(NEW, reference=replace(NEW.reference, pressure_pa=None))
+    results, _ = simulated("", 14.0, wheel(5000.0, uncompensated), ESTIMATORS, "pressure_kpa = 180")
     found = last(results)["wear_mm"]
     assert Code.PRESSURE_NOT_COMPENSATED in codes_of(found.reasons)
     assert found.value < -0.6
@@ -69,7 +69,7 @@ def test_wear_shows_in_the_snapshot() -> None:
         without.frames("link", frames, chunk.host_ns)
     (snapshot,) = with_wear.wheels()
     assert snapshot.wear_mm.value == pytest.approx(3.0, abs=0.1)
-    # Nobody stated a load: the estimated one is shown.
+    # Without a stated load the estimated one is shown.
     assert snapshot.load_n == pytest.approx(5000.0, rel=0.02)
     (snapshot,) = without.wheels()
     assert snapshot.wear_mm is None
@@ -77,16 +77,16 @@ def test_wear_shows_in_the_snapshot() -> None:
 
 
 GIVEN = {"Bs": Estimate("Bs", 2e-3, 4e-5, Status.VALID), "Bs/Cw": Estimate("Bs/Cw", 0.0105, 4e-4, Status.VALID)}
-CONDITIONS = Conditions(0.32, 5000.0, 210e3, tire=NEW, given={"weak-form": GIVEN})
+CONDITIONS = TireConditions(0.32, 5000.0, 210e3, tire=NEW, given={"weak-form": GIVEN})
 REVOLUTION = make_revolution(exact_wave(solution()))
 AVERAGE = settled(REVOLUTION)
 
 
-def wear_of(conditions: Conditions) -> Estimate:
+def wear_of(conditions: TireConditions) -> Estimate:
     return WearEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
 
 
-def test_error_of_the_wear_holds_all_three() -> None:
+def test_wear_error_combines_all_sources() -> None:
     ratio = (2e-3 / 3.08e-3) ** (1 / 3)
     own = 15.0 * ratio / 3.0
     assert wear_of(CONDITIONS).value == pytest.approx(15.0 * (1.0 - ratio))
@@ -107,13 +107,13 @@ def test_error_of_the_wear_holds_all_three() -> None:
         ({"given": {"weak-form": {}}}, Code.NUMBER_MISSING),
     ],
 )
-def test_wear_says_what_it_lacks(change: dict[str, object], code: Code) -> None:
+def test_missing_wear_inputs_are_reported(change: dict[str, object], code: Code) -> None:
     found = wear_of(replace(CONDITIONS, **change))
     assert found.status is Status.INVALID
     assert codes_of(found.reasons) == (code,)
 
 
-def test_drift_of_the_wear() -> None:
+def test_wear_drift_follows_the_wear() -> None:
     estimator = WearEstimator()
     for index in range(1001):
         worn = (1.0 - 0.0002 * index / 15.0) ** 3 * 3.08e-3
@@ -130,7 +130,7 @@ CALIBRATED = replace(NEW, load_calibration=CALIBRATION)
 
 
 @pytest.mark.parametrize("load_n", [3000.0, 6500.0])
-def test_load_by_angle_and_by_width(load_n: float) -> None:
+def test_load_from_angle_and_from_width(load_n: float) -> None:
     results, _ = simulated("", 14.0, wheel(None, CALIBRATED), ESTIMATORS, f"load_n = {load_n}")
     found = last(results)
     assert found["load_by_angle_n"].value == pytest.approx(load_n, rel=0.03)
@@ -149,13 +149,13 @@ def test_load_follows_every_revolution() -> None:
         assert found.value == pytest.approx(truth.load_n(result.revolution.start_s), rel=0.06)
 
 
-def test_a_stated_load_is_compared_with() -> None:
-    # The wheel carries 6000 N, its file says 5000 N.
+def test_stated_load_does_not_set_the_estimate() -> None:
+    # The wheel carries 6000 N, the vehicle file states 5000 N.
     found = last(simulated("", 14.0, wheel(5000.0), ESTIMATORS, "load_n = 6000")[0])
     assert found["load_n"].value == pytest.approx(6000.0, rel=0.01)
 
 
-def test_a_worn_tire_has_its_calibration_doubted() -> None:
+def test_worn_tire_makes_its_calibration_provisional() -> None:
     found = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
     assert found["load_by_angle_n"].status is Status.PROVISIONAL
     (worn,) = (one for one in found["load_by_angle_n"].reasons if one.code is Code.WORN_SINCE_CALIBRATION)
@@ -173,22 +173,22 @@ def test_pressure_number() -> None:
 @pytest.mark.parametrize(
     ("conditions", "code"),
     [
-        (Conditions(0.32), Code.NEEDS_PRESSURE),
-        (Conditions(0.32, pressure_pa=210e3), Code.NEEDS_LOAD_CALIBRATION),
-        (Conditions(0.32, pressure_pa=210e3), Code.NEEDS_REFERENCE_NUMBER),
+        (TireConditions(0.32), Code.NEEDS_PRESSURE),
+        (TireConditions(0.32, pressure_pa=210e3), Code.NEEDS_LOAD_CALIBRATION),
+        (TireConditions(0.32, pressure_pa=210e3), Code.NEEDS_REFERENCE_NUMBER),
         (
-            Conditions(0.32, pressure_pa=2e5, tire=TireData(reference=ReferenceNumbers(Cw=0.2, estimator="magic"))),
+            TireConditions(0.32, pressure_pa=2e5, tire=TireData(reference=ReferenceNumbers(Cw=0.2, estimator="magic"))),
             Code.UNKNOWN_ESTIMATOR,
         ),
     ],
 )
-def test_load_says_what_it_lacks(conditions: Conditions, code: Code) -> None:
+def test_missing_load_inputs_are_reported(conditions: TireConditions, code: Code) -> None:
     found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[0]
     assert found.status is Status.INVALID
     assert code in codes_of(found.reasons)
 
 
-def test_outside_its_range_a_calibration_is_provisional() -> None:
+def test_calibration_outside_its_range_is_provisional() -> None:
     narrow = replace(CALIBRATION, half_angle_range_rad=(0.3, 0.4))
     conditions = replace(CONDITIONS, tire=replace(NEW, load_calibration=narrow), given={})
     found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]

@@ -62,7 +62,7 @@ def test_import(tmp_path: Path) -> None:
     assert "already" in run("import", "-", "--file", path, text=other, fails=True)
     run("import", "-", "--replace", "--file", path, text=other)
     assert KeyFile(path).keys["0000a001"].secret == bytes(16)
-    assert "there is no file" in run("import", tmp_path / "none", "--file", path, fails=True)
+    assert "does not exist" in run("import", tmp_path / "none", "--file", path, fails=True)
 
 
 @pytest.mark.parametrize("line", [f"a001 {SECRET}0", f"a001{SECRET}", f"xyz {SECRET}", SECRET, f"123456789 {SECRET}"])

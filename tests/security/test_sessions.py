@@ -223,7 +223,7 @@ def test_live_command_end_to_end(key_file: Path, tmp_path: Path) -> None:
     uri = f"sim:lab?speed=max&duration=2&keys={key_file}"
     shown = call("live", uri, "--plain", "--keys", str(key_file), "--record", str(path))
     assert "verified" in shown
-    assert "refused as not verified" in call("estimate", str(path), "--keys", str(key_file))
+    assert "rejected because not verified" in call("estimate", str(path), "--keys", str(key_file))
     assert not counters_file(key_file).exists()
     result = CliRunner().invoke(treadlink, ["live", f"{uri}&fault=reboot", "--plain"])
     assert isinstance(result.exception, TreadlinkError)

@@ -66,9 +66,9 @@ def test_vehicle_file_reads_back(tmp_path: Path) -> None:
 
 
 def test_usage_errors_are_reported(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="of no known kind"):
+    with pytest.raises(OutputError, match="unknown suffix"):
         run("lab", "--out", str(tmp_path / "a.txt"), "--duration", "0.1")
-    with pytest.raises(SourceError, match="has no end"):
+    with pytest.raises(SourceError, match="is endless"):
         run("lab", "--out", str(tmp_path / "a.bin"))
     neither = CliRunner().invoke(simulate, ["lab"])
     assert neither.exit_code == 2

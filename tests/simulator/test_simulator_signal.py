@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
@@ -74,6 +74,7 @@ def test_profile_repeats_and_holds_before_the_first_point() -> None:
     st.floats(0, 60),
     st.booleans(),
 )
+@example([(2.0, 0.0), (1.5, 1.0), (5.0, 0.0)], 26.0, True)
 def test_time_at_distance_is_the_inverse(steps: list[tuple[float, float]], time_s: float, repeat: bool) -> None:
     times = np.cumsum([step for step, _ in steps])
     points = tuple((float(t), speed) for t, (_, speed) in zip(times, steps, strict=True))

@@ -1,4 +1,4 @@
-"""Diagnoses made up for the views: one as they come, one full of strings that nobody should trust."""
+"""Diagnoses for tests of the views: an ordinary one, one full of hostile strings, and an empty one."""
 
 from __future__ import annotations
 
@@ -13,16 +13,20 @@ from gateway.closure.diagnosis import (
     Finding,
     Fitted,
     HeldOut,
+    Scaling,
+    ScalingStatus,
     Spectra,
     Trend,
     Unexplained,
     Verdict,
 )
+from gateway.reasons import Code, Reason
 
 NAN = math.nan
 NASTY = (
     "<script>document.title='taken'</script>\"'><img src=x onerror=alert(1)>&{{7*7}}${\x1b[2J\x1b]0;t\x07-->日\udcff"
 )
+WARMER = Reason(Code.RECORD_WARMER, difference_k=20.0)
 NOISE = np.array([0.5, 0.4, 0.6])
 
 
@@ -105,7 +109,7 @@ def ordinary(groups: int = 4) -> Diagnosis:
         model="exact",
         wheel="FL",
         recordings=tuple(f"drum-{40 + 20 * i}kmh.mcap" for i in range(groups)),
-        assumed=("load 4000 N in drum-40kmh.mcap: nobody stated it; Bs, Cw, Rs and Ts go with 1/load",),
+        assumed=("load 4000 N in drum-40kmh.mcap (not stated)",),
         revolutions=1240,
         rejected=12,
         noise_floor_mps2=2.05,
@@ -160,7 +164,7 @@ def ordinary(groups: int = 4) -> Diagnosis:
                 held_out_std=9.0,
                 rms_mps2=0.4,
                 rivals=("run-out",),
-                decide_with="a recording at another temperature, at the same speed and load",
+                decide_with=WARMER,
             ),
             Finding(
                 name="run-out",
@@ -171,7 +175,7 @@ def ordinary(groups: int = 4) -> Diagnosis:
                 held_out_std=9.0,
                 rms_mps2=0.4,
                 rivals=("gain drift",),
-                decide_with="a recording at another temperature, at the same speed and load",
+                decide_with=WARMER,
             ),
             Finding(
                 name="clipping",
@@ -181,19 +185,23 @@ def ordinary(groups: int = 4) -> Diagnosis:
                 held_out_gain=2.0,
                 held_out_std=5.0,
                 rms_mps2=0.2,
-                reason="limit_mps2 would be 9000 m/s^2, which is not plausible: above the largest sample",
+                reason=Reason(
+                    Code.IMPLAUSIBLE_PARAMETER,
+                    parameter="limit_mps2",
+                    value=9000.0,
+                    low=0.0,
+                    high=2000.0,
+                    unit="m/s^2",
+                ),
             ),
         ),
         unexplained=(
             Unexplained(
-                "circumferential", "time", None, (606.0, 614.5), None, "constant", 1.21, 0.06,
-                "A line at 610.2 Hz at every speed on the circumferential axis, 1.2 m/s^2 rms (and 0.3 m/s^2 radial); "
-                "scaling: constant.",
+                "circumferential", "time", None, (606.0, 614.5), None, Scaling(ScalingStatus.KNOWN, 0.0), 1.21, 0.06,
+                narrow=True, centre_hz=610.2, speeds=(4, 4), other_axes=(("radial", 0.3),),
             ),
             Unexplained(
-                "radial", "angle", (18, 60), None, (1.42, 1.58), "omega^2", 0.84, 0.05,
-                "radial axis, orders 18 to 60, between 81 and 91 deg of the contact's centre: 0.84 m/s^2 rms that "
-                "repeats every revolution; omega^2",
+                "radial", "angle", (18, 60), None, (1.42, 1.58), Scaling(ScalingStatus.KNOWN, 2.0), 0.84, 0.05,
             ),
         ),
         estimates_before=before,
@@ -203,12 +211,13 @@ def ordinary(groups: int = 4) -> Diagnosis:
         spectra=tuple(spectra(label, seed=i) for i, label in enumerate(labels)),
         trends=trends(),
         empirical_rms_mps2=1.95,
-        notes=("12 revolutions were left out: speed changed by more than 3 %",),
+        notes=(Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=12, reason="the speed changed by more than 3 %"),),
+        load_known=False,
     )  # fmt: skip
 
 
 def nasty() -> Diagnosis:
-    """Every string an attack, numbers that are not known, an axis that is not there."""
+    """Return a diagnosis whose strings are hostile, with unknown numbers and an absent axis."""
     plain = ordinary(2)
     bad = Fitted(NAN, math.inf, NASTY)
     finding = replace(
@@ -219,13 +228,14 @@ def nasty() -> Diagnosis:
         held_out_gain=NAN,
         estimates={NASTY: (bad, bad)},
         rivals=(NASTY,),
-        decide_with=NASTY,
-        reason=NASTY,
+        decide_with=Reason(Code.DECIDES_AGAINST, effect=NASTY, recording=WARMER),
+        reason=Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=NASTY),
         summary=NASTY,
         equation=NASTY,
         lock=NASTY,
     )
-    left = Unexplained(NASTY, NASTY, (3, 3), (NAN, 5.0), (0.1, 0.2), NASTY, NAN, NAN, NASTY)
+    unknown = Scaling(ScalingStatus.TOO_WEAK)
+    left = Unexplained(NASTY, NASTY, (3, 3), (NAN, 5.0), (0.1, 0.2), unknown, NAN, NAN)
     return replace(
         plain,
         model=NASTY,
@@ -253,9 +263,10 @@ def nasty() -> Diagnosis:
 
 
 def empty() -> Diagnosis:
-    """The least there can be: nothing found, no figure."""
+    """Return a diagnosis without findings and figures."""
     return replace(
         ordinary(1),
         findings=(), unexplained=(), estimates_before={}, estimates_after={}, determined={}, curves=(), spectra=(),
-        trends=(), notes=(), assumed=(), empirical_rms_mps2=None, rejected=0, held_out=HeldOut(2.05, 2.05, 40, 4),
+        trends=(), notes=(), assumed=(), load_known=True, empirical_rms_mps2=None, rejected=0,
+        held_out=HeldOut(2.05, 2.05, 40, 4),
     )  # fmt: skip

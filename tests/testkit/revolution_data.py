@@ -1,4 +1,4 @@
-"""Revolutions and averages made from chosen waveforms, for estimator tests."""
+"""Revolutions and averages made from waveforms, for estimator tests."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.estimators.base import AngleAverage, Revolution, TireConditions
 from gateway.physics.rolling_ring import RingSolution
 from gateway.reasons import Reason
 from gateway.signal.contact_edges import find_contact_edges
@@ -15,7 +15,7 @@ from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, omega_at, on_grid
 
 OMEGA = omega_at(65.0)
-CONDITIONS = Conditions(radius_m=RADIUS_M, load_n=5000.0, pressure_pa=PRESSURE_PA)
+CONDITIONS = TireConditions(radius_m=RADIUS_M, load_n=5000.0, pressure_pa=PRESSURE_PA)
 
 
 def make_revolution(

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import solve_rolling_ring
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, omega_at
 from tools.accuracy.bound import (
     DEFAULT_PARAMETERS,
-    NUMBERS,
     cramer_rao,
     order_variance,
     waveform_orders,
@@ -36,13 +35,13 @@ BOUND = cramer_rao(BASE, VARIANCE)
     [(2000.0, (0.38, 1.5, 1.6, 11.0)), (5000.0, (0.31, 1.36, 0.97, 6.0)), (8000.0, (0.31, 1.1, 0.67, 3.9))],
 )
 def test_bounds_with_known_tread(load_n: float, percent: tuple[float, ...]) -> None:
-    bound = cramer_rao(sensitivity(load_n, NUMBERS), VARIANCE)
-    assert [100.0 * bound.std(name) for name in NUMBERS] == pytest.approx(percent, rel=0.03)
+    bound = cramer_rao(sensitivity(load_n, RING_NUMBERS), VARIANCE)
+    assert [100.0 * bound.std(name) for name in RING_NUMBERS] == pytest.approx(percent, rel=0.03)
     assert math.isnan(bound.period_std_s)
 
 
 def test_bounds_with_unknown_tread() -> None:
-    assert [100.0 * BOUND.std(name) for name in NUMBERS] == pytest.approx((0.39, 1.40, 0.98, 6.0), rel=0.02)
+    assert [100.0 * BOUND.std(name) for name in RING_NUMBERS] == pytest.approx((0.39, 1.40, 0.98, 6.0), rel=0.02)
     # The contact centre within 1.0 us is 0.0013 % of the speed.
     assert BOUND.period_std_s / BASE.period_s == pytest.approx(1.3e-5, rel=0.03)
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import (
     Alarm,
     LinkSnapshot,
@@ -73,7 +73,7 @@ def _result(position="FL", index=12, speed_kmh=65.0, status=Status.VALID, reason
             Estimate(f"{name}/Cw", ratio if known else math.nan, 0.01 * ratio, status, () if known else reasons)
         )
     estimates = kw.get("estimates", (*kinematic, *numbers))
-    return RevolutionResult(position, 0, revolution, Conditions(RADIUS_M, load_n, 210e3, 31.5), estimates)
+    return RevolutionResult(position, 0, revolution, TireConditions(RADIUS_M, load_n, 210e3, 31.5), estimates)
 
 
 def _wheel(position="FL", load_n=5000.0, **changes):

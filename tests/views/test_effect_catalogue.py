@@ -10,7 +10,7 @@ import pytest
 from gateway.closure.effects.catalogue import catalogue, group_of
 from gateway.constants import AXIS_NAMES
 from gateway.views.effect_catalogue import effect_lines, effects_json, effects_markdown, find_effects
-from gateway.views.report.rows import printed
+from gateway.views.report.quantities import typeset
 from gateway.views.text import width
 
 PAGE = effects_markdown()
@@ -32,17 +32,17 @@ def test_page_has_a_section_for_every_effect() -> None:
 @pytest.mark.parametrize("name", catalogue())
 def test_section_has_equation_ranges_and_confounders(name: str) -> None:
     effect, body = catalogue()[name], words(SECTIONS[name])
-    assert words(printed(effect.summary)) in body
-    assert words(printed(effect.equation)) in body
-    assert words(printed(effect.source)) in body
+    assert words(typeset(effect.summary)) in body
+    assert words(typeset(effect.equation)) in body
+    assert words(typeset(effect.source)) in body
     assert all(AXIS_NAMES[axis] in body for axis in effect.axes)
     ranges = re.findall(r"^\| [^|\n]+ \| ([^|\n]*(?: to |or more)[^|\n]*) \|$", SECTIONS[name], re.M)
     assert len(ranges) == len(effect.parameters)
     for confounder in effect.confounders:
         for other in confounder.names:
-            title = catalogue()[other].display_title if other in catalogue() else printed(other)
+            title = catalogue()[other].display_title if other in catalogue() else typeset(other)
             assert title in body
-        assert words(printed(confounder.distinction)) in body
+        assert words(typeset(confounder.distinction)) in body
 
 
 def test_every_link_leads_to_a_heading() -> None:

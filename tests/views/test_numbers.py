@@ -56,7 +56,7 @@ def test_rounding_keeps_two_digits_of_the_error(value, std):
 
 
 @given(st.floats(), st.floats())
-def test_no_nan_reaches_the_screen(value, std):
+def test_nan_is_never_shown(value, std):
     estimate = Estimate("Cw", value, std, Status.VALID)
     text = show(estimate).text()
     assert "nan" not in text
@@ -78,7 +78,7 @@ def test_no_nan_reaches_the_screen(value, std):
         ("Bs/Cw", 0.01579, 0.00012, "0.01579 ± 0.00012"),
     ],
 )
-def test_units_of_the_field(name, value, std, text):
+def test_values_are_shown_in_field_units(name, value, std, text):
     assert show(Estimate(name, value, std, Status.VALID)).text() == text
 
 
@@ -88,13 +88,13 @@ def test_names_become_labels():
     assert split_name("Cw") == ("Cw", split_name("Ts")[1])
 
 
-def test_status_is_a_mark_and_an_invalid_value_is_not_shown():
+def test_status_is_a_mark_and_invalid_values_are_hidden():
     assert show(Estimate("Cw", 0.2, 0.01, Status.PROVISIONAL)).text() == "0.200 ± 0.010 ~"
     assert show(Estimate("Cw", 0.2, 0.01, Status.INVALID)).text() == f"{MISSING} x"
     assert show(Estimate("speed_mps", 18.0, 0.01, Status.INVALID)).text() == f"{MISSING} km/h x"
 
 
-def test_sizes_times_shares():
+def test_sizes_durations_and_shares():
     assert [file_size(n) for n in (0, 999, 1000, 9_994, 99_949, 999_499, 999_600, 12_345_678)] == [
         "0 B",
         "999 B",

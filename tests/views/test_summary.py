@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
@@ -38,7 +38,7 @@ def result(
         ac_coupled=False,
         faults=faults,
     )
-    return RevolutionResult(position, 0, revolution, Conditions(0.5 / math.pi), estimates)
+    return RevolutionResult(position, 0, revolution, TireConditions(0.5 / math.pi), estimates)
 
 
 def bs(value: float, status: Status = Status.VALID, *reasons: Reason) -> Estimate:
@@ -62,7 +62,7 @@ def test_sums_per_wheel() -> None:
     assert (rear.position, rear.estimates) == ("RR", ())
 
 
-def test_the_last_estimate_that_is_not_invalid_stays() -> None:
+def test_last_usable_estimate_is_kept() -> None:
     summary = ResultSummary()
     refused = bs(math.nan, Status.INVALID, Reason(Code.RADIAL_SATURATED))
     summary.add(result("FL", 0.1, refused))
@@ -92,7 +92,7 @@ def test_lines_are_aligned_and_rounded_to_the_error() -> None:
     }
 
 
-def test_a_shared_reason_is_told_once() -> None:
+def test_shared_reason_is_printed_once() -> None:
     summary = ResultSummary()
     refused = [Estimate.invalid(name, Reason(Code.NOT_FINITE)) for name in ("Bs", "Cw")]
     early = [
@@ -106,7 +106,7 @@ def test_a_shared_reason_is_told_once() -> None:
     assert ["Ts/Cw", "2.00", "±", "0.10", "provisional"] in lines
 
 
-def test_faults_and_links_are_told() -> None:
+def test_faults_and_links_are_printed() -> None:
     summary = ResultSummary()
     summary.add(result("FL", 0.1, faults=(LOST,)))
     link = LinkSnapshot("sim:demo", False, "", 100, 990, 3, 17, 10, 0, 2, 0, None, {"pipeline": 4})
@@ -117,7 +117,7 @@ def test_faults_and_links_are_told() -> None:
     )
 
 
-def test_nothing_at_all() -> None:
+def test_session_without_revolutions() -> None:
     assert summary_lines(ResultSummary().wheels()) == ["no revolution was completed"]
 
 
@@ -134,7 +134,7 @@ def test_nothing_at_all() -> None:
     ],
     ids=["all", "none", "some"],
 )
-def test_known_effects_are_said_to_be_taken_off_where_they_are(uncorrected: tuple[int, ...], says: str) -> None:
+def test_effects_line_counts_corrected_revolutions(uncorrected: tuple[int, ...], says: str) -> None:
     summary = ResultSummary()
     for number in range(3):
         one = result("FL", 0.1)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import OutputError
-from gateway.estimators.base import Conditions, Estimate, Revolution, Status
+from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.tables.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
@@ -49,7 +49,7 @@ def result(
         ac_coupled=False,
         faults=FAULTS if index == 0 else (),
     )
-    return RevolutionResult(position, START_NS + index, revolution, Conditions(0.32, **conditions), estimates)
+    return RevolutionResult(position, START_NS + index, revolution, TireConditions(0.32, **conditions), estimates)
 
 
 def read_back(path: Path, table_format: TableFormat) -> list[dict[str, Any]]:
@@ -125,7 +125,7 @@ def test_host_time_is_iso_and_a_timestamp_in_parquet(tmp_path: Path) -> None:
 
 
 @FORMATS
-def test_an_estimate_that_comes_late_loses_nothing(tmp_path: Path, table_format: TableFormat) -> None:
+def test_late_estimates_are_kept(tmp_path: Path, table_format: TableFormat) -> None:
     path = tmp_path / "out"
     late = Estimate("wear_mm", 1.25, 0.1, Status.VALID)
     count = COLUMNS_FIXED_AFTER_ROWS + 3
@@ -140,7 +140,7 @@ def test_an_estimate_that_comes_late_loses_nothing(tmp_path: Path, table_format:
 
 
 @pytest.mark.parametrize("table_format", [TableFormat.CSV, TableFormat.PARQUET])
-def test_columns_of_a_wheel_that_knows_other_estimates(tmp_path: Path, table_format: TableFormat) -> None:
+def test_wheels_with_different_estimates_share_columns(tmp_path: Path, table_format: TableFormat) -> None:
     path = tmp_path / "out"
     ratio = Estimate("Cw_over_Bs", 63.0, 1.0, Status.VALID)
     with open_table(path, table_format, estimates=("Rs",)) as table:
@@ -154,7 +154,7 @@ def test_columns_of_a_wheel_that_knows_other_estimates(tmp_path: Path, table_for
 
 
 @FORMATS
-def test_an_estimated_condition_does_not_hide_the_stated_one(tmp_path: Path, table_format: TableFormat) -> None:
+def test_estimated_load_does_not_replace_the_stated_one(tmp_path: Path, table_format: TableFormat) -> None:
     path = tmp_path / "out"
     with open_table(path, table_format) as table:
         table.write(result(0, estimates=(Estimate("load_n", 4900.0, 20.0, Status.VALID),), load_n=5000.0))
@@ -163,7 +163,7 @@ def test_an_estimated_condition_does_not_hide_the_stated_one(tmp_path: Path, tab
 
 
 @FORMATS
-def test_a_file_without_rows_is_still_one(tmp_path: Path, table_format: TableFormat) -> None:
+def test_file_without_rows_is_valid(tmp_path: Path, table_format: TableFormat) -> None:
     path = tmp_path / "out"
     table = open_table(path, table_format)
     table.close()
@@ -184,12 +184,12 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path, table_format: Tabl
     assert len(read_back(path, table_format)) == 1
 
 
-def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
+def test_missing_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         open_table(tmp_path / "none" / "out.csv", TableFormat.CSV)
 
 
-def test_missing_pyarrow_names_the_extra_and_leaves_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_pyarrow_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "out"
     path.write_text("precious")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
@@ -200,7 +200,7 @@ def test_missing_pyarrow_names_the_extra_and_leaves_the_file(tmp_path: Path, mon
     assert path.read_text() == "precious"
 
 
-def test_a_full_disk_is_told() -> None:
+def test_full_disk_is_reported() -> None:
     full = Path("/dev/full")
     if not full.exists():
         pytest.skip("/dev/full, a disk that is always full, exists on Linux only")
@@ -212,7 +212,7 @@ def test_a_full_disk_is_told() -> None:
 
 
 @pytest.mark.parametrize("table_format", [TableFormat.CSV, TableFormat.JSON])
-def test_memory_is_flat_in_the_number_of_rows(tmp_path: Path, table_format: TableFormat) -> None:
+def test_memory_does_not_grow_with_rows(tmp_path: Path, table_format: TableFormat) -> None:
     row = result(1)
     with open_table(tmp_path / "out", table_format) as table:
         for _ in range(2 * COLUMNS_FIXED_AFTER_ROWS):

@@ -45,7 +45,7 @@ def test_shape_is_exact(width, height, zoom):
 
 
 @pytest.mark.parametrize(("width", "height"), [(MIN_WIDTH - 1, 20), (80, MIN_HEIGHT - 1), (0, 0)])
-def test_no_room_no_plot(width, height):
+def test_too_small_area_gives_no_plot(width, height):
     assert draw_waveform(np.zeros(10), None, width, height) == ()
 
 
@@ -60,7 +60,7 @@ def test_axes_are_labelled_in_degrees_and_mps2():
 
 
 @pytest.mark.parametrize("zoom", list(Zoom))
-def test_a_dip_lies_where_it_is(zoom):
+def test_dip_is_at_its_angle(zoom):
     angle = theta_deg()
     curve = np.where((angle >= -20.0) & (angle <= 40.0), 0.0, 1000.0)
     grid = dots(draw_waveform(curve, None, GUTTER + 90, 14, zoom=zoom))
@@ -81,7 +81,7 @@ def test_height_is_proportional_to_the_value():
     np.testing.assert_allclose(middle, expected, atol=1.2)
 
 
-def test_the_last_revolution_is_an_unbroken_line():
+def test_last_revolution_is_an_unbroken_line():
     rng = np.random.default_rng(3)
     curve = np.cumsum(rng.normal(0.0, 50.0, N)) * np.hanning(N)
     grid = dots(draw_waveform(curve, None, GUTTER + 50, 20))
@@ -92,7 +92,7 @@ def test_the_last_revolution_is_an_unbroken_line():
         assert len(b) == b.max() - b.min() + 1
 
 
-def test_curves_are_told_apart_without_colour():
+def test_curves_differ_without_colour():
     high, low = np.full(N, 1000.0), np.full(N, 500.0)
     rows = draw_waveform(high, low, GUTTER + 60, 20)
     last, average = dots(rows, Ink.LAST), dots(rows, Ink.AVERAGE)
@@ -118,7 +118,7 @@ def test_contact_edges_stand_on_the_axis():
     assert "▲" not in text(outside)[-2]
 
 
-def test_gaps_stay_gaps():
+def test_gaps_are_kept():
     curve = np.full(N, 1000.0)
     curve[theta_deg() > 90.0] = np.nan
     curve[theta_deg() < -90.0] = np.inf

@@ -1,4 +1,4 @@
-"""Every reason has its words, and every place that makes a reason gives the values that its words need."""
+"""Every reason has a template, and is made with the values that the template needs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_every_code_has_a_template():
     assert set(TEMPLATES) == set(Code)
 
 
-def test_reasons_are_made_with_the_values_of_their_template():
+def test_reasons_have_the_values_of_their_template():
     wrong = []
     for path in sorted(GATEWAY.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -33,15 +33,15 @@ def test_reasons_are_made_with_the_values_of_their_template():
 
 @pytest.mark.parametrize("code", list(Code))
 def test_every_template_prints_its_values(code: Code) -> None:
-    assert text(Reason(code, **dict.fromkeys(fields(code), 1.0)))
+    assert text(Reason(code, **dict.fromkeys(fields(code), 1)))
 
 
-def test_what_is_not_finite_is_null_in_json() -> None:
+def test_non_finite_values_are_null_in_json() -> None:
     values = as_json(Reason(Code.NOT_DETERMINED, relative_error=math.inf))["values"]
     assert values == {"relative_error": None}
 
 
-def test_a_reason_is_given_once():
+def test_joined_reasons_are_not_repeated():
     lost = Reason(Code.SAMPLES_LOST)
     assert joined([lost, lost]) == text(lost)
     assert as_json(lost) == {"code": "samples_lost", "values": {}, "text": text(lost)}

@@ -15,6 +15,7 @@ from typing import Final, Self
 
 import numpy as np
 
+from gateway.constants import RING_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import ComplexArray, FloatArray
@@ -28,9 +29,8 @@ _RING_FIELDS: Final = {
     "tread": "tread_stiffness_npm2",
     "extension": "extension_stiffness_n",
 }
-NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 # Tread stiffness and the angle of the contact centre are not known either and are estimated along with the numbers.
-DEFAULT_PARAMETERS: Final = (*NUMBERS, "tread", "centre")
+DEFAULT_PARAMETERS: Final = (*RING_NUMBERS, "tread", "centre")
 
 _STEP: Final = 2e-3
 _MAX_ORDER: Final = 150

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling, Hello
-from gateway.estimators.base import AngleAverage, Conditions, Revolution
+from gateway.estimators.base import AngleAverage, Revolution, TireConditions
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
@@ -23,7 +23,7 @@ class Turn(NamedTuple):
     """A revolution from the pipeline, with its conditions."""
 
     revolution: Revolution
-    conditions: Conditions
+    conditions: TireConditions
 
 
 def hello_of(rate_hz: float, range_mps2: float, axes: int, coupling: Coupling = Coupling.DC) -> Hello:

@@ -13,7 +13,7 @@ from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, wavef
 from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
 from accuracy.chain import Turn, hello_of, take, turns_of
 from accuracy.signals import samples_of, truth_of
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.base import Estimate, Status
 from gateway.estimators.registry import make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
@@ -150,7 +150,7 @@ def bounds(case: Case) -> dict[str, float]:
     )
     bound = cramer_rao(sensitivity, variance)
     half = 0.5 * float(sensitivity.edges_rad[1] - sensitivity.edges_rad[0])
-    result = {name: bound.std(name) for name in ("Bs", "Cw", "Rs", "Ts")}
+    result = {name: bound.std(name) for name in RING_NUMBERS}
     result |= {f"{name}/Cw": bound.ratio_std(name, "Cw") for name in ("Bs", "Rs", "Ts")}
     # b known in place of the load gives it with the error of Cw; thickness goes with the cube root of Bs.
     result["load_by_width_n"] = result["Cw"]

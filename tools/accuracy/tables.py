@@ -10,13 +10,13 @@ import numpy as np
 
 from accuracy.cases import REFERENCE_PA, Case
 from accuracy.measure import ABSOLUTE, LONG, Outcome
+from gateway.constants import RING_NUMBERS
 
 QUANTITIES = ("speed_mps", "half_angle_rad", "Bs", "Cw", "Rs", "Ts")
 HEADS = ("speed", "half angle", "Bs", "Cw", "Rs", "Ts")
 # What the numbers are used for, one estimator each; the last two in mm.
 USES = (("load", "load_by_width_n"), ("wear", "wear_mm"), ("self-calibration", "sensor_offset_m"))
 USE_HEADS = ("load by belt width, %", "wear, mm", "sensor offset, mm")
-NUMBERS = ("Bs", "Cw", "Rs", "Ts")
 RATIOS = ("Bs/Cw", "Rs/Cw", "Ts/Cw")
 CONTACT, CONTACT_HEADS = QUANTITIES[:2], HEADS[:2]
 
@@ -122,7 +122,7 @@ def case_tables(outcomes: Sequence[Outcome], estimators: Sequence[str], group: s
         f"After {LONG} revolutions, {group}",
         "mean error +- spread of Bs, Cw, Rs, Ts, %; in brackets what the estimator itself does not call valid",
         heads,
-        tuple((o.case.name, *(_long_cell(o, name, NUMBERS) for name in fitters)) for o in chosen),
+        tuple((o.case.name, *(_long_cell(o, name, RING_NUMBERS) for name in fitters)) for o in chosen),
     )
     if group == "variants":
         yield Table(
@@ -142,11 +142,11 @@ def _contact_cell(outcome: Outcome, name: str, quantity: str) -> str:
 
 
 def _single_cell(outcome: Outcome, name: str) -> str:
-    samples = {number: outcome.single.get((name, number)) for number in NUMBERS}
+    samples = {number: outcome.single.get((name, number)) for number in RING_NUMBERS}
     stds = {number: sample.std if sample is not None else math.nan for number, sample in samples.items()}
     if not any(map(math.isfinite, stds.values())):
         return "-"
-    times = " ".join(f"{stds[number] / outcome.bound[number]:.2g}" for number in NUMBERS)
+    times = " ".join(f"{stds[number] / outcome.bound[number]:.2g}" for number in RING_NUMBERS)
     return f"{' '.join(percent(std, 2) for std in stds.values())} ({times}x)"
 
 

@@ -34,6 +34,7 @@ import numpy as np
 
 from gateway.closure.ring_options import RingOptions
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
+from gateway.reasons import Reason
 from gateway.types import FloatArray
 
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
@@ -237,12 +238,12 @@ class Effect(ABC):
         """Return parameter vectors, not zero, from which a fit may begin under these conditions."""
         return self.start_values
 
-    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
-        """Return why these values (p,) with their standard errors cannot be, in words; empty when they can.
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
+        """Return why these values (p,) with their standard errors are impossible; None when they are possible.
 
         Each value is in its range; this rejects combinations and ranges that depend on the standard error.
         """
-        return ""
+        return None
 
     @property
     def display_title(self) -> str:

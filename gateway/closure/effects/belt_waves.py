@@ -18,6 +18,7 @@ from gateway.closure.effects.base import (
 )
 from gateway.closure.effects.belt_geometry import SLOPE_ORDERS, relative_offset
 from gateway.closure.effects.wave_packets import Packet, decaying, free_belt, pulse, sensor_view
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 _EDGE_WAVES: Final = "edge waves"
@@ -120,12 +121,12 @@ class TravellingEdgeWaves(SignalEffect):
     scan = _EDGE_SCAN
     stage = Stage.BELT
 
-    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
         """Reject a pitch that may be 0 (such waves are stationary), and packets that end within one wave."""
         pitch, error = float(parameters[_PITCH]), float(std[_PITCH])
         if pitch > _DETERMINED_SIGMAS * error:
             return _fades_within_a_wave(parameters, std)
-        return f"its pitch, {pitch:.3g} +- {error:.2g} per revolution, may be 0: such waves are stationary"
+        return Reason(Code.STANDING_WAVES, pitch=pitch, pitch_std=error)
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the packets; nothing without amplitude, whatever the orders."""
@@ -187,7 +188,7 @@ class TireLockedEdgeWaves(SignalEffect):
     scan = _EDGE_SCAN
     stage = Stage.BELT
 
-    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
         """Reject packets that end within one wave."""
         return _fades_within_a_wave(parameters, std)
 
@@ -255,19 +256,19 @@ class TreadPitch(SignalEffect):
         return _curvature_signal(block, np.stack(rows))
 
 
-def _fades_within_a_wave(parameters: FloatArray, std: FloatArray) -> str:
-    """Return that a packet at an edge fades within one wavelength, in words; empty where none does.
+def _fades_within_a_wave(parameters: FloatArray, std: FloatArray) -> Reason | None:
+    """Return at which edge a packet fades within one wavelength; None where none does.
 
     Args:
         parameters: of either form of edge waves.
         std: of them.
     """
-    for side, at in (("ahead of", 0), ("behind", 4)):
+    for edge, at in (("leading", 0), ("trailing", 4)):
         order, decay = float(parameters[at + 2]), float(parameters[at + 3])
         present = np.hypot(*parameters[at : at + 2]) > _DETERMINED_SIGMAS * np.hypot(*std[at : at + 2])
         if present and order < 2.0 * np.pi * decay:
-            return f"{side} the contact it fades within {order / (2.0 * np.pi * decay):.2f} of a wave: a bump, no wave"
-    return ""
+            return Reason(Code.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
+    return None
 
 
 Chain = list[tuple[int, float, float]]

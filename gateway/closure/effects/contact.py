@@ -15,6 +15,7 @@ from gateway.closure.effects.base import (
     RingEffect,
     ScatterEffect,
 )
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 EDGE_REACH_RAD: Final = 0.5
@@ -81,12 +82,12 @@ class DrumCurvature(RingEffect):
     start_values = ((1.2,), (-0.5,))
     option = "drum_curvature_pm"
 
-    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
         """Reject a hollow road larger than any inner drum; an outer one may be large, as real roads are crowned."""
         curvature, error = float(parameters[0]), float(std[0])
         if not _MIN_HOLLOW_PM < curvature < -_HOLLOW_SIGMAS * error:
-            return ""
-        return f"the road would be hollow with a radius of {-1.0 / curvature:.3g} m, and inner drums have 5 m at most"
+            return None
+        return Reason(Code.HOLLOW_ROAD, radius_m=-1.0 / curvature)
 
 
 def _rms(side: str) -> Parameter:

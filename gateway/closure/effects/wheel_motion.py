@@ -27,6 +27,7 @@ from gateway.closure.effects.belt_geometry import (
     spin_projections,
 )
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 # Cardan joints (2), tripods (3), tire non-uniformity and brake judder (1 to 3), wheel bolts (5), motor cogging and
@@ -168,12 +169,12 @@ class TorsionalRipple(SignalEffect):
     start_values = tuple((_RIPPLE_START_SHARE, _RIPPLE_START_SHARE, float(order)) for order in _RIPPLE_START_ORDERS)
     stage = Stage.BELT
 
-    def reason_against(self, parameters: FloatArray, std: FloatArray) -> str:
+    def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
         """Reject an order that is not whole: it would not repeat every revolution."""
         order = float(parameters[2])
         if abs(order - round(order)) <= _WHOLE_ORDER_TOLERANCE + _WHOLE_ORDER_SIGMAS * float(std[2]):
-            return ""
-        return f"its order would be {order:.2f} per revolution, and only whole orders repeat"
+            return None
+        return Reason(Code.NOT_A_WHOLE_ORDER, order=order)
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the signal with ripple less the signal without; a Taylor series in the warp."""

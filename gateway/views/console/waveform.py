@@ -15,7 +15,7 @@ from gateway.types import BoolArray, FloatArray
 
 
 class Ink(Enum):
-    """What a piece of the plot belongs to; views give each a colour."""
+    """Element of the plot; views give each a colour."""
 
     AXIS = "axis"
     LAST = "last"
@@ -23,7 +23,7 @@ class Ink(Enum):
 
 
 class Zoom(Enum):
-    """Shown half range around the contact centre, in degrees."""
+    """Half range shown around the contact centre, in degrees."""
 
     WHOLE = 180
     CONTACT = 90
@@ -41,7 +41,7 @@ _BRAILLE: Final = 0x2800
 _BLANK: Final = ord(" ")
 _DEFAULT_TOP_MPS2: Final = 1.0
 _LEAST_SPAN_MPS2: Final = 1e-3  # finer than any sensor resolves: drawn as a flat line
-_AVERAGE_EVERY: Final = 2  # dot columns; sparse dots tell the average from the solid line without colour
+_AVERAGE_EVERY: Final = 2  # dot columns; sparse dots distinguish the average from the solid line without colour
 LEGEND: Final[PlotRow] = (
     ("⠤⠤⠤", Ink.LAST),
     (" last  ", Ink.AXIS),
@@ -60,7 +60,7 @@ class _Scale(NamedTuple):
 def nice_scale(low: float, high: float, ticks: int) -> _Scale:
     """Return limits that hold [low, high] and a 1-2-5 tick step for about `ticks` ticks.
 
-    The limits lie on quarters of the step: steady from revolution to revolution without giving a whole step away.
+    The limits are multiples of a quarter step: steady from revolution to revolution without wasting a whole step.
     """
     span = high - low
     if span < _LEAST_SPAN_MPS2:
@@ -74,7 +74,7 @@ def nice_scale(low: float, high: float, ticks: int) -> _Scale:
 
 @lru_cache(maxsize=16)
 def _grid(n: int, half_range_rad: float, columns: int) -> tuple[FloatArray, FloatArray, int]:
-    """Return where to read a curve of n samples, in samples, the samples' numbers, and the readings a dot column."""
+    """Return where to read a curve of n samples, its sample numbers, and the readings per dot column."""
     per_column = max(1, math.ceil(n * half_range_rad / (math.pi * columns)))
     angle = np.linspace(-half_range_rad, half_range_rad, columns * per_column)
     return (angle + math.pi) * (n / (2.0 * math.pi)), np.arange(n + 1.0), per_column
@@ -175,7 +175,7 @@ def draw_waveform(
         edges_rad: leading and trailing contact edge, marked on the axis; NaN when not known.
 
     Returns:
-        `height` rows of `width` cells; none when the room is less than MIN_WIDTH x MIN_HEIGHT.
+        `height` rows of `width` cells; none when the area is smaller than MIN_WIDTH x MIN_HEIGHT.
     """
     if width < MIN_WIDTH or height < MIN_HEIGHT:
         return ()
@@ -184,7 +184,7 @@ def draw_waveform(
         None if curve is None or not len(curve) else _columns(curve, math.radians(zoom.value), 2 * plot_width)
         for curve in (last, average)
     ]
-    # Zero, what a sensor reads inside the contact, is always on the scale.
+    # Zero, the reading inside the contact, is always on the scale.
     low = min([0.0, *(float(np.fmin.reduce(r[0])) for r in ranges if r is not None and not np.isnan(r[0]).all())])
     high = max([0.0, *(float(np.fmax.reduce(r[1])) for r in ranges if r is not None and not np.isnan(r[1]).all())])
     scale = nice_scale(low, high, max(2, plot_rows // 2))

@@ -1,4 +1,4 @@
-"""One wheel on the console: its panel, its line in the overview, and the details of the selected one."""
+"""One wheel on the console: its panel, and the details of the selected wheel."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _DETAIL_WIDTH: Final = 33
 _SHORT_LABELS: Final = {"contact length": "contact"}
 _PLOT_MIN_ROWS: Final = 6  # with its legend and axis
 _WAITING: Final = {
-    WheelState.NO_DATA: "no data: nothing of this sensor has arrived yet",
+    WheelState.NO_DATA: "no data: nothing received from this sensor yet",
     WheelState.SEARCHING: "searching: needs two passes through the contact",
-    WheelState.STANDSTILL: "standing still, or slower than can be measured",
+    WheelState.STANDSTILL: "standing still, or too slow to measure",
     WheelState.ROLLING: "first revolution under way",
 }
 
 
 @dataclass(slots=True)
 class Plots:
-    """Waveforms drawn lately: a wheel is drawn again only when it has a new revolution."""
+    """Cache of drawn waveforms: a wheel is drawn again only when it has a new revolution."""
 
     _drawn: dict[str, tuple[RevolutionResult, FloatArray | None, tuple[int, int, Zoom], list[Row]]] = field(
         default_factory=dict
@@ -77,7 +77,7 @@ def _speed(wheel: WheelSnapshot, reading: Reading | None) -> str:
 
 
 def _surroundings(wheel: WheelSnapshot) -> list[Run]:
-    """Pressure, temperature and load."""
+    """Return pressure, temperature and load."""
     load = f"{fixed(wheel.load_n, 0)} N" if wheel.load_n is not None else "load not stated"
     return [
         (f"{kpa(wheel.pressure_pa)} kPa", Role.VALUE),
@@ -87,7 +87,7 @@ def _surroundings(wheel: WheelSnapshot) -> list[Run]:
 
 
 def _note(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
-    """What keeps the wheel's numbers from being valid or fresh."""
+    """Return why the wheel's numbers are not valid or not current, if they are not."""
     if reading is None or wheel.last is None:
         return _WAITING[wheel.state], Role.LABEL
     if wheel.state is not WheelState.ROLLING:
@@ -99,19 +99,19 @@ def _note(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
     return None
 
 
-# In tables and the summary, not on the console: finer definitions of what it shows already.
-_ELSEWHERE: Final = {"wear number", "wear drift", "ply steer first half", "ply steer adhesion line", "sensor roll"}
+# Shown in tables and the summary only: finer definitions of quantities on the console.
+_NOT_ON_CONSOLE: Final = {"wear number", "wear drift", "ply steer first half", "ply steer adhesion line", "sensor roll"}
 
 
 def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
-    """One row a number, then wear when known and what else was estimated: label, value with error, unit, mark."""
+    """Return one row for each number, then wear and other estimates: label, value with error, unit, mark."""
     if reading is None:
         return []
     others = [show(wheel.wear_mm)] if wheel.wear_mm is not None else []
     others += [
         other
         for other in reading.others
-        if other.label != "wear" and other.label not in _ELSEWHERE and other.status is not Status.INVALID
+        if other.label != "wear" and other.label not in _NOT_ON_CONSOLE and other.status is not Status.INVALID
     ]
     label_width = max((width(number.label) for number in reading.numbers), default=0)
     rows: list[Row] = []
@@ -127,7 +127,7 @@ def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
 
 
 def _counters(wheel: WheelSnapshot) -> list[Run]:
-    """What happened to the samples; what needs attention is marked as a warning."""
+    """Return counters of samples and revolutions; those that need attention are warnings."""
     c = wheel.counters
     lost = percent(c.samples_lost, c.samples + c.samples_lost)
     runs = [
@@ -170,10 +170,10 @@ def panel(
     numbers = _numbers(wheel, reading)
     columns = max(2, inner // 28)
     grid = [numbers[start : start + columns] for start in range(0, len(numbers), columns)]
-    said = _wrap(_note(wheel, reading), inner)
-    # The numbers go first; of the reason, as many lines as leave the waveform its least height.
+    note = _wrap(_note(wheel, reading), inner)
+    # Numbers come first; the note gets as many lines as leave the waveform its minimum height.
     body += [tuple(run for row in line for run in fit(row, inner // columns)) for line in grid[: max(room, 1)]]
-    body += _cut(said, max(1, min(3, room - len(grid))), inner)
+    body += _cut(note, max(1, min(3, room - len(grid))), inner)
     plot = plots.rows(wheel, inner, inner_height - len(body) - 1, zoom)
     if plot:
         body += [_legend(wheel), *plot]
@@ -219,16 +219,16 @@ def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zo
     line = cells - row_width(rule) - len(revolution) - row_width(end) - 1
     rule = (*rule, (revolution, Role.LABEL), ("═" * line + " ", Role.SELECTED_FRAME), *end)
     left: list[Row] = _numbers(wheel, reading)
-    said = _cut(_wrap(_note(wheel, reading), _DETAIL_WIDTH - 1), 4, _DETAIL_WIDTH - 1)
+    note = _cut(_wrap(_note(wheel, reading), _DETAIL_WIDTH - 1), 4, _DETAIL_WIDTH - 1)
     if reading is not None:
         motion = (("speed", reading.speed), ("lead ", reading.leading), ("trail", reading.trailing))
         left[len(reading.numbers) : len(reading.numbers)] = [
             ((f"{label} ", Role.LABEL), (shown.text(), Role.VALUE)) for label, shown in motion
         ]
-        # The reason matters more than the last rows of the list, so it takes their place where room is short.
-        kept = max(height - 1 - len(said), len(reading.numbers))
+        # The note matters more than the last rows of the list, and replaces them where room is short.
+        kept = max(height - 1 - len(note), len(reading.numbers))
         left = left[:kept]
-    left = [*left, *said, *((run,) for run in _counters(wheel))]
+    left = [*left, *note, *((run,) for run in _counters(wheel))]
     plot = plots.rows(wheel, cells - _DETAIL_WIDTH, height - 1, zoom)
     return [rule, *beside(left, _DETAIL_WIDTH, plot, height - 1)]
 

@@ -1,4 +1,4 @@
-"""A diagnosis as JSON: the figures of the report under keys that scripts may rely on."""
+"""A diagnosis as JSON with stable keys."""
 
 from __future__ import annotations
 
@@ -10,16 +10,20 @@ from typing import Any, Final
 
 from gateway import __version__
 from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Unexplained
+from gateway.closure.observation import Remark
+from gateway.reasons import Reason
+from gateway.views import wording
 from gateway.views.output_file import write_whole
-from gateway.views.report.rows import residuals
+from gateway.views.report.phrases import residual_sentence, scaling_text
+from gateway.views.report.quantities import residuals
 
 FORMAT: Final = "treadlink diagnosis"
 FORMAT_VERSION: Final = 1
-"""Grows when a key changes its meaning or goes; new keys may come without."""
+"""Incremented when a key changes its meaning or is removed, not for new keys."""
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return a diagnosis as plain dicts, lists, strings and finite numbers; null is what is not known."""
+    """Return a diagnosis as plain dicts, lists, strings and finite numbers; null where a value is not known."""
     held_out = diagnosis.held_out
     return {
         "format": FORMAT,
@@ -28,9 +32,17 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "wheel": _text(diagnosis.wheel),
         "model": _text(diagnosis.model),
         "recordings": _texts(diagnosis.recordings),
-        "stated": _texts(diagnosis.stated),
-        "assumed": _texts(diagnosis.assumed),
-        "notes": _texts(diagnosis.notes),
+        "stated": _remarks(diagnosis.stated),
+        "assumed": _remarks(diagnosis.assumed),
+        "notes": _remarks(diagnosis.notes),
+        "reasons": {
+            name: [_reason(one) for one in remarks if isinstance(one, Reason)]
+            for name, remarks in (
+                ("stated", diagnosis.stated),
+                ("assumed", diagnosis.assumed),
+                ("notes", diagnosis.notes),
+            )
+        },
         "revolutions": {"used": int(diagnosis.revolutions), "rejected": int(diagnosis.rejected)},
         "held_out": {
             "rms_before_mps2": _number(held_out.rms_before_mps2),
@@ -106,8 +118,10 @@ def _finding(finding: Finding) -> dict[str, Any]:
             "after": {_text(name): _fitted(after) for name, (_, after) in finding.estimates.items()},
         },
         "rivals": _texts(finding.rivals),
-        "decide_with": _text(finding.decide_with),
-        "reason": _text(finding.reason),
+        "decide_with": _reason_text(finding.decide_with),
+        "reason": _reason_text(finding.reason),
+        "reasons": [_reason(one) for one in (finding.reason,) if one is not None],
+        "deciding_recordings": [_reason(one) for one in (finding.decide_with,) if one is not None],
         "summary": _text(finding.summary),
         "equation": _text(finding.equation),
     }
@@ -122,10 +136,11 @@ def _unexplained(left: Unexplained) -> dict[str, Any]:
         "orders": None if left.orders is None else [int(order) for order in left.orders],
         "hz": None if left.hz is None else _numbers(left.hz),
         "angle_rad": None if left.angle_rad is None else _numbers(left.angle_rad),
-        "scaling": _text(left.scaling),
+        "scaling": scaling_text(left.scaling),
+        "scaling_exponent": _number(left.scaling.exponent),
         "rms_mps2": _number(left.rms_mps2),
         "std_mps2": _number(left.std_mps2),
-        "text": _text(left.text),
+        "text": _text(residual_sentence(left)),
     }
 
 
@@ -148,8 +163,22 @@ def _numbers(values: Sequence[float] | Any) -> list[float | None]:
     return [_number(float(value)) for value in values]
 
 
+def _reason_text(reason: Reason | None) -> str:
+    return "" if reason is None else _text(wording.text(reason))
+
+
+def _reason(reason: Reason) -> dict[str, Any]:
+    """Return a reason with its strings in UTF-8."""
+    encoded: dict[str, Any] = json.loads(_text(json.dumps(wording.as_json(reason), ensure_ascii=False)))
+    return encoded
+
+
+def _remarks(remarks: Sequence[Remark]) -> list[str]:
+    return [_reason_text(one) if isinstance(one, Reason) else _text(one) for one in remarks]
+
+
 def _text(text: str) -> str:
-    """Return text that UTF-8 can carry: a path may hold bytes that it cannot."""
+    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
     return str(text).encode("utf-8", "backslashreplace").decode()
 
 

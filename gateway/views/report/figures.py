@@ -1,23 +1,26 @@
-"""Figures of a diagnosis: waveforms, residuals, order spectra, spectra and trends, before and after.
+"""Figures of a diagnosis as inline SVG: waveforms, residuals, order spectra, spectral densities and trends.
 
-Names of recordings are never drawn, they stand in the page beside the figure; a figure shows data, and names of axes
-and units.
+Names of recordings are not drawn; they stand in the page beside the figure. Colours are roles that the page's style
+sheet defines for screen, dark mode and print.
 """
 
 from __future__ import annotations
 
+import io
 import math
+import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from gateway.closure.diagnosis import Curves, Spectra, Trend, Unexplained
 from gateway.constants import AXIS_NAMES
+from gateway.errors import OutputError
 from gateway.types import FloatArray
 from gateway.views.numbers import split_name
-from gateway.views.report.rows import present
-from gateway.views.report.svg import AFTER, BEFORE, INK, LEFT, MEASURED, NOISE, QUIET, drawable, new_figure
+from gateway.views.report.quantities import recorded_axes
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -31,8 +34,116 @@ CONTACT_VIEW_DEG: Final = 40.0
 
 _WIDTH_INCH: Final = 10.0
 _UNIT: Final = "m/s²"
-# A linear scale hides what is small beside what is this many times larger.
+# Ratio of the largest coefficient to the noise above which the scale is logarithmic.
 _LOG_FROM: Final = 30.0
+
+# Placeholder colours, replaced by the CSS variables of their roles.
+INK: Final = "#010203"
+QUIET: Final = "#040506"
+GRID: Final = "#070809"
+MEASURED: Final = "#0a0b0c"
+BEFORE: Final = "#0d0e0f"
+AFTER: Final = "#101112"
+NOISE: Final = "#131415"
+RESIDUAL: Final = "#161718"
+PAPER: Final = "#191a1b"
+_VARIABLES: Final = {
+    INK: "--ink", QUIET: "--quiet", GRID: "--grid", MEASURED: "--measured", BEFORE: "--before", AFTER: "--after",
+    NOISE: "--noise", RESIDUAL: "--left", PAPER: "--paper",
+}  # fmt: skip
+
+_COLOUR: Final = re.compile("|".join(_VARIABLES))
+_IDENTITY: Final = re.compile(r'(\bid="|href="#|url\(#)')
+_STYLE_SHEET: Final = re.compile(r"<style.*?</style>", re.DOTALL)
+_COMMENT: Final = re.compile(r"<!--.*?-->\s*", re.DOTALL)
+_PATH: Final = re.compile(r' d="[^"]*"')
+_LONG_NUMBER: Final = re.compile(r"(\d+\.\d\d)\d+")
+_OPENING: Final = re.compile(r"<svg [^>]*?viewBox=\"([^\"]*)\"[^>]*>")
+
+
+def require_report_packages() -> None:
+    """Raise OutputError, naming the extra to install, when a package of the report is missing."""
+    missing = []
+    try:
+        import jinja2  # noqa: F401 - only whether it is installed
+    except ImportError:
+        missing.append("jinja2")
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        missing.append("matplotlib")
+    if missing:
+        are = "which is not installed" if len(missing) == 1 else "which are not installed"
+        raise OutputError(
+            f"the HTML report needs {' and '.join(missing)}, {are}", "Install it with: pip install 'treadlink[plot]'."
+        )
+
+
+def report_style() -> AbstractContextManager[None]:
+    """Return a context in which figures are drawn in the report's style."""
+    import matplotlib
+
+    style: Any = {
+        "axes.axisbelow": True,
+        "axes.edgecolor": QUIET,
+        "axes.formatter.limits": (-4, 5),
+        "axes.formatter.use_mathtext": True,
+        "axes.grid": True,
+        "axes.labelcolor": INK,
+        "axes.labelsize": 10.0,
+        "axes.linewidth": 0.8,
+        "axes.spines.right": False,
+        "axes.spines.top": False,
+        "axes.titlelocation": "left",
+        "axes.titlesize": 10.5,
+        "axes.unicode_minus": True,
+        "figure.facecolor": "none",
+        "axes.facecolor": "none",
+        "font.family": "DejaVu Sans",
+        "font.size": 10.0,
+        "grid.color": GRID,
+        "grid.linewidth": 0.7,
+        "legend.facecolor": "none",
+        "legend.fontsize": 9.5,
+        "legend.frameon": False,
+        "lines.linewidth": 1.4,
+        "path.simplify": True,
+        "path.simplify_threshold": 0.15,
+        "svg.fonttype": "path",  # independent of installed fonts
+        "svg.hashsalt": "treadlink",
+        "text.color": INK,
+        "xtick.color": QUIET,
+        "xtick.labelcolor": INK,
+        "ytick.color": QUIET,
+        "ytick.labelcolor": INK,
+    }
+    return matplotlib.rc_context(style)
+
+
+def new_figure(width_inch: float, height_inch: float) -> Figure:
+    """Return an empty figure that needs no display."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width_inch, height_inch), layout="constrained")
+
+
+def drawable(text: str) -> str:
+    """Return text in characters of the figure's font and without mathematical markup."""
+    return "".join(c if c.isprintable() and c < "\u0250" and c != "$" else "·" for c in text)
+
+
+def inline_svg(figure: Figure, prefix: str) -> str:
+    """Return a figure as one SVG element with colours by role and identities that start with `prefix`."""
+    buffer = io.StringIO()
+    # Without date and creator the same diagnosis gives the same bytes, and no URL appears.
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    text = buffer.getvalue()
+    text = _STYLE_SHEET.sub("", _COMMENT.sub("", text[text.index("<svg") :]))
+    text = _OPENING.sub(r'<svg viewBox="\1" aria-hidden="true" focusable="false">', text, count=1)
+    # A hundredth of a point is finer than any screen or printer; rounding halves the file.
+    text = _PATH.sub(lambda match: _LONG_NUMBER.sub(r"\1", match[0]).replace(" \n", " "), text)
+    text = _COLOUR.sub(lambda match: f"var({_VARIABLES[match[0]]})", text)
+    return _IDENTITY.sub(rf"\g<1>{prefix}-", text)
 
 
 def order_coefficients(theta_rad: FloatArray, values: FloatArray, orders: int) -> tuple[FloatArray, FloatArray]:
@@ -44,20 +155,20 @@ def order_coefficients(theta_rad: FloatArray, values: FloatArray, orders: int) -
 
 
 def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained] = ()) -> Figure:
-    """Draw measured mean, models and what they leave, over the whole revolution and around the contact."""
+    """Draw measured mean, models and residuals, over the whole revolution and around the contact."""
     figure = new_figure(_WIDTH_INCH, 6.8)
     grid = figure.subplots(3, 2, width_ratios=(1.75, 1.0), height_ratios=(1.15, 1.0, 0.85), sharex="col", sharey="row")
     degrees = np.degrees(curves.theta_rad)
     for column, limit in enumerate((180.0, CONTACT_VIEW_DEG)):
         top, middle, bottom = grid[:, column]
         top.plot(degrees, curves.measured_mps2[axis], color=MEASURED, lw=4.0, label="measured")
-        top.plot(degrees, curves.before_mps2[axis], color=BEFORE, ls="--", label="before: starting model")
-        top.plot(degrees, curves.after_mps2[axis], color=AFTER, label="after: with the effects added")
+        top.plot(degrees, curves.before_mps2[axis], color=BEFORE, ls="--", label="before: baseline model")
+        top.plot(degrees, curves.after_mps2[axis], color=AFTER, label="after: with effects")
         _residual(middle, curves, axis)
         _residual(bottom, curves, axis, before=False)
         for left in _of(unexplained, axis, "angle"):
             if left.angle_rad is not None:
-                bottom.axvspan(*np.degrees(left.angle_rad), color=LEFT, alpha=0.35, lw=0, label="unexplained")
+                bottom.axvspan(*np.degrees(left.angle_rad), color=RESIDUAL, alpha=0.35, lw=0, label="unexplained")
         bottom.set_xlim(-limit, limit)
         bottom.set_xticks(np.linspace(-limit, limit, 9 if column == 0 else 5))
         bottom.set_xlabel("angle from the contact's centre, deg")
@@ -72,7 +183,7 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
 
 def residual_figure(curves: Curves) -> Figure:
     """Draw the residuals of all recorded axes of one group, small."""
-    axes = present(curves)
+    axes = recorded_axes(curves)
     figure = new_figure(_WIDTH_INCH / 2, 1.2 * len(axes) + 0.75)
     panels = figure.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
     for panel, axis in zip(panels, axes, strict=True):
@@ -86,7 +197,7 @@ def residual_figure(curves: Curves) -> Figure:
 
 
 def orders_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained] = ()) -> Figure:
-    """Draw cosine and sine coefficients of what the models leave, order by order, with the noise of one beside it."""
+    """Draw cosine and sine coefficients of the residuals by order, with the noise of one coefficient."""
     std = np.asarray(curves.order_noise_mps2[axis], dtype=np.float64)
     orders = min(std.size, curves.theta_rad.size // 2)
     n, band = np.arange(orders), NOISE_STDS * std[:orders]
@@ -103,7 +214,7 @@ def orders_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained] 
         for left in _of(unexplained, axis, "angle"):
             if left.orders is not None:
                 panel.axvspan(
-                    left.orders[0] - 0.5, left.orders[1] + 0.5, ymax=0.05, color=LEFT, lw=0, label="unexplained"
+                    left.orders[0] - 0.5, left.orders[1] + 0.5, ymax=0.05, color=RESIDUAL, lw=0, label="unexplained"
                 )
         panel.axhline(0.0, color=QUIET, lw=0.6)
         panel.set_ylabel(f"{part} part, {_UNIT}")
@@ -115,7 +226,7 @@ def orders_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained] 
 
 
 def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *, small: bool = False) -> Figure:
-    """Draw the density of what does not repeat with the wheel, one panel for each recorded axis."""
+    """Draw the spectral density of the signal that does not repeat with the wheel, one panel for each recorded axis."""
     axes = [axis for axis in range(3) if bool(np.isfinite(spectra.measured_m2ps3[axis]).any())]
     figure = new_figure(_WIDTH_INCH / 2, 1.25 * len(axes) + 0.75) if small else new_figure(_WIDTH_INCH, 3.3)
     shape = (len(axes), 1) if small else (1, len(axes))
@@ -126,10 +237,10 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
         for left in _of(unexplained, axis, "time"):
             if left.hz is not None and 0.0 < left.hz[0] <= left.hz[1]:
                 # A tone is narrow: its edge keeps it visible.
-                panel.axvspan(*left.hz, color=LEFT, alpha=0.5, lw=3.0, label="unexplained")
+                panel.axvspan(*left.hz, color=RESIDUAL, alpha=0.5, lw=3.0, label="unexplained")
         panel.loglog(frequency, spectra.measured_m2ps3[axis][positive], color=QUIET, lw=0.9, label="measured")
-        panel.loglog(frequency, spectra.before_m2ps3[axis][positive], color=BEFORE, ls="--", label="sensor noise alone")
-        panel.loglog(frequency, spectra.after_m2ps3[axis][positive], color=AFTER, label="with the effects added")
+        panel.loglog(frequency, spectra.before_m2ps3[axis][positive], color=BEFORE, ls="--", label="sensor noise only")
+        panel.loglog(frequency, spectra.after_m2ps3[axis][positive], color=AFTER, label="with effects")
         panel.set_title(AXIS_NAMES[axis], fontsize=9.5 if small else None)
         panel.xaxis.set_major_formatter("{x:g}")
     _density_ticks(panels[0])
@@ -146,7 +257,7 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
 
 
 def _density_ticks(panel: Axes) -> None:
-    """Put more than the decades on a scale that spans less than two: it may hold none."""
+    """Add ticks between decades to a scale of less than two decades, which may hold none."""
     from matplotlib.ticker import LogLocator
 
     low, high = panel.get_ylim()
@@ -156,7 +267,7 @@ def _density_ticks(panel: Axes) -> None:
 
 
 def trend_figure(trends: Sequence[Trend]) -> Figure:
-    """Draw how the residual goes with one quantity, one panel for each axis."""
+    """Draw the residual against one quantity, one panel for each axis."""
     name, unit = split_name(trends[0].against)
     figure = new_figure(_WIDTH_INCH, 3.1)
     panels = figure.subplots(1, len(trends), sharex=True, squeeze=False)[0]
@@ -196,7 +307,7 @@ def _band_label(noise: float) -> str:
 
 
 def _legend(figure: Figure, panels: Sequence[Axes], noise: str) -> None:
-    """Put one legend above the panels; `noise` says what their band is."""
+    """Put one legend above the panels; `noise` is the label of their noise band."""
     entries: dict[str, Artist] = {}
     for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):

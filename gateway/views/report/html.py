@@ -1,20 +1,56 @@
-"""A diagnosis as one HTML file that needs nothing else: tables first, then figures."""
+"""A diagnosis as one self-contained HTML page: tables first, then figures with their captions."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
 
 from gateway import __version__
-from gateway.closure.diagnosis import FAR_OFF, Diagnosis
-from gateway.views.numbers import fixed
+from gateway.closure.diagnosis import FAR_OFF, Curves, Diagnosis, Spectra, Trend
+from gateway.constants import AXIS_NAMES
+from gateway.views.numbers import fixed, split_name
 from gateway.views.output_file import check_target, write_whole
-from gateway.views.report.chapters import Chapter, chapters
+from gateway.views.report.figures import (
+    CONTACT_VIEW_DEG,
+    NOISE_STDS,
+    inline_svg,
+    orders_figure,
+    report_style,
+    require_report_packages,
+    residual_figure,
+    spectra_figure,
+    trend_figure,
+    waveform_figure,
+)
+from gateway.views.report.phrases import (
+    GROWN,
+    NON_STATIONARY,
+    counted,
+    effect_title,
+    effects_listed,
+    model_words,
+    no_residual,
+    place_text,
+    remark,
+    undecided_sets,
+)
+from gateway.views.report.quantities import (
+    AxisResidual,
+    plain,
+    ratio,
+    recorded_axes,
+    reference_group,
+    residuals,
+    significant,
+    typeset,
+)
 from gateway.views.report.report_tables import (
     EffectRow,
     ErrorRow,
@@ -30,28 +66,37 @@ from gateway.views.report.report_tables import (
     steps,
     unexplained_rows,
 )
-from gateway.views.report.rows import (
-    CHANGES,
-    GROWN,
-    listed,
-    model_words,
-    nothing_left,
-    place_text,
-    plain,
-    printed,
-    ratio,
-    significant,
-    undecided_sets,
-)
-from gateway.views.report.svg import require_report_packages
 from gateway.views.text import clean
 
 if TYPE_CHECKING:
     import jinja2
+    from matplotlib.figure import Figure
 
 _PACKAGE: Final = "gateway.views.report"
 _TEMPLATE: Final = "closure_report.html.j2"
 _STYLE: Final = "closure_report.css"
+MOST_GROUPS: Final = 12
+"""Groups other than the reference group whose residual is drawn."""
+MOST_SPECTRA: Final = 6
+
+
+class Drawing(NamedTuple):
+    """One figure: SVG that needs no escaping, and its text."""
+
+    svg: Any
+    alt: str
+    title: str
+    caption: str
+
+
+class Chapter(NamedTuple):
+    """Figures under one heading; `layout` is the class of their box."""
+
+    id: str
+    title: str
+    text: str
+    layout: str
+    drawings: list[Drawing]
 
 
 def write_html(diagnosis: Diagnosis, path: Path, *, force: bool = False) -> None:
@@ -65,7 +110,7 @@ def write_html(diagnosis: Diagnosis, path: Path, *, force: bool = False) -> None
 
 
 def diagnosis_html(diagnosis: Diagnosis) -> str:
-    """Return a diagnosis as an HTML page without script and without address; the same one gives the same bytes.
+    """Return a diagnosis as an HTML page without scripts and external resources; deterministic.
 
     Raises:
         OutputError: matplotlib or jinja2 is missing.
@@ -84,7 +129,7 @@ def _template() -> jinja2.Template:
 
 @dataclass(frozen=True, slots=True)
 class _Page:
-    """What the template shows; all text but `style` and drawings is escaped there."""
+    """The values of the template, which escapes all text except `style` and drawings."""
 
     version: str
     style: Any
@@ -97,7 +142,7 @@ class _Page:
     effects: list[EffectRow]
     refused: list[EffectRow]
     unexplained: list[UnexplainedRow]
-    nothing_left: str
+    no_residual: str
     estimates: list[StateRows[EstimateRow]]
     legend: bool
     states: bool
@@ -129,7 +174,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         effects=effect_rows(diagnosis),
         refused=refused_rows(diagnosis),
         unexplained=unexplained_rows(diagnosis),
-        nothing_left=nothing_left(diagnosis, "Nothing"),
+        no_residual=no_residual(diagnosis, "Nothing"),
         estimates=by_state(estimates),
         legend=any(row.drawn for row in estimates),
         states=any(row.state for row in estimates),
@@ -137,19 +182,18 @@ def _page(diagnosis: Diagnosis) -> _Page:
         doubt=_doubt(diagnosis),
         step_names=step_names,
         steps=by_state(step_rows),
-        stated=[printed(text) for text in diagnosis.stated],
-        assumed=[printed(text) for text in diagnosis.assumed],
-        notes=[printed(text) for text in diagnosis.notes],
+        stated=[remark(text) for text in diagnosis.stated],
+        assumed=[remark(text) for text in diagnosis.assumed],
+        notes=[remark(text) for text in diagnosis.notes],
         recordings=[clean(path) for path in diagnosis.recordings],
         chapters=chapters(diagnosis),
     )
 
 
 def _facts(diagnosis: Diagnosis) -> str:
-    count = len(diagnosis.recordings)
     parts = [
-        f"Starting model: {model_words(diagnosis.model)}",
-        f"{diagnosis.revolutions} revolutions of {count} recording{'' if count == 1 else 's'}",
+        f"Baseline model: {model_words(diagnosis.model)}",
+        f"{diagnosis.revolutions} revolutions of {counted(len(diagnosis.recordings), 'recording')}",
     ]
     if diagnosis.rejected:
         parts.append(f"{diagnosis.rejected} left out")
@@ -157,60 +201,232 @@ def _facts(diagnosis: Diagnosis) -> str:
 
 
 def _folds(diagnosis: Diagnosis) -> str:
-    """Return what was held out, and why that is not all where it is not."""
+    """Return which revolutions were held out, and why some were not."""
     held_out, used = diagnosis.held_out, diagnosis.revolutions
     text = f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; "
     if held_out.revolutions >= used:
         return f"{text}{held_out.revolutions} revolutions in all."
     return (
-        f"{text}{held_out.revolutions} of the {used} revolutions in all. The rest was in every fit: of a group of few "
-        "revolutions each is a fold, five folds at most are held out, and none that nothing can be fitted without."
+        f"{text}{held_out.revolutions} of the {used} revolutions in all. The others were part of every fit: at most "
+        "five folds are held out, and in a small group each revolution is one fold."
     )
 
 
 def _doubt(diagnosis: Diagnosis) -> str:
-    """Return what to think of estimates of a model that still lacks much, empty otherwise."""
+    """Return a warning about the estimates of a model with a large residual; empty otherwise."""
     share = ratio(diagnosis.held_out.rms_after_mps2, diagnosis.noise_floor_mps2)
     if not share > FAR_OFF:
         return ""
     return (
-        f"The error after is still {fixed(share, 2)} noise floors. Standard errors count what is left as if it were "
-        "chance; what the model lacks in earnest may have moved the estimates by more."
+        f"The error after is {fixed(share, 2)} times the noise floor. Standard errors treat the residual as random; a "
+        "missing effect may bias the estimates by more."
     )
 
 
 def _answer(diagnosis: Diagnosis) -> Iterator[str]:
-    """Yield the diagnosis in sentences."""
+    """Yield the summary of the diagnosis, sentence by sentence."""
     held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
     named = [finding.name for finding in diagnosis.named]
     undecided = undecided_sets(diagnosis)
     before, after = significant(held_out.rms_before_mps2), significant(held_out.rms_after_mps2)
     if named:
-        yield f"The model lacks {listed(named)}."
+        yield f"The model lacks {effects_listed(named)}."
     elif not undecided:
-        yield "No effect of the catalogue has evidence enough to be named."
+        yield "No effect of the catalogue is supported by sufficient evidence."
     for finding in undecided:
-        subject = "it also" if named else "the model"
+        subject = "It also" if named else "The model"
         if finding.rivals:
-            names = listed((finding.name, *finding.rivals), "or")
-            yield f"{subject[0].upper()}{subject[1:]} lacks one of {names}; these data cannot tell which."
+            names = effects_listed((finding.name, *finding.rivals), "or")
+            yield f"{subject} lacks {names}; these data do not distinguish them."
         else:
-            yield f"Whether {subject} lacks {clean(finding.name)} these data cannot tell."
+            yield f"{subject} may lack {effect_title(finding.name)}; these data do not decide."
     share = ratio(held_out.rms_after_mps2, floor)
-    times = f" ({fixed(share, 2)} times it)" if math.isfinite(share) else ""
-    beside = f"beside a noise floor of {significant(floor)} m/s²{times}."
+    times = f"{fixed(share, 2)} times the" if math.isfinite(share) else "with a"
+    over = f", {times} noise floor of {significant(floor)} m/s²."
     if named or undecided:
-        yield f"With what was added the held-out error goes from {before} to {after} m/s² rms, {beside}"
-        if ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN:
-            yield "It has grown: what was added must not be relied on before the rest is explained."
+        grown = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN
+        verb = "increases" if grown else "changes" if before == after else "falls"
+        added = "this effect" if len(named) + len(undecided) == 1 else "these effects"
+        yield f"With {added} the held-out error {verb} from {before} to {after} m/s² rms{over}"
+        if grown:
+            yield "Do not rely on the effects before the rest of the residual is explained."
     else:
-        yield f"The held-out error is {after} m/s² rms, {beside}"
+        yield f"The held-out error is {after} m/s² rms{over}"
     if diagnosis.unexplained:
         first = diagnosis.unexplained[0]
         rest = len(diagnosis.unexplained) - 1
         more = f", and {rest} more" if rest else ""
         size = plain(first.rms_mps2, first.std_mps2)
-        doubt = f"; it {CHANGES}" if first.changes else "" if first.lock_known else "; its lock is not known"
-        yield f"Unexplained: {clean(first.axis)}, {place_text(first)}, {size} m/s² rms{doubt}{more}."
+        doubt = f" ({NON_STATIONARY})" if first.changes else "" if first.lock_known else " (lock not known)"
+        yield f"Unexplained: {clean(first.axis)} axis, {place_text(first)}, {size} m/s² rms{doubt}{more}."
     else:
-        yield f"{nothing_left(diagnosis, 'Nothing else')}."
+        yield f"{no_residual(diagnosis, 'Nothing else')}."
+
+
+def chapters(diagnosis: Diagnosis) -> list[Chapter]:
+    """Draw all figures of a diagnosis; a chapter without data is left out."""
+    with report_style():
+        return [chapter for chapter in _chapters(diagnosis) if chapter.drawings]
+
+
+def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
+    groups = diagnosis.curves
+    if groups:
+        index = reference_group(groups)
+        reference = groups[index]
+        label = typeset(reference.label)
+        chosen = ""
+        if len(groups) > 1:
+            chosen = f" (of {len(groups)} groups, that with the largest residual relative to its noise)"
+        yield Chapter(
+            "waveforms",
+            "Waveform and residual",
+            f"{label}{chosen}. Residual: mean of the measured revolutions minus model. A residual within the band, "
+            f"{NOISE_STDS:.0f} standard deviations of the mean's noise, is not significant.",
+            "figures",
+            [_waveform(diagnosis, reference, axis, label) for axis in recorded_axes(reference)],
+        )
+        yield Chapter(
+            "orders",
+            "Order spectrum of the residual",
+            f"{label}. Cosine and sine coefficients of measured minus model. Where they span decades, the scale is "
+            "linear within the noise and logarithmic above it.",
+            "figures",
+            [_orders(diagnosis, reference, axis, label) for axis in recorded_axes(reference)],
+        )
+        others = _spread([one for at, one in enumerate(groups) if at != index], MOST_GROUPS)
+        yield Chapter(
+            "groups",
+            "Residual of the other groups",
+            _drawn("Colours and lines as above: dashed before, solid after.", len(others), len(groups) - 1),
+            "small-figures",
+            [_residual(at, one) for at, one in enumerate(others)],
+        )
+    yield from _time_locked(diagnosis)
+    yield Chapter(
+        "trends",
+        "Trends of the residual",
+        "One point for each group: the residual of its mean with noise power subtracted, and the noise of the mean.",
+        "figures",
+        [_trend(at, trends) for at, trends in enumerate(_by_quantity(diagnosis.trends))],
+    )
+
+
+def _time_locked(diagnosis: Diagnosis) -> Iterator[Chapter]:
+    known = [one for one in diagnosis.spectra if bool(np.isfinite(one.measured_m2ps3).any())]
+    if not known:
+        return
+    wanted = diagnosis.curves[reference_group(diagnosis.curves)].label if diagnosis.curves else known[0].label
+    at = next((at for at, one in enumerate(known) if one.label == wanted), 0)
+    others = _spread([one for index, one in enumerate(known) if index != at], MOST_SPECTRA)
+    yield Chapter(
+        "spectra",
+        "Signal that does not repeat with the wheel",
+        "Spectral density after the mean revolution is subtracted. Vibration, resonances and tones exceed the sensor's "
+        "noise.",
+        "figures",
+        [_spectrum("s", known[at], diagnosis)],
+    )
+    yield Chapter(
+        "other-spectra",
+        "Time-locked spectra of the other groups",
+        _drawn("Colours and lines as above.", len(others), len(known) - 1),
+        "small-figures",
+        [_spectrum(f"s{index}", one, diagnosis, small=True) for index, one in enumerate(others)],
+    )
+
+
+def _waveform(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Drawing:
+    size = next(one for one in residuals(curves) if one.axis == AXIS_NAMES[axis])
+    return _drawing(
+        waveform_figure(curves, axis, diagnosis.unexplained),
+        f"w{axis}",
+        f"{AXIS_NAMES[axis].capitalize()} acceleration and residual in m/s² over the wheel's angle, {label}. "
+        f"{_sizes(size)}",
+        f"{AXIS_NAMES[axis].capitalize()} acceleration.",
+        f"Top: measured mean and models. Middle: residuals before and after. Bottom: residual after, to its own scale. "
+        f"Right: within ±{CONTACT_VIEW_DEG:.0f} deg of the contact's centre. {_sizes(size)}",
+    )
+
+
+def _orders(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Drawing:
+    return _drawing(
+        orders_figure(curves, axis, diagnosis.unexplained),
+        f"o{axis}",
+        f"Cosine and sine coefficients in m/s² of the {AXIS_NAMES[axis]} residual by order, before and after, {label}.",
+        f"{AXIS_NAMES[axis].capitalize()} residual by order.",
+        "Bars at the bottom mark unexplained orders." if _marked(diagnosis, axis) else "",
+    )
+
+
+def _marked(diagnosis: Diagnosis, axis: int) -> bool:
+    return any(
+        left.axis == AXIS_NAMES[axis] and left.lock == "angle" and left.orders is not None and not left.changes
+        for left in diagnosis.unexplained
+    )
+
+
+def _residual(index: int, curves: Curves) -> Drawing:
+    label = typeset(curves.label)
+    sizes = "Residual in m/s² rms, before → after (noise of the mean): " + ", ".join(
+        f"{one.axis} {significant(one.before_mps2)} → {significant(one.after_mps2)} ({significant(one.noise_mps2)})"
+        for one in residuals(curves)
+    )
+    return _drawing(
+        residual_figure(curves), f"g{index}", f"Residuals over the wheel's angle, {label}. {sizes}.", label, sizes
+    )
+
+
+def _spectrum(prefix: str, spectra: Spectra, diagnosis: Diagnosis, *, small: bool = False) -> Drawing:
+    label = typeset(spectra.label)
+    return _drawing(
+        spectra_figure(spectra, diagnosis.unexplained, small=small),
+        prefix,
+        f"Spectral density in (m/s²)²/Hz over frequency for each axis: measured, sensor noise, with effects; {label}.",
+        label,
+        "",
+    )
+
+
+def _trend(index: int, trends: Sequence[Trend]) -> Drawing:
+    name = clean(split_name(trends[0].against)[0])
+    axes = ", ".join(clean(trend.axis) for trend in trends)
+    return _drawing(
+        trend_figure(trends),
+        f"t{index}",
+        f"Residual in m/s² rms against {name}, before and after, for the axes {axes}.",
+        f"Against {name}.",
+        "",
+    )
+
+
+def _drawing(figure: Figure, prefix: str, alt: str, title: str, caption: str) -> Drawing:
+    from markupsafe import Markup
+
+    # Matplotlib escapes what it draws, and figures draw no names of recordings.
+    return Drawing(Markup(inline_svg(figure, prefix)), alt, title, caption)
+
+
+def _sizes(size: AxisResidual) -> str:
+    return (
+        f"Residual {significant(size.before_mps2)} m/s² rms before, {significant(size.after_mps2)} after; "
+        f"noise of the mean {significant(size.noise_mps2)}."
+    )
+
+
+def _drawn(keys: str, drawn: int, there: int) -> str:
+    return keys if drawn == there else f"{keys} {drawn} of {there} groups, evenly spaced."
+
+
+def _spread(items: list[Any], most: int) -> list[Any]:
+    if len(items) <= most:
+        return items
+    return [items[round(at)] for at in np.linspace(0, len(items) - 1, most)]
+
+
+def _by_quantity(trends: Sequence[Trend]) -> list[list[Trend]]:
+    grouped: dict[str, list[Trend]] = {}
+    for trend in trends:
+        if trend.at.size:
+            grouped.setdefault(trend.against, []).append(trend)
+    return list(grouped.values())

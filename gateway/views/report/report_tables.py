@@ -1,40 +1,38 @@
-"""The tables of a diagnosis's page, as text that a template only has to put in place."""
+"""Rows of the tables of a diagnosis's page, as text."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
-from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Verdict
+from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Scaling, ScalingStatus, Verdict
 from gateway.views.numbers import MISSING, fixed
-from gateway.views.report.rows import (
+from gateway.views.report.phrases import (
+    SCALINGS,
     VERDICTS,
+    effect_title,
+    effects_listed,
+    reason_text,
+    residual_remarks,
+    scaling_text,
+)
+from gateway.views.report.quantities import (
     ShownNumber,
-    added,
-    listed,
     orders_text,
     plain,
-    printed,
     ratio,
-    remark_text,
     show_fitted,
     significant,
     span_text,
-    split_state,
+    state_text,
+    typeset,
 )
 from gateway.views.text import clean
 
 _DEGREES: Final = 180.0 / math.pi
 _BAND_STDS: Final = 2.0
-_SCALINGS: Final = {
-    "omega^1": "ω",
-    "not known: one speed": "one speed only",
-    "not known: seen at one speed on this axis": "seen at one speed",
-    "not known: changes during the recording": MISSING,
-}
 
 
 class _HasState(Protocol):
@@ -46,7 +44,7 @@ Row = TypeVar("Row", bound=_HasState)
 
 
 class ErrorRow(NamedTuple):
-    """One error beside the noise floor; `share` is the length of its bar, 0 to 100."""
+    """One error and its ratio to the noise floor; `share` is the length of its bar, 0 to 100."""
 
     label: str
     kind: str
@@ -73,7 +71,7 @@ class EffectRow:
 
 
 class UnexplainedRow(NamedTuple):
-    """Something unexplained."""
+    """One unexplained residual."""
 
     axis: str
     lock: str
@@ -111,14 +109,14 @@ class EstimateRow:
 
 
 class StepCell(NamedTuple):
-    """An estimate after a step, and by how much the step changed it."""
+    """An estimate after a step, and its change by the step."""
 
     text: str
     percent: str
 
 
 class StepRow(NamedTuple):
-    """One estimate in the starting model and after every step."""
+    """One estimate in the baseline model and after every step."""
 
     state: str
     label: str
@@ -144,12 +142,12 @@ def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
     """Return the errors in the order in which they are read."""
     floor, held_out = diagnosis.noise_floor_mps2, diagnosis.held_out
     errors = [
-        ("Before: starting model", "before", held_out.rms_before_mps2),
-        ("After: with the effects that were added", "after", held_out.rms_after_mps2),
+        ("Before: baseline model", "before", held_out.rms_before_mps2),
+        ("After: with effects", "after", held_out.rms_after_mps2),
     ]
     if diagnosis.empirical_rms_mps2 is not None:
-        errors.append(("After, with a fitted empirical correction", "empirical", diagnosis.empirical_rms_mps2))
-    errors.append(("Noise floor: what a right model would leave", "floor", floor))
+        errors.append(("After, with an empirical correction", "empirical", diagnosis.empirical_rms_mps2))
+    errors.append(("Noise floor: error of a perfect model", "floor", floor))
     largest = max((value for *_, value in errors if math.isfinite(value)), default=math.nan)
     return [
         ErrorRow(label, kind, significant(value), fixed(ratio(value, floor), 2), _share(value, largest))
@@ -168,7 +166,7 @@ def refused_rows(diagnosis: Diagnosis) -> list[EffectRow]:
 
 
 def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
-    """Return what is left, in the diagnosis's order."""
+    """Return the unexplained residuals, in the diagnosis's order."""
     return [
         UnexplainedRow(
             clean(left.axis),
@@ -178,16 +176,16 @@ def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
             orders_text(left.orders),
             span_text(left.hz),
             span_text(left.angle_rad, _DEGREES),
-            _SCALINGS.get(left.scaling, printed(left.scaling)),
+            _scaling(left.scaling),
             plain(left.rms_mps2, left.std_mps2),
-            remark_text(left),
+            "; ".join(residual_remarks(left)),
         )
         for left in diagnosis.unexplained
     ]
 
 
 def estimate_rows(diagnosis: Diagnosis) -> list[EstimateRow]:
-    """Return every estimate that there was before or is after."""
+    """Return every estimate of before or after."""
     before, after = diagnosis.estimates_before, diagnosis.estimates_after
     return [
         _estimate(name, before.get(name), after.get(name), diagnosis.determined.get(name, True))
@@ -196,7 +194,7 @@ def estimate_rows(diagnosis: Diagnosis) -> list[EstimateRow]:
 
 
 def steps(diagnosis: Diagnosis) -> tuple[list[str], list[StepRow]]:
-    """Return the steps' names, and every estimate in the starting model and after each; none for fewer than two."""
+    """Return the steps' names, and every estimate in the baseline model and after each; none for fewer than two."""
     findings = added(diagnosis)
     if len(findings) < 2:
         return [], []
@@ -205,13 +203,13 @@ def steps(diagnosis: Diagnosis) -> tuple[list[str], list[StepRow]]:
         pairs = [finding.estimates.get(name, (None, None)) for finding in findings]
         cells = (StepCell(show_fitted(name, pairs[0][0]).text, ""), *(_step_cell(name, *pair) for pair in pairs))
         known = next(new for _, new in pairs if new is not None)
-        rows.append(StepRow(split_state(name)[1], _labelled(name, known), cells))
-    return ["starting model", *(f"+ {clean(finding.name)}" for finding in findings)], rows
+        rows.append(StepRow(state_text(known.state), _labelled(name, known), cells))
+    return ["baseline model", *(f"+ {effect_title(finding.name)}" for finding in findings)], rows
 
 
 def _labelled(name: str, known: Fitted | None) -> str:
     """Return an estimate's label with its unit."""
-    shown = show_fitted(split_state(name)[0], known)
+    shown = show_fitted(name, known, state=False)
     return f"{shown.label}, {shown.unit}" if shown.unit else shown.label
 
 
@@ -221,21 +219,19 @@ def _step_cell(name: str, before: Fitted | None, after: Fitted | None) -> StepCe
 
 
 def _effect(finding: Finding) -> EffectRow:
-    remarks = [("", printed(finding.summary)), ("Equation:", printed(finding.equation))]
+    remarks = [("", typeset(finding.summary)), ("Equation:", typeset(finding.equation))]
     if finding.rivals:
-        others = listed(finding.rivals)
-        told = finding.verdict is Verdict.INDISTINGUISHABLE
-        remarks.append(("Cannot be told from:" if told else "Explains the same as:", others))
+        remarks.append(("Confounded with:", effects_listed(finding.rivals)))
     if finding.verdict is Verdict.INDISTINGUISHABLE:
-        remarks.append(("Because:", _reason(finding)))
-    remarks.append(("To decide:", printed(finding.decide_with)))
+        remarks.append(("Reason:", reason_text(finding.reason)))
+    remarks.append(("To decide:", reason_text(finding.decide_with)))
     change = (
         f"{significant(finding.rms_before_mps2)} → {significant(finding.rms_after_mps2)}"
         if math.isfinite(finding.rms_before_mps2) and math.isfinite(finding.rms_after_mps2)
         else MISSING
     )
     return EffectRow(
-        name=clean(finding.name),
+        name=effect_title(finding.name),
         lock=f"{clean(finding.lock)}-locked",
         verdict=VERDICTS[finding.verdict],
         verdict_class=finding.verdict.value,
@@ -244,26 +240,26 @@ def _effect(finding: Finding) -> EffectRow:
         held_out=change,
         gain=plain(finding.held_out_gain, finding.held_out_std),
         chi2=significant(finding.chi2),
-        reason=_reason(finding),
+        reason=reason_text(finding.reason),
         remarks=tuple((label, text) for label, text in remarks if text),
     )
 
 
-def _reason(finding: Finding) -> str:
-    """Return why an effect is refused or not told from others, its parameters called as they are beside it."""
-    reason = finding.reason
-    for name, fitted in finding.parameters.items():
-        # A reason has the number itself, not its inverse.
-        label = show_fitted(name, replace(fitted, inverse_display=None)).label
-        reason = re.sub(rf"\b{re.escape(name)}\b", label, reason)
-    return printed(reason)
+def _scaling(scaling: Scaling) -> str:
+    if scaling.status is ScalingStatus.NON_STATIONARY:
+        return MISSING
+    if scaling.status in SCALINGS:
+        return SCALINGS[scaling.status]
+    if scaling.status is ScalingStatus.KNOWN and scaling.exponent == 1.0:
+        return "ω"
+    return typeset(scaling_text(scaling))
 
 
 def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined: bool) -> EstimateRow:
     old, new = show_fitted(name, before), show_fitted(name, after)
     errors = ratio(new.value - old.value, old.std)
     return EstimateRow(
-        state=split_state(name)[1],
+        state=state_text(known.state) if (known := after or before) is not None else "",
         label=_labelled(name, after or before),
         before=old.text,
         after=new.text,
@@ -301,3 +297,23 @@ def _intervals(old: ShownNumber, new: ShownNumber) -> tuple[Interval, ...]:
 def _share(value: float, largest: float) -> float:
     share = 100.0 * ratio(value, largest)
     return round(share, 2) if math.isfinite(share) else 0.0
+
+
+def added(diagnosis: Diagnosis) -> list[Finding]:
+    """Return the effects of the model after, in the order in which they were added, as far as it can be inferred."""
+    left = [finding for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED and finding.estimates]
+    found: list[Finding] = []
+    at = diagnosis.estimates_before
+    while left:
+        # Its estimates before are those after the previous effect, except for the new weights of the noise.
+        here = min(left, key=lambda one: _distance(at, {name: old for name, (old, _) in one.estimates.items()}))
+        left.remove(here)
+        found.append(here)
+        at = {name: new for name, (_, new) in here.estimates.items()}
+    return found
+
+
+def _distance(one: Mapping[str, Fitted], other: Mapping[str, Fitted]) -> float:
+    """Return the sum of the relative differences of estimates."""
+    pairs = [(one[name].value, other[name].value) for name in one if name in other]
+    return sum(min(abs(a - b) / max(abs(a), 1e-300), 1e3) for a, b in pairs if math.isfinite(a) and math.isfinite(b))

@@ -1,4 +1,4 @@
-"""A diagnosis in about ten lines for the terminal."""
+"""A diagnosis in about ten lines of text."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from typing import Final
 
 from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Finding
 from gateway.views.numbers import fixed
-from gateway.views.report.doubt import why_undetermined
-from gateway.views.report.rows import (
-    CHANGES,
+from gateway.views.report.phrases import (
     GROWN,
-    listed,
+    NON_STATIONARY,
+    counted,
+    effect_title,
+    effects_listed,
     model_words,
-    nothing_left,
+    no_residual,
     place_text,
-    plain,
-    printed,
-    ratio,
-    show_fitted,
-    significant,
+    reason_text,
+    remark,
     undecided_sets,
     undetermined,
+    why_undetermined,
 )
+from gateway.views.report.quantities import plain, ratio, show_fitted, significant
 from gateway.views.text import ELLIPSIS, clean, crop, pad, width
 
 LINE_WIDTH: Final = 80
@@ -34,7 +34,7 @@ _LABEL_WIDTH: Final = 13
 _MOST_NAMED: Final = 4
 _MOST_OTHERS: Final = 2
 _MOST_NOTES: Final = 2
-# What the user came for, in this order; the rest is in the report.
+# Estimates listed, in this order; the rest is in the report.
 _ESTIMATES: Final = ("Bs", "Cw", "Rs", "Ts")
 
 
@@ -45,23 +45,23 @@ def closure_summary_lines(diagnosis: Diagnosis, columns: int = LINE_WIDTH) -> li
 
 
 class _Lines:
-    """Writes lines of some width."""
+    """Formats a diagnosis as lines of a width."""
 
     def __init__(self, columns: int) -> None:
         self._room = columns - len(_INDENT) - _LABEL_WIDTH
 
     def of(self, diagnosis: Diagnosis) -> Iterator[str]:
         held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
-        used = f"{diagnosis.revolutions} revolutions of {_count(len(diagnosis.recordings), 'recording')}"
+        used = f"{diagnosis.revolutions} revolutions of {counted(len(diagnosis.recordings), 'recording')}"
         left_out = f", {diagnosis.rejected} left out" if diagnosis.rejected else ""
         wheel = crop(clean(diagnosis.wheel), 16)
         yield f"{wheel}: {model_words(diagnosis.model)} against {used}{left_out}"
         grown = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN
         before, after = fixed(held_out.rms_before_mps2, 2), fixed(held_out.rms_after_mps2, 2)
-        yield self._row("held-out rms", f"{before} m/s² before, {after} m/s² after{': it has grown' if grown else ''}")
+        yield self._row("held-out rms", f"{before} m/s² before, {after} m/s² after{' (increased)' if grown else ''}")
         share = ratio(held_out.rms_after_mps2, floor)
-        far = ": estimates may be biased" if share > FAR_OFF else ""
-        yield self._row("noise floor", f"{fixed(floor, 2)} m/s²; after / floor {fixed(share, 2)}{far}")
+        far = " (estimates may be biased)" if share > FAR_OFF else ""
+        yield self._row("noise floor", f"{fixed(floor, 2)} m/s²; after / noise floor {fixed(share, 2)}{far}")
         undecided = undecided_sets(diagnosis)
         yield from self._named(diagnosis.named, bool(undecided))
         yield from self._undecided(undecided)
@@ -70,12 +70,12 @@ class _Lines:
         for index, note in enumerate(diagnosis.notes[:_MOST_NOTES]):
             more = len(diagnosis.notes) - _MOST_NOTES
             last = f" (and {more} more)" if more > 0 and index == _MOST_NOTES - 1 else ""
-            yield from self._rows("note", printed(note) + last)
+            yield from self._rows("note", remark(note) + last)
 
     def _named(self, named: tuple[Finding, ...], undecided: bool) -> Iterator[str]:
         if not named:
-            why = "these data cannot decide" if undecided else "no effect of the catalogue has evidence enough"
-            yield self._row("named", f"nothing: {why}")
+            why = "these data do not decide" if undecided else "no effect has sufficient evidence"
+            yield self._row("identified", f"nothing: {why}")
         for index, finding in enumerate(named[:_MOST_NAMED]):
             more = len(named) - _MOST_NAMED
             size = f"  {significant(finding.rms_mps2)} m/s²"
@@ -85,18 +85,18 @@ class _Lines:
             # One parameter needs no label.
             cells = [one.joined() if len(numbers) == 1 else f"{one.label} {one.joined()}" for one in numbers]
             cells = [cell.replace(" ± ", "±") for cell in cells]
-            text = _first_of(f"{clean(finding.name)}: ", cells, self._room - width(size))
-            yield self._row("named" if index == 0 else "", text, size)
+            text = _first_of(f"{effect_title(finding.name)}: ", cells, self._room - width(size))
+            yield self._row("identified" if index == 0 else "", text, size)
 
     def _undecided(self, undecided: Sequence[Finding]) -> Iterator[str]:
         for finding in undecided[:_MOST_OTHERS]:
-            yield self._row("undecided", listed((finding.name, *finding.rivals), "or"))
-            if finding.decide_with:
-                yield from self._rows("", f"to decide: {printed(finding.decide_with)}")
+            yield self._row("undecided", effects_listed((finding.name, *finding.rivals), "or"))
+            if finding.decide_with is not None:
+                yield from self._rows("", f"to decide: {reason_text(finding.decide_with)}")
 
     def _unexplained(self, diagnosis: Diagnosis) -> Iterator[str]:
         if not diagnosis.unexplained:
-            yield from self._rows("unexplained", nothing_left(diagnosis))
+            yield from self._rows("unexplained", no_residual(diagnosis))
         for index, left in enumerate(diagnosis.unexplained[:_MOST_OTHERS]):
             more = len(diagnosis.unexplained) - _MOST_OTHERS
             size = f"  {plain(left.rms_mps2, left.std_mps2)} m/s²".replace(" ± ", "±")
@@ -105,7 +105,7 @@ class _Lines:
             text = f"{clean(left.axis)}, {place_text(left)}"
             yield self._row("unexplained" if index == 0 else "", text, size)
             if left.changes or not left.lock_known:
-                yield self._row("", CHANGES if left.changes else "not known whether locked to time or to the wheel")
+                yield self._row("", NON_STATIONARY if left.changes else "time-locked or angle-locked: not known")
 
     def _estimates(self, diagnosis: Diagnosis) -> Iterator[str]:
         before, after = diagnosis.estimates_before, diagnosis.estimates_after
@@ -130,33 +130,29 @@ class _Lines:
         return _INDENT + pad(label, _LABEL_WIDTH) + crop(text, self._room - width(tail)) + tail
 
     def _rows(self, label: str, text: str) -> Iterator[str]:
-        """Yield a text in two lines at most, broken between words."""
+        """Yield a text in at most two lines, broken between words."""
         first, rest = _broken(text, self._room)
         yield self._row(label, first)
         if rest:
-            second, left_over = _broken(rest, self._room - 1)
-            yield self._row("", second + (ELLIPSIS if left_over else ""))
+            second, cropped = _broken(rest, self._room - 1)
+            yield self._row("", second + (ELLIPSIS if cropped else ""))
 
 
 def _first_of(start: str, cells: Sequence[str], room: int) -> str:
-    """Return as many whole cells as there is room for, and how many more there are."""
+    """Return as many whole cells as fit, and the number of the others."""
     for shown in range(len(cells), 0, -1):
         text, left = f"{start}{', '.join(cells[:shown])}", len(cells) - shown
-        for rest in (f" and {_count(left, 'more parameter')}", f" and {left} more") if left else ("",):
+        for rest in (f" and {counted(left, 'more parameter')}", f" and {left} more") if left else ("",):
             if width(text + rest) <= room:
                 return text + rest
-    return f"{start}{_count(len(cells), 'parameter')}" if cells else start.removesuffix(": ")
+    return f"{start}{counted(len(cells), 'parameter')}" if cells else start.removesuffix(": ")
 
 
 def _broken(text: str, room: int) -> tuple[str, str]:
-    """Return the words that fit, and what is left; a word that is too long is cropped with its line."""
+    """Return the words that fit, and the rest; a word that is too long is cropped with its line."""
     if width(text) <= room:
         return text, ""
     words, first = text.split(" "), ""
     while words and width(f"{first} {words[0]}") <= room:
         first = f"{first} {words.pop(0)}".lstrip()
     return (first, " ".join(words)) if first else (text, "")
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" + ("" if number == 1 else "s")

@@ -1,4 +1,4 @@
-"""Results as files: one row a revolution and wheel, streamed, units in the column names."""
+"""Results as tables: one row per revolution and wheel, streamed, with units in the column names."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ TAIL: Final[dict[str, type]] = {
     "faults": str,
 }
 PARTS: Final[dict[str, type]] = {"": float, "_std": float, "_status": str, "_reason": str}
-"""What each estimate has a column for, behind its name."""
+"""Columns of each estimate: suffix to its name, and type."""
 
 OTHER: Final = "other_estimates"
-"""Last column of CSV and Parquet: estimates whose name came up only after the columns were fixed, as JSON."""
+"""Last column of CSV and Parquet: estimates that appeared after the columns were fixed, as JSON."""
 
 COLUMNS_FIXED_AFTER_ROWS: Final = 256
 
@@ -58,10 +58,10 @@ class TableFormat(StrEnum):
 
 
 class TableWriter(Protocol):
-    """Takes results one by one and keeps none of them; also a context manager that closes."""
+    """Writes results one by one and keeps none of them; also a context manager that closes."""
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
-        """Add one row; `recording` tells rows of several recordings in one table apart.
+        """Add one row; `recording` distinguishes rows of several recordings in one table.
 
         Raises:
             OutputError: the file cannot be written any more.
@@ -111,7 +111,7 @@ def open_table(
 
 
 def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
-    """Return (the fixed cells, cells of each estimate by name and part); None where nothing is known."""
+    """Return (fixed cells, cells of each estimate by name and part); None for unknown values."""
     revolution, conditions = result.revolution, result.conditions
     fixed: dict[str, Cell] = {
         "recording": recording,
@@ -213,7 +213,7 @@ def _in_order(
 
 
 class _Columns(_Closing):
-    """Holds the first rows back to learn which estimates there are, then streams under fixed columns."""
+    """Buffers the first rows to learn the names of the estimates, then streams under fixed columns."""
 
     def __init__(self, path: Path, sink: RowSink, estimates: Sequence[str]) -> None:
         self._path = path

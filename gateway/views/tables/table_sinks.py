@@ -1,4 +1,4 @@
-"""The table formats that have columns: CSV and Parquet."""
+"""Table formats with columns: CSV and Parquet."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _ROW_GROUP: Final = 8192
 
 
 class RowSink(Protocol):
-    """A format with columns: told them once, then fed row by row."""
+    """A format with columns, which are given once before the rows."""
 
     def begin(self, columns: dict[str, type]) -> None:
-        """Take the columns' names and types, before the first row."""
+        """Set names and types of the columns, before the first row."""
         ...
 
     def row(self, cells: list[Cell]) -> None:
-        """Add a row; None where nothing is known."""
+        """Add a row; None for unknown values."""
         ...
 
     def end(self) -> None:
@@ -30,7 +30,7 @@ class RowSink(Protocol):
 
 
 class CsvSink:
-    """RFC 4180 with a header line; unknown is empty, truth is 0 or 1, floats keep every digit."""
+    """RFC 4180 with a header line; unknown values are empty, booleans 0 or 1, floats keep every digit."""
 
     def __init__(self, file: IO[bytes]) -> None:
         """Take the open file; `end` closes it."""
@@ -38,7 +38,7 @@ class CsvSink:
         self._rows = csv.writer(self._text)
 
     def begin(self, columns: dict[str, type]) -> None:
-        """Write what comes before the rows."""
+        """Write the header."""
         self._rows.writerow(columns)
 
     def row(self, cells: list[Cell]) -> None:
@@ -53,7 +53,7 @@ class CsvSink:
 def require_pyarrow() -> None:
     """Raise OutputError, naming the extra to install, when Parquet's package is missing."""
     try:
-        import pyarrow.parquet  # noqa: F401 - only whether it is there
+        import pyarrow.parquet  # noqa: F401 - checks only that it is installed
     except ImportError as error:
         raise OutputError(
             "Parquet needs the package pyarrow", "Install it: pip install 'treadlink[parquet]'"
@@ -71,7 +71,7 @@ class ParquetSink:
         self._cells: list[list[Cell]] = []
 
     def begin(self, columns: dict[str, type]) -> None:
-        """Write what comes before the rows."""
+        """Write the header."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 

@@ -13,7 +13,7 @@ AT_ZERO = Reason(Code.FIT_AT_ZERO, number="Rs")
 SATURATED = Reason(Code.RADIAL_SATURATED)
 
 
-def test_numbers_are_shown_and_their_ratios_are_not(made):
+def test_numbers_are_shown_without_ratios(made):
     reading = read_result(made.result())
     assert [number.label for number in reading.numbers] == ["Bs", "Cw", "Rs", "Ts"]
     assert reading.status is Status.VALID
@@ -24,7 +24,7 @@ def test_numbers_are_shown_and_their_ratios_are_not(made):
     assert reading.trailing.text() == "13.51 ± 0.10 deg"
 
 
-def test_ratios_stand_in_when_the_load_is_missing(made):
+def test_ratios_are_shown_without_a_load(made):
     reading = read_result(made.result(load_n=None))
     assert [number.label for number in reading.numbers] == ["Bs/Cw", "Rs/Cw", "Ts/Cw"]
     assert reading.ratios_only
@@ -32,7 +32,7 @@ def test_ratios_stand_in_when_the_load_is_missing(made):
     assert reading.note == f"ratios only: {text(made.needs_load)}"
 
 
-def test_worst_status_and_its_reason_win(made):
+def test_reasons_are_those_of_the_worst_status(made):
     estimates = (
         Estimate("Bs", 3e-3, 1e-4, Status.VALID, (LINEAR,)),
         Estimate("Cw", 0.2, 0.01, Status.PROVISIONAL, (FEW,)),
@@ -45,20 +45,20 @@ def test_worst_status_and_its_reason_win(made):
     assert read_result(made.result(estimates=estimates[:1])).reasons == (LINEAR,)
 
 
-def test_fault_of_the_revolution_comes_first(made):
+def test_faults_come_before_other_reasons(made):
     faults = (Reason(Code.SAMPLES_LOST), Reason(Code.RADIAL_SATURATED))
     reading = read_result(made.result(status=Status.INVALID, reasons=(AT_ZERO,), faults=faults))
     assert reading.reasons == faults
     assert reading.note == f"{text(faults[0])}; {text(faults[1])}"
 
 
-def test_reason_of_the_angles_is_told_when_the_numbers_have_none(made):
+def test_reasons_of_speed_and_angles_are_shown(made):
     result = made.result()
     estimates = (Estimate("speed_mps", 18.0, 0.1, Status.PROVISIONAL, (SATURATED,)), *result.estimates[1:])
     assert read_result(dataclasses.replace(result, estimates=estimates)).reasons == (SATURATED,)
 
 
-def test_without_estimates_the_revolution_speaks(made):
+def test_revolution_is_shown_without_estimates(made):
     reading = read_result(made.result(estimates=()))
     assert reading.speed.text() == "65.00 km/h"
     assert reading.leading.text() == "-13.740 ± 0.097 deg"

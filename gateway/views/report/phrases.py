@@ -1,0 +1,275 @@
+"""Phrases of a diagnosis that its JSON, page and terminal summary share, made from its values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+from gateway.closure.contribution import MEASURED
+from gateway.closure.diagnosis import (
+    FAR_OFF,
+    Diagnosis,
+    Finding,
+    Scaling,
+    ScalingStatus,
+    Unexplained,
+    Verdict,
+)
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.observation import Remark
+from gateway.reasons import Reason
+from gateway.views import wording
+from gateway.views.report.quantities import orders_text, parameter_label, ratio, span_text, typeset
+from gateway.views.text import clean
+
+MODELS: Final = {
+    "paper": "the ring paper's series as printed",
+    "series": "the corrected linear series",
+    "exact": "the exact ring",
+}
+VERDICTS: Final = {
+    Verdict.NAMED: "identified",
+    Verdict.INDISTINGUISHABLE: "undecided",
+    Verdict.REFUSED: "rejected",
+}
+SCALINGS: Final = {
+    ScalingStatus.ONE_SPEED: "one speed",
+    ScalingStatus.SEEN_AT_ONE_SPEED: "seen at one speed on this axis",
+    ScalingStatus.TOO_WEAK: "too weak at other speeds",
+    ScalingStatus.NON_STATIONARY: "changes during the recording",
+}
+"""Why the growth of a residual with speed is not known."""
+
+NON_STATIONARY: Final = "changes during the recording"
+
+GROWN: Final = 1.02
+"""Ratio of the held-out error after to that before above which it has increased."""
+
+# Relative standard error above which an estimate is not determined.
+_LARGEST_RELATIVE_STD: Final = 0.3
+
+
+def remark(value: Remark) -> str:
+    """Return the text of a reason, or a user's own text, in print."""
+    return typeset(wording.text(value) if isinstance(value, Reason) else value)
+
+
+def reason_text(reason: Reason | None) -> str:
+    """Return why an effect was refused or undecided, with the labels of the table for its parameter and effect."""
+    if reason is None:
+        return ""
+    values = dict(reason.values)
+    if isinstance(name := values.get("parameter"), str):
+        values["parameter"] = parameter_label(name)
+    if isinstance(name := values.get("effect"), str):
+        values["effect"] = effect_title(name)
+    return remark(Reason(reason.code, **values))
+
+
+def effect_title(name: str) -> str:
+    """Return the term of the field for an effect."""
+    effect = catalogue().get(name)
+    return clean(name if effect is None else effect.display_title)
+
+
+def effects_listed(names: Sequence[str], last: str = "and") -> str:
+    """Return the titles of effects as `a`, `a and b`, or `a, b and c`."""
+    return listed([effect_title(name) for name in names], last)
+
+
+def sentence(phrase: str) -> str:
+    """Return a phrase as a sentence."""
+    return f"{phrase[:1].upper()}{phrase[1:].rstrip('.')}." if phrase else ""
+
+
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """Return `a`, `a and b`, or `a, b and c`."""
+    return clean(f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))))
+
+
+def counted(number: int, noun: str) -> str:
+    """Return `1 recording` or `2 recordings`."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def model_words(model: str) -> str:
+    """Return the description of a baseline model."""
+    return MODELS.get(model, clean(model))
+
+
+def scaling_text(scaling: Scaling) -> str:
+    """Return the growth with speed as in JSON: `omega^2`, `constant`, `not known: one speed`."""
+    if scaling.status is ScalingStatus.KNOWN:
+        if scaling.exponent == 0.0:
+            return "constant"
+        whole = float(scaling.exponent).is_integer()
+        return f"omega^{scaling.exponent:.0f}" if whole else f"omega^{scaling.exponent:.1f}"
+    if scaling.status is ScalingStatus.UNCERTAIN:
+        return f"not known: omega^({scaling.exponent:.1f} +- {scaling.std:.1f})"
+    return f"not known: {SCALINGS[scaling.status]}"
+
+
+def place_text(left: Unexplained) -> str:
+    """Return the place of a residual in one phrase: Hz where it is time-locked, else orders and angle."""
+    if left.lock == "time" and left.hz is not None:
+        return f"{span_text(left.hz)} Hz"
+    parts = []
+    if left.orders is not None:
+        parts.append(("order " if left.orders[0] == left.orders[1] else "orders ") + orders_text(left.orders))
+    elif left.hz is not None:
+        parts.append(f"{span_text(left.hz)} Hz")
+    if left.angle_rad is not None:
+        parts.append(f"{span_text(left.angle_rad, 180.0 / math.pi)} deg")
+    return ", ".join(parts) or "all orders"
+
+
+def residual_remarks(left: Unexplained) -> list[str]:
+    """Return the remarks on a residual beyond its figures; none for a stationary one locked to the wheel."""
+    if left.changes:
+        return [f"{NON_STATIONARY}: load, slip angle, camber or temperature may change; record one state at a time"]
+    if left.lock != "time":
+        return []
+    parts = []
+    if not left.lock_known:
+        parts.append("at multiples of the wheel frequency: time-locked, or angle-locked but not the same every turn")
+    elif left.orders is not None:
+        parts.append("its frequency rises with speed, but not in proportion to the wheel's")
+    elif left.speeds is not None:
+        seen, there = left.speeds
+        parts.append(f"at the same frequency at {'every speed' if seen == there else f'{seen} of {there} speeds'}")
+    if left.other_axes:
+        also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in left.other_axes)
+        parts.append(f"also {also}")
+    return parts
+
+
+def residual_sentence(left: Unexplained) -> str:
+    """Return a residual as one sentence, as in JSON."""
+    size = f"{left.rms_mps2:.2g} m/s^2 rms"
+    if left.changes:
+        most = f", most in {left.largest_in}" if left.largest_in else ""
+        return (
+            f"{left.axis} axis, {place_text(left)}: {NON_STATIONARY}, by {size} about its mean{most}; load, slip "
+            "angle, camber or temperature may change: record one state at a time"
+        )
+    if left.lock != "time":
+        where = "spread over the revolution"
+        if left.angle_rad is not None:
+            low, high = (math.degrees(angle) for angle in left.angle_rad)
+            where = f"between {low:.0f} and {high:.0f} deg of the contact's centre"
+        place = f"{left.axis} axis, {place_text(replace(left, angle_rad=None))}, {where}"
+        return f"{place}: {size}, repeats every revolution; scaling: {scaling_text(left.scaling)}"
+    where = f"{left.centre_hz:.1f} Hz" if math.isfinite(left.centre_hz) else place_text(left)
+    if math.isfinite(left.centre_order):
+        where = f"order {left.centre_order:.2f} of the wheel"
+    notes = "".join(f"; {text}" for text in residual_remarks(left))
+    kind = "line" if left.narrow else "band"
+    return f"{kind} at {where} on the {left.axis} axis, {size}{notes}; scaling: {scaling_text(left.scaling)}"
+
+
+def no_residual(diagnosis: Diagnosis, subject: str = "nothing") -> str:
+    """Return that no residual exceeds the noise, and in which part of the signal."""
+    if diagnosis.spectra:
+        return f"{subject} exceeds the noise"
+    return (
+        f"{subject} that repeats with the wheel exceeds the noise; the rest was not analyzed (steady stretches too "
+        "short)"
+    )
+
+
+def undecided_sets(diagnosis: Diagnosis) -> list[Finding]:
+    """Return one finding of each set of effects that cannot be distinguished: a confounder may be a finding too."""
+    sets: dict[frozenset[str], Finding] = {}
+    for finding in diagnosis.findings:
+        if finding.verdict is Verdict.INDISTINGUISHABLE:
+            sets.setdefault(frozenset({finding.name, *finding.rivals}), finding)
+    return list(sets.values())
+
+
+def undetermined(diagnosis: Diagnosis) -> list[str]:
+    """Return the estimates that the data do not determine."""
+    return [name for name, known in diagnosis.determined.items() if not known]
+
+
+def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
+    """Return the main reason why some estimates are not determined, and the remedy; empty for none."""
+    if not names:
+        return ""
+    share = ratio(diagnosis.held_out.rms_after_mps2, diagnosis.noise_floor_mps2)
+    if share > FAR_OFF:
+        return "the residual is too large; explain it first"
+    known = (("load", diagnosis.load_known), ("pressure", diagnosis.pressure_known))
+    assumed = [quantity for quantity, stated in known if not stated]
+    if assumed:
+        return f"{listed(assumed)} assumed; state {'it' if len(assumed) == 1 else 'them'}"
+    estimates = [diagnosis.estimates_after[name] for name in names if name in diagnosis.estimates_after]
+    if any(not one.std < _LARGEST_RELATIVE_STD * abs(one.value) for one in estimates):
+        return "standard error above 30 %; record longer, or at more loads"
+    # Each state is judged separately, so all estimates of one may be doubtful where most data are well described.
+    if len(estimates) > 1:
+        return "the residual at this load and pressure is too large"
+    return "too small to be measured; record at more loads"
+
+
+class NoCorrection(NamedTuple):
+    """Why no correction is saved, and the remedy."""
+
+    reason: str
+    remedy: str
+
+
+def why_unsaved(diagnosis: Diagnosis) -> NoCorrection:
+    """Return why a diagnosis has nothing that `live` and `estimate` could subtract."""
+    if not diagnosis.named:
+        undecided = undecided_sets(diagnosis)
+        if not undecided:
+            return NoCorrection(
+                "no effect was identified",
+                "live and estimate need no correction. Recordings at more speeds or loads may reveal smaller effects.",
+            )
+        first = undecided[0]
+        advice = "record at another speed, load or pressure"
+        remedy = sentence(advice if first.decide_with is None else reason_text(first.decide_with))
+        if not first.rivals:
+            return NoCorrection(f"{effect_title(first.name)} is not certain", remedy)
+        names = effects_listed((first.name, *first.rivals))
+        return NoCorrection(f"{names} cannot be distinguished, so none is identified", remedy)
+    usable = [name for name in _in_waveform(diagnosis) if name not in MEASURED]
+    if usable:
+        return NoCorrection(
+            f"the ring has no solution at the fitted parameters without {effects_listed(usable)}, "
+            "so nothing can be subtracted",
+            "Check belt radius, load and pressure in the configuration, then the report's unexplained residuals.",
+        )
+    kept = "; ".join(_not_subtracted(diagnosis))
+    return NoCorrection(f"no identified effect can be subtracted: {kept}", "live and estimate need no correction.")
+
+
+def saved_text(diagnosis: Diagnosis) -> str:
+    """Return which effects the saved correction holds, and which identified ones it does not, with the reason."""
+    held = (
+        ", ".join(effect_title(effect.name) for effect in diagnosis.correction.effects) if diagnosis.correction else ""
+    )
+    return "; ".join([held, *_not_subtracted(diagnosis)])
+
+
+def _not_subtracted(diagnosis: Diagnosis) -> list[str]:
+    waveform = _in_waveform(diagnosis)
+    measured = [name for name in waveform if name in MEASURED]
+    varying = [finding.name for finding in diagnosis.named if finding.name not in waveform]
+    reasons = []
+    if measured:
+        reasons.append(f"{effects_listed(measured)} {_is(measured)} left for the estimators to measure")
+    if varying:
+        reasons.append(f"{effects_listed(varying)} {_is(varying)} not the same in every revolution")
+    return reasons
+
+
+def _in_waveform(diagnosis: Diagnosis) -> list[str]:
+    return [finding.name for finding in diagnosis.named if finding.lock == "angle"]
+
+
+def _is(names: list[str]) -> str:
+    return "is" if len(names) == 1 else "are"
