@@ -1,4 +1,4 @@
-"""Edge waves in the measured inner-liner recording."""
+"""Edge waves in the measured inner-liner recording: the figures of docs/evidence/closure-drum.md."""
 
 from __future__ import annotations
 
