@@ -1,9 +1,9 @@
 """Lateral unit responses of the belt to shear, curvature and drag in the contact.
 
 A shear-flexible beam under tension on the lateral sidewall, a tread that sticks to the road, in closed form order by
-order of the wheel. It shares the beam's equations with `gateway.physics.lateral_belt` (docs/ply-steer.md) but neither
-its grid nor its sliding nor its uneven tension, and it needs nothing of the ring but the waveform and the edges:
-per length of belt and order k = n / R,
+order of the wheel. It shares the beam's equations with `gateway.physics.lateral_belt` (docs/explanation/ply-steer.md)
+but neither its grid nor its sliding nor its uneven tension, and it needs nothing of the ring but the waveform and the
+edges: per length of belt and order k = n / R,
 
     y D = f - B (i k gamma0 + kappa0),   B = EI k^2 / (1 + EI k^2 / Ks),   D = k^2 (B + T) + ky
 

@@ -4,8 +4,8 @@ The shape of a loaded ring depends only on its stiffnesses over the load, and sp
 one nominal load number Q / (p0 R^2), that of Table 3. The numbers at another load number are proportional to it.
 
 Edge waves are wave packets that a tread sends along the belt from both edges of the contact. On measured tires they
-repeat every revolution, so averaging keeps them (docs/accuracy.md). At a distance d before the leading edge or behind
-the trailing edge a packet is
+repeat every revolution, so averaging keeps them (docs/evidence/accuracy.md). At a distance d before the leading edge or
+behind the trailing edge a packet is
 
     (a cos(n d) + b sin(n d)) exp(-d / decay) (1 - exp(-(d / onset)^2)),
 

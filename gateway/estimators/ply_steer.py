@@ -1,6 +1,6 @@
 """Estimator of the ply steer angle: the slope of the streamline in the contact, in three definitions.
 
-docs/ply-steer.md has the meaning of the angle, its errors and its limits.
+docs/explanation/ply-steer.md has the meaning of the angle, its errors and its limits.
 """
 
 from __future__ import annotations

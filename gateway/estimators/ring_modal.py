@@ -5,7 +5,8 @@ pressure shape fitted along with the numbers, and every order weighted with its 
 have priors, which is generalised least squares with those directions in the covariance.
 
 It follows the waveform of the exact ring ten times closer, and its Bs is right within some percent. But it is still a
-linear ring: its Cw, Rs and Ts are those of a belt that does not lose tension in the contact (docs/estimators.md).
+linear ring: its Cw, Rs and Ts are those of a belt that does not lose tension in the contact
+(docs/explanation/estimators.md).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Estimator of the ring paper (Eq. 28 and 29, misprints corrected), as a reference for the others.
 
 It is not the best that the signal allows: on the geometrically exact ring its numbers are wrong by tens of percent,
-because a loaded belt is not a linear ring and the contact pressure is not uniform. docs/ring-paper-estimator.md has the
-equations, the corrections and the measured errors. The standard errors cover noise, the fit's residual, load, pressure
-and contact angle, but not that model error.
+because a loaded belt is not a linear ring and the contact pressure is not uniform.
+docs/explanation/ring-paper-estimator.md has the equations, the corrections and the measured errors. The standard errors
+cover noise, the fit's residual, load, pressure and contact angle, but not that model error.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Estimator of slip from the lateral axis: apparent slip angle, direction, and asymmetry between left and right.
 
 The mean slope of the streamline in the first half of the contact, minus that of ply steer, is almost proportional to
-the slip angle. The factor is the belt's share (a fifth to two fifths on the tires modelled in docs/ply-steer.md; the
-tread takes the rest). So an apparent slip angle is measured; the true one needs the share, from driving at a known slip
-angle.
+the slip angle. The factor is the belt's share (a fifth to two fifths on the tires modelled in
+docs/explanation/ply-steer.md; the tread takes the rest). So an apparent slip angle is measured; the true one needs the
+share, from driving at a known slip angle.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Weak-form estimator: the four numbers from the shape of the belt, geometrically exact, for any contact pressure.
 
 It assumes neither a contact pressure nor a linear ring. Load, pressure and belt radius set the scale; the contact edges
-only mark the beginning of the free belt. docs/estimators.md has the derivation and the errors.
+only mark the beginning of the free belt. docs/explanation/estimators.md has the derivation and the errors.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _COLD_PASSES: Final = 2
 # Curvature in the middle of the contact over the mean: below 0 on a drum, 0 on a road, near 1 at very low load.
 _MAX_CONTACT_CURVATURE: Final = 0.9
 
-# Relative change of the numbers by a belt of EA = 5 MN, the same at all loads and wear (docs/estimators.md). The
-# extensibility of a belt is not known, so this is one standard error.
+# Relative change of the numbers by a belt of EA = 5 MN, the same at all loads and wear
+# (docs/explanation/estimators.md). The extensibility of a belt is not known, so this is one standard error.
 EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0005, -0.0012, 0.0022, -0.025])
 
 _WAVEFORMS_PER_BLOCK: Final = 32

@@ -1,8 +1,9 @@
 """Rows of the exact balance of a rolling belt, linear in the four numbers.
 
 They state the virtual work of a geometrically exact belt on an elastic sidewall, for virtual rotations phi of its
-tangent that vanish in the contact (docs/estimators.md has the derivation). Such a motion neither stretches the belt nor
-moves it on the road, so tension, belt inertia, contact pressure, contact shear and tread drop out. Over p0 R^2:
+tangent that vanish in the contact (docs/explanation/estimators.md has the derivation). Such a motion neither stretches
+the belt nor moves it on the road, so tension, belt inertia, contact pressure, contact shear and tread drop out. Over p0
+R^2:
 
     Bs int (psi' - 1) phi' - int n . (F - tension x) phi = 0,  F(theta) = - int_theta^pi f,
     f = -Cw n_out + Rs u_r e_r + Ts u_t e_t

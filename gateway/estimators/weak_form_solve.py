@@ -3,7 +3,7 @@
 The rows hold for the true shape, but the signal has errors. So the orders are corrected as little as possible, in terms
 of their errors, until all rows hold (the Gauss-Helmert model). Rows and their sensitivity are computed at the corrected
 orders, and the rows are weighted with the covariance that follows from the errors of the orders. At the measured orders
-bending would be too small by the square of the errors (docs/estimators.md).
+bending would be too small by the square of the errors (docs/explanation/estimators.md).
 """
 
 from __future__ import annotations

@@ -86,9 +86,9 @@ class PlySteer(LateralLoad):
         "lateral = omega^2 y'', y the belt's sideways shift over theta, belt sheared by gamma = -g (kappa - 1/R); "
         "-g when rolling in reverse"
     )
-    source = "ply steer paper, Eq. 8 and 13; docs/ply-steer.md"
+    source = "ply steer paper, Eq. 8 and 13; docs/explanation/ply-steer.md"
     # g = (t/2) cot(delta): 1.0 to 2.5 mm for plies at 18 to 30 degrees, 1.2 to 1.6 mm apart; less when the belt can
-    # curve and twist (docs/ply-steer.md). Its sign is the order of the plies.
+    # curve and twist (docs/explanation/ply-steer.md). Its sign is the order of the plies.
     parameters = (
         Parameter("coupling_length_m", "m", -4e-3, 4e-3, 1.5e-3, 1e-5, factor=1e3, display_unit="mm"),
         *STIFFNESSES,
@@ -123,7 +123,7 @@ class Conicity(LateralLoad):
         "lateral = omega^2 y'', y the belt's sideways shift over theta, belt curved by -beta (kappa - 1/R); "
         "the same in both directions of rotation"
     )
-    source = "geometry of a flattened cone; docs/ply-steer.md"
+    source = "geometry of a flattened cone; docs/explanation/ply-steer.md"
     # In this belt 10 mrad pull some 60 N at 5 kN; tires that pull by more than about 100 N are not sold.
     parameters = (
         Parameter("cone_rad", "rad", -0.05, 0.05, 0.02, 1e-4, factor=1e3, display_unit="mrad"),
@@ -155,7 +155,7 @@ class CarcassCompliance(LateralLoad):
         "lateral = omega^2 y'', y the belt's sideways shift over theta, belt pushed by "
         "cy (alpha s - y + y(leading edge)) in the contact; no sliding"
     )
-    source = "brush tread without sliding on a beam on an elastic foundation; docs/ply-steer.md"
+    source = "brush tread without sliding on a beam on an elastic foundation; docs/explanation/ply-steer.md"
     # Beyond about a degree the tread slides over much of the contact, which the equation leaves out.
     parameters = (
         Parameter("slip_angle_rad", "rad", -0.02, 0.02, 0.01, 1e-5, factor=math.degrees(1.0), display_unit="deg"),
