@@ -20,7 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.reasons import Code, Notice, Reason
 

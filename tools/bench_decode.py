@@ -22,7 +22,7 @@ import construct
 import numpy as np
 
 from firmware_protocol import declaration
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import (

@@ -22,7 +22,7 @@ import scipy
 from bench_ring_paper import BASE, OMEGA, ORDERS, RADIUS_M, revolution_of, sampled, take
 from scipy.optimize import least_squares
 
-from gateway.estimators.base import AngleAverage, Estimator, Revolution, TireConditions
+from gateway.estimators.estimator import AngleAverage, Estimator, Revolution, TireConditions
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
 from gateway.estimators.weak_form import fit_waveforms

@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Revolution, TireConditions
+from gateway.estimators.estimator import Revolution, TireConditions
 from gateway.estimators.lateral_shape import DEFINITIONS, lateral_record, slopes
 from gateway.estimators.ply_steer import PlySteerEstimator
 from gateway.estimators.ply_steer_models import TABLE_FORCE_N, compare, roll_car_tire, table_points

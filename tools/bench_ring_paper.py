@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Revolution, TireConditions
+from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
 from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring

@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import cryptography
 
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
 from tools.generators.security_attacks import Sender, attacks, guard
 

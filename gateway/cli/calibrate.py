@@ -18,7 +18,7 @@ from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration, reference_numbers
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 from gateway.views.output_file import check_outputs, write_whole
 
 ESTIMATOR: Final = "weak-form"

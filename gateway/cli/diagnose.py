@@ -23,7 +23,7 @@ from gateway.views.output_file import check_outputs, write_whole
 from gateway.views.text import clean
 
 if TYPE_CHECKING:
-    from gateway.closure.diagnosis import Diagnosis
+    from gateway.closure.result import Diagnosis
 
 MODELS: Final = ("exact", "series", "paper")
 
@@ -161,7 +161,7 @@ def diagnose(
 
         require_report_packages()
     vehicle = load_vehicle(config_path) if config_path is not None else None
-    from gateway.closure.effects.base import BaselineModel
+    from gateway.closure.effects.effect import BaselineModel
     from gateway.session.campaign_diagnosis import diagnose_recordings
     from gateway.views.report.terminal import closure_summary_lines
 

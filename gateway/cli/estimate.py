@@ -19,7 +19,7 @@ from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import Guard, open_guard
 from gateway.security.key_file import default_key_file
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 from gateway.session.wheel_identity import SensorsHeard
 from gateway.views.output_file import check_outputs
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from gateway.constants import RING_NUMBERS, RING_RATIOS
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.reasons import Code, Reason
 from gateway.types import BoolArray, FloatArray

@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.determination import (
     FittedNumbers,
     all_invalid,
@@ -24,6 +23,7 @@ from gateway.estimators.determination import (
     number_estimates,
     unusable,
 )
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
 from gateway.estimators.forward_model import ForwardModel, P
 from gateway.reasons import Code, Reason

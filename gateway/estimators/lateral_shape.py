@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.constants import AXIS_NAMES
-from gateway.estimators.base import AngleAverage, Revolution, TireConditions, not_used
+from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions, not_used
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import Phase, angle_grid
 from gateway.signal.lateral_deformation import (

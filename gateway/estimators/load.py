@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from gateway.estimators.base import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
+from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.nonsynchronous_spectrum import Spectrum, spectral_lines, welch_spectrum

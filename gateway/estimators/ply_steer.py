@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
     DEFINITIONS,
     ORDERS,

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from gateway.errors import ConfigError
-from gateway.estimators.base import Estimator
+from gateway.estimators.estimator import Estimator
 
 # name -> "module:class"; the class is called without arguments, once per wheel. Estimators run in this order: one that
 # uses the estimates of others comes after them.

@@ -17,7 +17,6 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.bounded_fit import BoundedFit, fit_nonnegative
 from gateway.estimators.determination import (
     NUMBER_UNITS,
@@ -28,6 +27,7 @@ from gateway.estimators.determination import (
     number_estimates,
     unusable,
 )
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.order_errors import band_mean, relative_std
 from gateway.physics.contact_pressure import unit_road_orders
 from gateway.physics.ring_series import stiffness_terms

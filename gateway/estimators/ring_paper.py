@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.bounded_fit import BoundedFit, Model, fit_nonnegative
 from gateway.estimators.determination import (
     FittedNumbers,
@@ -24,6 +23,7 @@ from gateway.estimators.determination import (
     number_estimates,
     unusable,
 )
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
 from gateway.reasons import Code, Reason

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import contact_interior
 from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
     DEFINITIONS,
     ORDERS,

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from gateway.constants import RING_NUMBERS
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
 from gateway.types import FloatArray
 

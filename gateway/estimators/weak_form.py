@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.determination import (
     FittedNumbers,
     all_invalid,
@@ -21,6 +20,7 @@ from gateway.estimators.determination import (
     number_estimates,
     unusable,
 )
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances

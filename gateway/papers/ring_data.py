@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Revolution, TireConditions
+from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
 from gateway.estimators.registry import make_estimator
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from gateway.estimators.base import Estimate, Revolution, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, TireConditions
 from gateway.reasons import Notice, Reason
 from gateway.types import FloatArray
 

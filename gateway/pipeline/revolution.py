@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling, Hello
-from gateway.estimators.base import Revolution
+from gateway.estimators.estimator import Revolution
 from gateway.pipeline.contact_timing import TimedPair
 from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import ContactPair

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Environment
 from gateway.constants import AXIS_NAMES, STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
-from gateway.estimators.base import Revolution
+from gateway.estimators.estimator import Revolution
 from gateway.pipeline.results import SensorFlag
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import WheelSetup

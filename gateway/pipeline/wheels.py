@@ -24,7 +24,7 @@ from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
 
 if TYPE_CHECKING:
-    from firmware_protocol.batch import FrameBatch, SampleGroup
+    from firmware_protocol.block_decoder import FrameBatch, SampleGroup
 
 
 class _Hub:

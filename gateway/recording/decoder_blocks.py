@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.batch import BatchDecoder, FrameBatch
+from firmware_protocol.block_decoder import BatchDecoder, FrameBatch
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.signing import Gate
 from gateway.io.source import Chunk

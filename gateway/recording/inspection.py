@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.batch import FrameBatch, SampleGroup
+from firmware_protocol.block_decoder import FrameBatch, SampleGroup
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import Hello, MessageType
 from firmware_protocol.sequence import unwrap

@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from gateway.config.vehicle import Thresholds
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.pipeline.results import Alarm, LinkSnapshot, WheelSnapshot
 from gateway.reasons import Code, Reason
 from gateway.security.guard import SUSPICIOUS

@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import GroupConditions
-from gateway.closure.group_making import FEW, label
-from gateway.closure.grouping import telling, tire_states
-from gateway.closure.observation import Campaign, Group, Remark
-from gateway.closure.processes import Processes
+from gateway.closure.data.campaign_data import Campaign, Group, Remark
+from gateway.closure.data.condition_groups import telling, tire_states
+from gateway.closure.data.group_statistics import FEW, label
+from gateway.closure.effects.effect import GroupConditions
+from gateway.closure.inference.worker_pool import Processes
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import RecordingError
 from gateway.reasons import Code, Reason

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.batch import FrameBatch
+from firmware_protocol.block_decoder import FrameBatch
 from gateway.types import FloatArray
 
 UNKNOWN: Final = (math.nan, math.nan)

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from gateway.closure.diagnose import diagnose
-from gateway.closure.diagnosis import Diagnosis
-from gateway.closure.effects.base import BaselineModel
+from gateway.closure.closed_loop import diagnose
+from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.result import Diagnosis
 from gateway.config.vehicle import VehicleConfig
 from gateway.session.campaign import read_campaign
 

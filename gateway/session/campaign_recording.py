@@ -10,17 +10,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.batch import FrameBatch
-from gateway.closure.collecting import RevolutionStore
-from gateway.closure.group_making import Declared, make_groups
-from gateway.closure.observation import Group, Remark
+from firmware_protocol.block_decoder import FrameBatch
+from gateway.closure.data.campaign_data import Group, Remark
+from gateway.closure.data.group_statistics import Declared, make_groups
+from gateway.closure.data.revolution_orders import RevolutionStore
 from gateway.config.vehicle import VehicleConfig, Wheel, parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
 from gateway.session.provenance import assumed_conditions, stated_conditions
 from gateway.session.wheel_identity import SensorsHeard, configured, wheel_address

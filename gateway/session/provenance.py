@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
 
-from gateway.closure.group_making import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA
-from gateway.closure.observation import Group, Remark
+from gateway.closure.data.campaign_data import Group, Remark
+from gateway.closure.data.group_statistics import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
 from gateway.reasons import Code, Reason
 

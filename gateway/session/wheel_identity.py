@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from firmware_protocol.batch import FrameBatch
+from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.messages import Environment, Hello, MessageType
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
 from gateway.reasons import Code, Level, Notice, Reason

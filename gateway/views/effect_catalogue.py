@@ -8,7 +8,8 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.catalogue import candidates, catalogue, group_of
+from gateway.closure.effects.effect import (
     BaselineModel,
     Confounder,
     Effect,
@@ -18,8 +19,7 @@ from gateway.closure.effects.base import (
     SignalEffect,
     SpectrumEffect,
 )
-from gateway.closure.effects.catalogue import candidates, catalogue, group_of
-from gateway.closure.findings import fitted_parameter
+from gateway.closure.inference.findings import fitted_parameter
 from gateway.constants import AXIS_NAMES
 from gateway.views.report.quantities import show_fitted, typeset
 

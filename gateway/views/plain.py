@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, codes_of
 from gateway.views.numbers import Shown, kpa

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from gateway.constants import RING_NUMBERS
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Reason
 from gateway.views.numbers import UNITS, Shown, show, split_name

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from firmware_protocol.messages import Environment, Frame, Hello, HubStatus, LogLevel, LogText
-from gateway.estimators.base import Estimate
+from gateway.estimators.estimator import Estimate
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Level, Notice, Reason
 from gateway.types import FloatArray

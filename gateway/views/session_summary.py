@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
 from gateway.reasons import Reason
 from gateway.views.numbers import MISSING, duration, fixed, percent, show

@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
-from gateway.closure.effects.base import BaselineModel
-from gateway.closure.observation import Campaign
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.effect import BaselineModel
 from gateway.config.effects_file import load_effects
 from gateway.errors import OutputError, TreadlinkError
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter

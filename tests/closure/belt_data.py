@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, GroupConditions, ModelledBlock
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL, RADIAL, GroupConditions, ModelledBlock
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Revolution
+from gateway.estimators.estimator import Revolution
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform

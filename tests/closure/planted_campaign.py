@@ -12,7 +12,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from gateway.closure.effects.base import (
+from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
     RADIAL,
@@ -23,12 +25,10 @@ from gateway.closure.effects.base import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.fit import Fit, fit_model
-from gateway.closure.likelihood import Whitened, whiten
-from gateway.closure.model import AngleEffect, ClosureModel
-from gateway.closure.observation import ORDERS, Block, Campaign, Group
-from gateway.closure.starting import angle_effects, make_core
+from gateway.closure.inference.fit import Fit, fit_model
+from gateway.closure.inference.likelihood import Whitened, whiten
+from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.types import ComplexArray, FloatArray

@@ -8,7 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     FIELD_SIZE,
     LATERAL,
@@ -17,7 +18,6 @@ from gateway.closure.effects.base import (
     ModelledBlock,
     SignalEffect,
 )
-from gateway.closure.effects.catalogue import catalogue
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.scenario import parse_scenario

@@ -8,15 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.assembly import base_signal
-from gateway.closure.effects.base import (
-    CIRCUMFERENTIAL,
-    CORRECTED,
-    RADIAL,
-    BaselineModel,
-    ModelledBlock,
-    RingEffect,
-)
 from gateway.closure.effects.belt_geometry import (
     from_mid_revolution,
     gravity_projections,
@@ -26,8 +17,17 @@ from gateway.closure.effects.belt_geometry import (
     spin_projections,
 )
 from gateway.closure.effects.catalogue import candidates, catalogue
-from gateway.closure.exact_core import ExactCore
-from gateway.closure.ring_options import RingOptions
+from gateway.closure.effects.effect import (
+    CIRCUMFERENTIAL,
+    CORRECTED,
+    RADIAL,
+    BaselineModel,
+    ModelledBlock,
+    RingEffect,
+)
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.sensor_signal import base_signal
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, EXTENSION_N, OMEGA, RADIUS_M, THETA, at, averaged, block_of, limited

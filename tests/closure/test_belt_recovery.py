@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.exact_core import ExactCore
-from gateway.closure.fit import fit_model
-from gateway.closure.likelihood import whiten
-from gateway.closure.model import AngleEffect, ClosureModel
-from gateway.closure.observation import ORDERS, Block, Campaign, Group
-from gateway.closure.trial import refit, try_effect
+from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.fit import fit_model
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
+from gateway.closure.model.exact_baseline import ExactCore
 from gateway.types import FloatArray
 from tests.closure.belt_data import at
 

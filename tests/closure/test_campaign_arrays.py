@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.closure.collecting import carried_order, waveform_orders
-from gateway.closure.deviations import deviation_rate_hz, deviations
-from gateway.closure.grouping import alike, folded, modes, telling, tire_states
-from gateway.closure.observation import ORDERS
-from gateway.closure.scatter import settle
+from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.data.condition_groups import alike, folded, modes, telling, tire_states
+from gateway.closure.data.revolution_deviations import deviation_rate_hz, deviations
+from gateway.closure.data.revolution_orders import carried_order, waveform_orders
+from gateway.closure.data.revolution_scatter import settle
 from gateway.signal.nonsynchronous_spectrum import welch_spectrum
 from gateway.signal.order_spectrum import order_coefficients
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.closure.group_making import CUT_OFF, FEW
+from gateway.closure.data.group_statistics import CUT_OFF, FEW
 from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import RecordingError
@@ -17,7 +17,7 @@ from gateway.importing.importer import import_file
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign import MAX_GROUPS, SPARE, read_campaign
 from gateway.views.wording import text
 from tests.testkit.campaign_recordings import START_NS, write_recording

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gateway.closure import residual
-from gateway.closure.changing import SCALING, beside_changes, changing
-from gateway.closure.diagnosis import Scaling, ScalingStatus, Unexplained
-from gateway.closure.observation import Campaign
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.inference import residual
+from gateway.closure.inference.non_stationary import SCALING, beside_changes, changing
+from gateway.closure.result import Scaling, ScalingStatus, Unexplained
 from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, TWO_SPEEDS, campaign_of, fitted, with_blocks
 
 LATERAL_ORDER_3 = (np.arange(3) == 1)[:, None] * (np.arange(111) == 3)

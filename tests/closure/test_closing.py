@@ -9,15 +9,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gateway.closure.closing import Closed, close_loop
-from gateway.closure.diagnosis import Finding, Verdict
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, BaselineModel
-from gateway.closure.exact_core import ExactCore
-from gateway.closure.held_out import agreement
-from gateway.closure.likelihood import whiten
-from gateway.closure.model import AngleEffect
-from gateway.closure.observation import ORDERS, Campaign
-from gateway.closure.starting import make_core
+from gateway.closure.data.campaign_data import ORDERS, Campaign
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, BaselineModel
+from gateway.closure.inference.hold_out import agreement
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.inference.validated_selection import Closed, close_loop
+from gateway.closure.model.baseline_registry import make_core
+from gateway.closure.model.closure_model import AngleEffect
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.result import Finding, Verdict
 from gateway.errors import TreadlinkError
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.reasons import Code, Reason

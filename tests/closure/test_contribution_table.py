@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.closure.contribution import contribution_table
-from gateway.closure.diagnosis import Finding, Fitted, Verdict
+from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.exact_core import ExactCore
-from gateway.closure.model import ClosureModel
-from gateway.closure.observation import ORDERS, Block, Campaign, Group
+from gateway.closure.inference.effect_contribution import contribution_table
+from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.signal.effect_correction import CorrectionTable
 from tests.closure.belt_data import at
 

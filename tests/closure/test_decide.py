@@ -9,12 +9,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.closure.decide import NOTHING, deciding_recording
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions, ModelledBlock
-from gateway.closure.fit import Fit
-from gateway.closure.likelihood import Whitened, whiten
-from gateway.closure.selection import select
-from gateway.closure.starting import make_core
+from gateway.closure.effects.effect import (
+    CIRCUMFERENTIAL,
+    LATERAL,
+    RADIAL,
+    BaselineModel,
+    GroupConditions,
+    ModelledBlock,
+)
+from gateway.closure.inference.experiment_design import NOTHING, deciding_recording
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.forward_selection import select
+from gateway.closure.inference.likelihood import Whitened, whiten
+from gateway.closure.model.baseline_registry import make_core
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (

@@ -8,10 +8,10 @@ from typing import Any, cast
 
 import pytest
 
-from gateway.closure import findings
-from gateway.closure.decide import deciding_recording
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.model import AngleEffect
+from gateway.closure.inference import findings
+from gateway.closure.inference.experiment_design import deciding_recording
+from gateway.closure.model.closure_model import AngleEffect
 from gateway.reasons import Code, Reason
 
 AGAIN = Reason(Code.RECORD_AT_ANOTHER_SPEED)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.closure.diagnose import _notes
-from gateway.closure.effects.base import BaselineModel
-from gateway.closure.starting import make_core
+from gateway.closure.closed_loop import _notes
+from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.model.baseline_registry import make_core
 from gateway.reasons import Code, Reason
 from tests.closure.planted_campaign import TWO_SPEEDS, campaign_of
 

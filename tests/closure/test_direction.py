@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from gateway.closure.diagnose import diagnose
-from gateway.closure.direction import turned_round
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL, GroupConditions
+from gateway.closure.closed_loop import diagnose
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
+from gateway.closure.inference.rolling_direction import turned_round
 from gateway.errors import TreadlinkError
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.closure.assembly import THETA, orders_field
-from gateway.closure.diagnosis import Verdict
-from gateway.closure.effects.base import CIRCUMFERENTIAL, RADIAL
+from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.belt_geometry import slopes
 from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL
 from gateway.closure.effects.wave_packets import sensor_view
-from gateway.closure.exact_core import ExactCore
-from gateway.closure.fit import Fit, fit_model
-from gateway.closure.likelihood import Whitened, whiten
-from gateway.closure.model import AngleEffect, ClosureModel
-from gateway.closure.observation import Campaign
-from gateway.closure.starting import angle_effects
-from gateway.closure.trial import refit, try_effect
+from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.fit import Fit, fit_model
+from gateway.closure.inference.likelihood import Whitened, whiten
+from gateway.closure.model.baseline_registry import angle_effects
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.model.sensor_signal import THETA, orders_field
+from gateway.closure.result import Verdict
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from gateway.session.campaign import read_campaign

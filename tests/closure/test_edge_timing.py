@@ -16,15 +16,15 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 from closure_rig.draw import Kind, Order, draw
 from closure_rig.record import record
 
-from gateway.closure.collecting import waveform_orders
-from gateway.closure.diagnosis import Verdict
-from gateway.closure.edge_finding import beside_edges, edge_findings
-from gateway.closure.edge_timing import TERMS, Edges, bent_back, compare_edges, orders_bent_back
-from gateway.closure.effects.base import BaselineModel, ScatterEffect
+from gateway.closure.data.campaign_data import ORDERS, Block, EdgeTiming, Group
+from gateway.closure.data.contact_edge_timing import TERMS, Edges, bent_back, compare_edges, orders_bent_back
+from gateway.closure.data.revolution_orders import waveform_orders
+from gateway.closure.data.revolution_scatter import regressors
 from gateway.closure.effects.catalogue import candidates, catalogue
-from gateway.closure.observation import ORDERS, Block, EdgeTiming, Group
-from gateway.closure.scatter import regressors
-from gateway.closure.starting import angle_effects
+from gateway.closure.effects.effect import BaselineModel, ScatterEffect
+from gateway.closure.inference.contact_edge_jitter import beside_edges, edge_findings
+from gateway.closure.model.baseline_registry import angle_effects
+from gateway.closure.result import Verdict
 from gateway.reasons import Code, Reason
 from gateway.session.campaign import read_campaign
 from gateway.types import FloatArray

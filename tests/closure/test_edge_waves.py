@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, SignalEffect
 from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, SignalEffect
 from gateway.closure.effects.wave_packets import REFERENCE_MPS, sensor_view
-from gateway.closure.exact_core import ExactCore
-from gateway.closure.fit import FitFailedError, fit_model
-from gateway.closure.likelihood import whiten
-from gateway.closure.model import ClosureModel
-from gateway.closure.starting import angle_effects
-from gateway.closure.trial import refit, try_effect
+from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.fit import FitFailedError, fit_model
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.model.baseline_registry import angle_effects
+from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.exact_baseline import ExactCore
 from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, THETA, block_of
 from tests.closure.test_belt_recovery import campaign

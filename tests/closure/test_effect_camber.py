@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.cores import Core
-from gateway.closure.decide import deciding_recording
-from gateway.closure.effects.base import LATERAL, BaselineModel, GroupConditions
-from gateway.closure.likelihood import whiten
-from gateway.closure.rivals import rivals_of
-from gateway.closure.selection import select
-from gateway.closure.starting import make_core
+from gateway.closure.effects.effect import LATERAL, BaselineModel, GroupConditions
+from gateway.closure.inference.confounders import rivals_of
+from gateway.closure.inference.experiment_design import deciding_recording
+from gateway.closure.inference.forward_selection import select
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.model.baseline import Core
+from gateway.closure.model.baseline_registry import make_core
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.catalogue import catalogue, group_of
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
     RADIAL,
@@ -18,8 +19,7 @@ from gateway.closure.effects.base import (
     SignalEffect,
     SpectrumEffect,
 )
-from gateway.closure.effects.catalogue import catalogue, group_of
-from gateway.closure.ring_options import RingOptions
+from gateway.closure.model.ring_options import RingOptions
 from gateway.types import FloatArray
 from tests.closure.belt_data import CONDITIONS, THETA, at, block_of
 

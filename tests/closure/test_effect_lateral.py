@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     FIELD_SIZE,
     LATERAL,
@@ -20,7 +20,7 @@ from gateway.closure.effects.base import (
 )
 from gateway.closure.effects.lateral_loads import CarcassCompliance, Conicity, PlySteer
 from gateway.closure.effects.mounting import YawTilt
-from gateway.closure.lateral_response import Load, Stiffness, unit_response
+from gateway.closure.model.lateral_response import Load, Stiffness, unit_response
 from gateway.physics.laminate import crossed_coupling_length
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import RADIAL, GroupConditions
-from gateway.closure.findings import fitted_parameter
-from gateway.closure.rivals import rivals_of
+from gateway.closure.effects.effect import RADIAL, GroupConditions
+from gateway.closure.inference.confounders import rivals_of
+from gateway.closure.inference.findings import fitted_parameter
 from gateway.types import FloatArray
 from gateway.views.report.quantities import show_fitted
 from tests.closure.planted_campaign import (

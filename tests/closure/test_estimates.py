@@ -7,18 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure import closing, estimates, held_out
-from gateway.closure.diagnose import diagnose
-from gateway.closure.diagnosis import FAR_OFF, Verdict
-from gateway.closure.effects.base import BaselineModel, GroupConditions
+from gateway.closure.closed_loop import diagnose
+from gateway.closure.data.campaign_data import ORDERS
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.estimates import estimates_of, full_covariance
-from gateway.closure.fit import linearised
-from gateway.closure.likelihood import whiten
-from gateway.closure.observation import ORDERS
-from gateway.closure.rivals import rivals_of
-from gateway.closure.selection import select
-from gateway.closure.starting import make_core
+from gateway.closure.effects.effect import BaselineModel, GroupConditions
+from gateway.closure.inference import hold_out as held_out
+from gateway.closure.inference import number_estimates as estimates
+from gateway.closure.inference import validated_selection as closing
+from gateway.closure.inference.confounders import rivals_of
+from gateway.closure.inference.fit import linearised
+from gateway.closure.inference.forward_selection import select
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.inference.number_estimates import estimates_of, full_covariance
+from gateway.closure.model.baseline_registry import make_core
+from gateway.closure.result import FAR_OFF, Verdict
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray

@@ -10,11 +10,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
+from gateway.closure.data.campaign_data import ORDERS, Campaign
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.exact_core import ExactCore
-from gateway.closure.held_out import FoldError, agreement, hold_out, hold_out_fold, over_noise, summary
-from gateway.closure.observation import ORDERS, Campaign
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
+from gateway.closure.inference.hold_out import FoldError, agreement, hold_out, hold_out_fold, over_noise, summary
+from gateway.closure.model.exact_baseline import ExactCore
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.types import ComplexArray, FloatArray
 from tests.closure.planted_campaign import (

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import LATERAL, GroupConditions
+from gateway.closure.effects.effect import LATERAL, GroupConditions
 from gateway.closure.effects.lateral_loads import STIFFNESSES
-from gateway.closure.one_belt import agree, another_belt, common
+from gateway.closure.inference.lateral_consistency import agree, another_belt, common
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import ALL_AXES, TWO_SPEEDS, Plant, among, campaign_of, fitted, ring

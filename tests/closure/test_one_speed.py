@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.closure.diagnosis import Finding, Verdict
-from gateway.closure.one_speed import FIXED_FREQUENCY, doubted, is_one_speed
+from gateway.closure.inference.single_speed import FIXED_FREQUENCY, doubted, is_one_speed
+from gateway.closure.result import Finding, Verdict
 from gateway.reasons import Code, Reason
 from tests.closure.planted_campaign import ONE_SPEED, TWO_SPEEDS, among, campaign_of
 

@@ -7,8 +7,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gateway.closure import likelihood
-from gateway.closure.diagnosis import Finding, Fitted, HeldOut, TireState, Verdict
+from gateway.closure.inference import likelihood
+from gateway.closure.result import Finding, Fitted, HeldOut, TireState, Verdict
 from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.signal.order_spectrum import order_coefficients as reference_coefficients

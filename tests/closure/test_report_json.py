@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.closure.diagnosis import Diagnosis, Fitted, Scaling, ScalingStatus
+from gateway.closure.result import Diagnosis, Fitted, Scaling, ScalingStatus
 from gateway.errors import OutputError
 from gateway.views.report.diagnosis_json import FORMAT, FORMAT_VERSION, diagnosis_json, write_json
 from gateway.views.report.phrases import residual_sentence, scaling_text

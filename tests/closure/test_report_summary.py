@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.closure.diagnosis import Fitted, TireState
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.findings import fitted_parameter
+from gateway.closure.inference.findings import fitted_parameter
+from gateway.closure.result import Fitted, TireState
 from gateway.views.report.quantities import show_fitted, significant, span_text, typeset
 from gateway.views.report.terminal import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.closure.diagnosis import Finding, Verdict
+from gateway.closure.result import Finding, Verdict
 from gateway.reasons import Code, Reason
 from gateway.views.report.phrases import saved_text, why_unsaved
 from tests.testkit.diagnosis_data import empty, ordinary

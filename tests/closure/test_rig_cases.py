@@ -26,7 +26,7 @@ from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.recording.reader import RecordingReader
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 
 NULL = Order(Kind.NOTHING, 3)
 

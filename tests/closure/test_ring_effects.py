@@ -8,11 +8,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import BaselineModel, GroupConditions, RingEffect
 from gateway.closure.effects.catalogue import candidates, catalogue
-from gateway.closure.exact_core import ExactCore
-from gateway.closure.ring_options import RingOptions
-from gateway.closure.series_core import SeriesCore
+from gateway.closure.effects.effect import BaselineModel, GroupConditions, RingEffect
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.series_baseline import SeriesCore
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders

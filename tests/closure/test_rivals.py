@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import LATERAL, GroupConditions
-from gateway.closure.model import AngleEffect
-from gateway.closure.observation import Campaign
-from gateway.closure.rivals import rivals_of
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.effect import LATERAL, GroupConditions
+from gateway.closure.inference.confounders import rivals_of
+from gateway.closure.model.closure_model import AngleEffect
 from tests.closure.planted_campaign import (
     ALL_AXES,
     BLOCKS,

@@ -7,19 +7,19 @@ import math
 import numpy as np
 import pytest
 
-from gateway.closure import gates
-from gateway.closure.diagnose import diagnose
-from gateway.closure.diagnosis import FAR_OFF
-from gateway.closure.effects.base import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
+from gateway.closure.closed_loop import diagnose
 from gateway.closure.effects.catalogue import candidates, catalogue
-from gateway.closure.judging import is_taken
-from gateway.closure.likelihood import whiten
-from gateway.closure.model import AngleEffect
-from gateway.closure.rivals import fit_without
-from gateway.closure.selection import Selection, select
-from gateway.closure.starting import angle_effects, make_core
-from gateway.closure.taking_out import taken_out
-from gateway.closure.trial import refit, try_effect
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel, GroupConditions
+from gateway.closure.inference import acceptance_tests as acceptance
+from gateway.closure.inference.ablation import taken_out
+from gateway.closure.inference.candidate_selection import is_taken
+from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.confounders import fit_without
+from gateway.closure.inference.forward_selection import Selection, select
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.closure.model.closure_model import AngleEffect
+from gateway.closure.result import FAR_OFF
 from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
@@ -122,7 +122,7 @@ def test_indirectly_affected_axis_is_not_tested() -> None:
     fit, _ = fitted(campaign_of(CONDITIONS, plant, noise_mps2=0.2, axes=ALL_AXES), *effects)
     offset, _ = effects
     assert fit.vector[fit.model.layout.effect(offset.name)] == pytest.approx(depth_m, rel=0.1)
-    assert not gates.lopsided(fit, offset, 1.0)
+    assert not acceptance.lopsided(fit, offset, 1.0)
 
 
 def test_edge_waves_stand_or_travel() -> None:
@@ -183,4 +183,6 @@ def test_ablation_matches_a_fit_without_the_effect() -> None:
     assert linear.held_out == pytest.approx(without.held_out(), abs=0.5)
     assert linear.fall == pytest.approx(without.misfit - fit.misfit, abs=0.5)
     # One that is not there lowers nothing.
-    assert gates.useless(effect, linear.fall, linear.held_out - fit.held_out(), gates.overdispersion(fit, data))
+    assert acceptance.useless(
+        effect, linear.fall, linear.held_out - fit.held_out(), acceptance.overdispersion(fit, data)
+    )

@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     FIELD_SIZE,
     RADIAL,
     ModelledBlock,
     RingEffect,
 )
-from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.ring_options import RingOptions
+from gateway.closure.model.ring_options import RingOptions
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.simulator.tire_table import look_up

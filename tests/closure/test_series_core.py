@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gateway.closure.effects.base import FIELD_SIZE, BaselineModel, GroupConditions
-from gateway.closure.ring_options import RingOptions
-from gateway.closure.series_core import SeriesCore
+from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.series_baseline import SeriesCore
 from gateway.physics.contact_pressure import road_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import Kinematics, RoadForce, modal_stiffness, signal_orders

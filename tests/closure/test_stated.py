@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.closure.observation import Remark
+from gateway.closure.data.campaign_data import Remark
 from gateway.config.vehicle import parse_vehicle
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader

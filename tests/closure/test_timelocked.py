@@ -8,17 +8,17 @@ import math
 import numpy as np
 import pytest
 
-from gateway.closure import timelocked
-from gateway.closure.diagnosis import Scaling, ScalingStatus, Verdict
-from gateway.closure.effects.base import GroupConditions, SpectrumEffect
+from gateway.closure.data.campaign_data import ORDERS, Block, Group
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.observation import ORDERS, Block, Group
-from gateway.closure.timelocked import TimeLocked, diagnose_time_locked
-from gateway.closure.timelocked_jitter import TERMS
-from gateway.closure.timelocked_left import parts_left
-from gateway.closure.timelocked_model import Site
-from gateway.closure.timelocked_selection import place_of
-from gateway.closure.timelocked_spectra import group_spectra
+from gateway.closure.effects.effect import GroupConditions, SpectrumEffect
+from gateway.closure.inference import nonsynchronous as timelocked
+from gateway.closure.inference.edge_jitter_spectrum import TERMS
+from gateway.closure.inference.nonsynchronous_density import Site
+from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
+from gateway.closure.inference.nonsynchronous_selection import place_of
+from gateway.closure.inference.nonsynchronous_spectra import group_spectra
+from gateway.closure.inference.unexplained_spectrum import parts_left
+from gateway.closure.result import Scaling, ScalingStatus, Verdict
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Reason
 from tests.closure.timelocked_data import simulated_groups

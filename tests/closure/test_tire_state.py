@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.effects.base import RADIAL, BaselineModel
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.data.condition_groups import tire_states
 from gateway.closure.effects.catalogue import candidates
-from gateway.closure.exact_core import ExactCore, ring_parameters
-from gateway.closure.grouping import tire_states
-from gateway.closure.likelihood import whiten
-from gateway.closure.model import ClosureModel
-from gateway.closure.observation import Campaign
-from gateway.closure.ring_options import RingOptions
-from gateway.closure.selection import select
-from gateway.closure.starting import angle_effects, make_core
-from gateway.closure.tire_state import shift, slopes
+from gateway.closure.effects.effect import RADIAL, BaselineModel
+from gateway.closure.inference.forward_selection import select
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.exact_baseline import ExactCore, ring_parameters
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.tire_state import shift, slopes
 from tests.closure.planted_campaign import LOAD_N, PLANE, campaign_of, conditions
 
 NAMES = ExactCore.names

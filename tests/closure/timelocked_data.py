@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from firmware_protocol.decoder import FrameDecoder
-from gateway.closure.collecting import RevolutionStore
-from gateway.closure.group_making import Declared, make_groups
-from gateway.closure.observation import Group
+from gateway.closure.data.campaign_data import Group
+from gateway.closure.data.group_statistics import Declared, make_groups
+from gateway.closure.data.revolution_orders import RevolutionStore
 from gateway.config.validation import parse_document
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline

@@ -95,6 +95,6 @@ def test_only_the_forward_estimator_shares_the_simulators_solver():
     assert sharing == {"forward"}
 
 
-@pytest.mark.parametrize("module", ["gateway.simulator.tire_model", "gateway.closure.exact_core"])
+@pytest.mark.parametrize("module", ["gateway.simulator.tire_model", "gateway.closure.model.exact_baseline"])
 def test_simulator_and_exact_model_share_one_solver(module):
     assert uses_solver(module)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import ConfigError
-from gateway.estimators.base import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
 from tests.testkit.exact_ring import RADIUS_M, solution

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Estimate, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.forward import SHAPE, ForwardEstimator
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
 from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P, packet_basis

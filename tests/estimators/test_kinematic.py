@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Estimate, Revolution, Status
+from gateway.estimators.estimator import Estimate, Revolution, Status
 from gateway.estimators.kinematic import KinematicEstimator
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.exact_ring import RADIUS_M, solution

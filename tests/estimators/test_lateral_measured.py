@@ -9,7 +9,7 @@ import pytest
 
 from firmware_protocol.messages import Coupling
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.estimators.lateral_shape import lateral_record, slopes
 from tools.generators.lateral_signals import RADIUS_M, Sensor, through_pipeline
 

@@ -12,7 +12,7 @@ import pytest
 
 from firmware_protocol.messages import Coupling
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import lateral_record, slopes
 from gateway.estimators.ply_steer import NAMES, ROLL_NAME, PlySteerEstimator, separate_plysteer_conicity
 from gateway.estimators.registry import make_estimator

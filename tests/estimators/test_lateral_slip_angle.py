@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.slip_angle import (
     NAMES,
     REFERENCE_SETTLED,

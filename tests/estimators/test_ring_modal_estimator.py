@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.ring_modal import RingModalEstimator, fit_modal
 from gateway.estimators.ring_paper import RingPaperEstimator
 from gateway.physics.contact_pressure import road_orders

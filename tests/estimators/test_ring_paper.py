@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import AngleAverage, Estimate, Status, TireConditions
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
+from gateway.estimators.estimator import AngleAverage, Estimate, Status, TireConditions
 from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import signal_orders, signal_waveform, stiffness_terms

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, simulated

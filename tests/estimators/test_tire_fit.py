@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.tire_fit import TirePoint, fit_load_calibration, reference_numbers
 from gateway.physics.rolling_ring import solve_rolling_ring
 from gateway.reasons import Code, codes_of

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Estimate, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.weak_form import WaveformFits, WeakFormEstimator, fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.estimators.base import Estimate, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.load import LoadEstimator
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers, TireData
 from gateway.estimators.wear import WearEstimator

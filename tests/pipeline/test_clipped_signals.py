@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Reason, codes_of

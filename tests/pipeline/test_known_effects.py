@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.collecting import waveform_orders
+from gateway.closure.data.revolution_orders import waveform_orders
 from gateway.config.validation import parse_document
 from gateway.config.vehicle import parse_vehicle
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.io.source import Chunk
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup
 from gateway.reasons import Code, codes_of
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
 from gateway.signal.effect_correction import EffectParameter
 from gateway.simulator.scenario import vehicle_toml

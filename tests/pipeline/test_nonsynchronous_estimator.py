@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.estimators.nonsynchronous import NonsynchronousEstimator
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline

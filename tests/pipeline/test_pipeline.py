@@ -9,11 +9,11 @@ import random
 import numpy as np
 import pytest
 
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, MessageType
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.pipeline.results import WheelState
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from hypothesis import strategies as st
 
 from firmware_protocol import wire
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_payload, encode_raw
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.decoder import FrameDecoder

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from firmware_protocol import wire
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_raw
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import MessageType, SampleBlock

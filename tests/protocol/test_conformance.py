@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import firmware_protocol
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import decode_payload, encode_frame
 from firmware_protocol.conformance import make_vectors
 from firmware_protocol.declaration import WireFrame, to_frame

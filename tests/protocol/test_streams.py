@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from firmware_protocol import block_scan as scan
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_payload, encode_raw
 from firmware_protocol.decoder import FrameDecoder
 from tests.protocol.stream_data import (

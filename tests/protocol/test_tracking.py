@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_frame, encode_raw
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.decoder import FrameDecoder

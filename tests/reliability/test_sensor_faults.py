@@ -12,7 +12,7 @@ import pytest
 
 from firmware_protocol.messages import Axis, Environment
 from gateway.config.vehicle import parse_vehicle
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from gateway.pipeline.results import Alarm, RevolutionResult

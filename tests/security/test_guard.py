@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import HUB_ITSELF
 from gateway.reasons import Code, Level, Reason

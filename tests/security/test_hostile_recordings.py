@@ -22,7 +22,7 @@ from gateway.recording.mcap_layout import CHANNEL_METADATA, RAW_ENCODING, SESSIO
 from gateway.recording.mcap_records import CHUNK_HEAD, MAGIC, RECORD_HEAD
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 
 ESCAPE = "\x1b]0;owned\x07\x1b[2J\x9b31m<script>alert(1)</script>"
 FRAME = encode_raw(6, b"\1" + b"\x1b[2Jlog", 0, 255, 0, 0)

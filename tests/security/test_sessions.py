@@ -20,7 +20,7 @@ from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import KeyFile, counters_file
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
 from gateway.views.wording import notice_text, text
 from tools.generators.security_attacks import downgraded, forged

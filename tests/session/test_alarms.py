@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.config.vehicle import Thresholds
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import LinkSnapshot, WheelCounters, WheelSnapshot
 from gateway.reasons import Code, Reason
 from gateway.session.alarms import AlarmName, alarms

@@ -15,7 +15,7 @@ from gateway.reasons import Code, Level, Notice, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.session.alarms import AlarmName
-from gateway.session.batch import estimate_items
+from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
 
 

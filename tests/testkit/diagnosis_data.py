@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.closure.diagnosis import (
+from gateway.closure.result import (
     Curves,
     Diagnosis,
     Finding,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from gateway.estimators.base import AngleAverage, Revolution, TireConditions
+from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
 from gateway.physics.rolling_ring import RingSolution
 from gateway.reasons import Reason
 from gateway.signal.contact_edges import find_contact_edges

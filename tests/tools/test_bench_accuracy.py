@@ -16,7 +16,7 @@ from accuracy.measure import Effort, Outcome, Sample, measure
 from accuracy.signals import samples_of, truth_of
 from accuracy.tables import case_tables, grid_tables, percent, use_tables
 
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 
 SMALL = Effort(clean=6, single=8, single_slow=0, runs=2)
 NAMES = ("kinematic", "weak-form", "load", "wear")

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import (
     Alarm,
     LinkSnapshot,

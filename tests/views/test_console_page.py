@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import WheelCounters, WheelSnapshot, WheelState
 from gateway.reasons import Code, Notice, Reason
 from gateway.views.console.page import ViewState, compose, panel_grid

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.views.numbers import MISSING, duration, file_size, fixed, kpa, percent, round_to_error, show, split_name
 
 

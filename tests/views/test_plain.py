@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.reasons import Code, Notice, Reason
 from gateway.views.plain import HEADER_EVERY, LINE_WIDTH, PlainView
 from gateway.views.wording import text

@@ -1,7 +1,7 @@
 import dataclasses
 import math
 
-from gateway.estimators.base import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status
 from gateway.reasons import Code, Reason
 from gateway.views.numbers import MISSING
 from gateway.views.readout import read_result

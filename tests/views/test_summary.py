@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import OutputError
-from gateway.estimators.base import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.tables.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling, Hello
-from gateway.estimators.base import AngleAverage, Revolution, TireConditions
+from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup

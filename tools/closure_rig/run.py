@@ -117,7 +117,7 @@ def default_jobs() -> int:
 
 
 def _diagnose(given: Recorded, model: str) -> str:
-    from gateway.closure.effects.base import BaselineModel
+    from gateway.closure.effects.effect import BaselineModel
     from gateway.session.campaign_diagnosis import diagnose_recordings
     from gateway.views.report.diagnosis_json import diagnosis_json
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_frame, encode_raw
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock

@@ -9,7 +9,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.batch import BatchDecoder
+from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Frame, MessageType, SampleBlock

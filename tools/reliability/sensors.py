@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gateway.clock import ManualClock
 from gateway.config.vehicle import parse_vehicle
-from gateway.estimators.base import Estimate
+from gateway.estimators.estimator import Estimate
 from gateway.io.source import open_source
 from gateway.session.core import SessionCore
 from gateway.views.wording import text

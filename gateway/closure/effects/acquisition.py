@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtr
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.belt_geometry import belt_inertia
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     FIELD_SIZE,
     LATERAL,
@@ -24,7 +25,6 @@ from gateway.closure.effects.base import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.effects.belt_geometry import belt_inertia
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import ComplexArray, FloatArray
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, ModelledBlock
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, ModelledBlock
 from gateway.types import ComplexArray, FloatArray
 
 # Highest order of a derivative. Higher ones are not compared, and the solver's grid makes the highest.

@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from gateway.closure.effects.base import Confounder, GroupConditions, Parameter, RingEffect
-from gateway.closure.ring_options import RingOptions
+from gateway.closure.effects.effect import Confounder, GroupConditions, Parameter, RingEffect
+from gateway.closure.model.ring_options import RingOptions
 from gateway.types import FloatArray
 
 

@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.belt_geometry import SLOPE_ORDERS, relative_offset
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     FIELD_SIZE,
     RADIAL,
@@ -16,7 +17,6 @@ from gateway.closure.effects.base import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.effects.belt_geometry import SLOPE_ORDERS, relative_offset
 from gateway.closure.effects.wave_packets import Packet, decaying, free_belt, pulse, sensor_view
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray

@@ -7,7 +7,7 @@ import pkgutil
 from functools import cache
 
 from gateway.closure import effects as package
-from gateway.closure.effects.base import BaselineModel, Effect
+from gateway.closure.effects.effect import BaselineModel, Effect
 
 
 @cache

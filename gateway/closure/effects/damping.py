@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gateway.closure.effects.base import Confounder, Parameter, RingEffect
+from gateway.closure.effects.effect import Confounder, Parameter, RingEffect
 
 
 class StructuralDamping(RingEffect):

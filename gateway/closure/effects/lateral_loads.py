@@ -1,7 +1,7 @@
 """Lateral loads: ply steer, conicity, side force at a slip angle, and camber.
 
 The first three push, shear or bend the belt sideways. They share the belt's lateral stiffnesses and its response,
-`gateway.closure.lateral_response`.
+`gateway.closure.model.lateral_response`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.effect import (
     LATERAL,
     Confounder,
     GroupConditions,
@@ -20,7 +20,7 @@ from gateway.closure.effects.base import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.lateral_response import Load, Response, Stiffness, unit_response
+from gateway.closure.model.lateral_response import Load, Response, Stiffness, unit_response
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
     RADIAL,

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
     RADIAL,

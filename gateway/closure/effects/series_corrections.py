@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.effect import (
     CORRECTED,
     EXACT_ONLY,
     RADIAL,
@@ -15,7 +15,7 @@ from gateway.closure.effects.base import (
     Parameter,
     RingEffect,
 )
-from gateway.closure.ring_options import RingOptions
+from gateway.closure.model.ring_options import RingOptions
 from gateway.physics.reference_tire import TABLE_3_LOAD_NUMBER
 from gateway.types import FloatArray
 

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import ModelledBlock
+from gateway.closure.effects.effect import ModelledBlock
 from gateway.types import ComplexArray, FloatArray
 
 REFERENCE_MPS: Final = 20.0

@@ -7,7 +7,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.belt_geometry import (
+    closed_shape,
+    from_mid_revolution,
+    gravity_projections,
+    slopes,
+    spin_projections,
+)
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     CORRECTED,
     LATERAL,
@@ -18,13 +25,6 @@ from gateway.closure.effects.base import (
     Parameter,
     SignalEffect,
     Stage,
-)
-from gateway.closure.effects.belt_geometry import (
-    closed_shape,
-    from_mid_revolution,
-    gravity_projections,
-    slopes,
-    spin_projections,
 )
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Reason

@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.base import (
+from gateway.closure.effects.belt_geometry import belt_inertia, gravity_projections, relative_offset
+from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     RADIAL,
     Confounder,
@@ -18,8 +19,7 @@ from gateway.closure.effects.base import (
     RingEffect,
     Stage,
 )
-from gateway.closure.effects.belt_geometry import belt_inertia, gravity_projections, relative_offset
-from gateway.closure.ring_options import RingOptions
+from gateway.closure.model.ring_options import RingOptions
 from gateway.types import FloatArray
 
 _MM: Final = 1e3

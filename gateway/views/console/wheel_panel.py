@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.base import Status
+from gateway.estimators.estimator import Status
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot, WheelState
 from gateway.types import FloatArray
 from gateway.views.console.styled_rows import (

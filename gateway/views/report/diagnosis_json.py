@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway import __version__
-from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Unexplained
-from gateway.closure.observation import Remark
+from gateway.closure.data.campaign_data import Remark
+from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained
 from gateway.reasons import Reason
 from gateway.views import wording
 from gateway.views.output_file import write_whole

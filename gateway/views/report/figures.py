@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gateway.closure.diagnosis import Curves, Spectra, Trend, Unexplained
+from gateway.closure.result import Curves, Spectra, Trend, Unexplained
 from gateway.constants import AXIS_NAMES
 from gateway.errors import OutputError
 from gateway.types import FloatArray

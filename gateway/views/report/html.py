@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway import __version__
-from gateway.closure.diagnosis import FAR_OFF, Curves, Diagnosis, Spectra, Trend
+from gateway.closure.result import FAR_OFF, Curves, Diagnosis, Spectra, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.views.numbers import fixed, split_name
 from gateway.views.output_file import check_target, write_whole

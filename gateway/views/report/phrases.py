@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from gateway.closure.contribution import MEASURED
-from gateway.closure.diagnosis import (
+from gateway.closure.data.campaign_data import Remark
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.inference.effect_contribution import MEASURED
+from gateway.closure.result import (
     FAR_OFF,
     Diagnosis,
     Finding,
@@ -17,8 +19,6 @@ from gateway.closure.diagnosis import (
     Unexplained,
     Verdict,
 )
-from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.observation import Remark
 from gateway.reasons import Reason
 from gateway.views import wording
 from gateway.views.report.quantities import orders_text, parameter_label, ratio, span_text, typeset

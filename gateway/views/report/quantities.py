@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.diagnosis import Curves, Fitted, TireState
+from gateway.closure.result import Curves, Fitted, TireState
 from gateway.constants import AXIS_NAMES
 from gateway.types import FloatArray
 from gateway.views.numbers import MISSING, UNITS, Unit, round_to_error, split_name

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
-from gateway.closure.diagnosis import Diagnosis, Finding, Fitted, Scaling, ScalingStatus, Verdict
+from gateway.closure.result import Diagnosis, Finding, Fitted, Scaling, ScalingStatus, Verdict
 from gateway.views.numbers import MISSING, fixed
 from gateway.views.report.phrases import (
     SCALINGS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from gateway.closure.diagnosis import FAR_OFF, Diagnosis, Finding
+from gateway.closure.result import FAR_OFF, Diagnosis, Finding
 from gateway.views.numbers import fixed
 from gateway.views.report.phrases import (
     GROWN,

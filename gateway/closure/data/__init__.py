@@ -1,0 +1,1 @@
+"""Campaign data: revolutions grouped by conditions, with their scatter."""

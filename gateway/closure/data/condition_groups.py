@@ -1,0 +1,127 @@
+"""Grouping of revolutions by conditions: speed, load and pressure."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from gateway.types import BoolArray, FloatArray, IntArray
+
+SPEED_WIDTH: Final = 0.03
+LOAD_WIDTH: Final = 0.02
+PRESSURE_WIDTH: Final = 0.02
+TEMPERATURE_WIDTH_K: Final = 5.0
+DRIFT_WIDTH: Final = 0.015
+STATE_LOAD_WIDTH: Final = 0.04
+# How much of a sidewall's stiffness the pressure makes is not known, so that a state holds little of a change.
+STATE_PRESSURE_WIDTH: Final = 0.01
+_ANGLE_WIDTH: Final = 0.08
+# Distance of speeds, as a logarithm, beyond which a further distance adds no information on speed dependence.
+_APART: Final = 0.2
+
+
+def modes(values: FloatArray, width: float) -> IntArray:
+    """Return a label for every value so that values of one label lie within `width` of each other.
+
+    The window with the most values is taken first, so that a plateau stays in one piece. NaN values
+    share a label of their own.
+
+    Args:
+        values: (n,).
+        width: greatest less smallest value of one label.
+
+    Returns:
+        (n,) labels from 0.
+    """
+    labels = np.full(len(values), -1, dtype=np.intp)
+    known = np.flatnonzero(np.isfinite(values))
+    left = known[np.argsort(values[known], kind="stable")]
+    label = 0
+    while len(left):
+        ordered = values[left]
+        last = np.searchsorted(ordered, ordered + width, side="right")
+        begin = int(np.argmax(last - np.arange(len(left))))
+        labels[left[begin : last[begin]]] = label
+        left = np.concatenate((left[:begin], left[last[begin] :]))
+        label += 1
+    labels[labels < 0] = label
+    return labels
+
+
+def alike(
+    omega_radps: FloatArray,
+    load_n: FloatArray,
+    pressure_pa: FloatArray,
+    temperature_degc: FloatArray,
+    drift: FloatArray | None = None,
+) -> list[IntArray]:
+    """Return the places of the revolutions of each group, groups and places in the order of the rows.
+
+    A group's angular speeds lie within 3 %, loads and pressures within 2 %, temperatures within 5 K. With `drift`, the
+    change of speed within a revolution over the speed, speeding up and slowing down are kept apart.
+    """
+    groups = [np.arange(len(omega_radps), dtype=np.intp)]
+    for values, width in (
+        (np.log(load_n), LOAD_WIDTH),
+        (np.log(pressure_pa), PRESSURE_WIDTH),
+        (temperature_degc, TEMPERATURE_WIDTH_K),
+        (np.zeros_like(omega_radps) if drift is None else drift, DRIFT_WIDTH),
+        (np.log(omega_radps), SPEED_WIDTH),
+    ):
+        groups = [part for group in groups for part in _split(group, modes(values[group], width))]
+    return sorted(groups, key=lambda group: float(group.mean()))
+
+
+def tire_states(
+    load_n: FloatArray, pressure_pa: FloatArray, half_angle_rad: FloatArray, load_known: BoolArray
+) -> IntArray:
+    """Return the tire's state of each group, numbered from 0 in the order of the groups.
+
+    Groups of one state have the same load within 4 % and pressure within 1 %; where the load is not known, the same
+    half angle of the contact within 8 % instead.
+    """
+    loads = modes(np.where(load_known, np.log(load_n), np.nan), STATE_LOAD_WIDTH)
+    angles = modes(np.where(load_known, np.nan, np.log(half_angle_rad)), _ANGLE_WIDTH)
+    pressures = modes(np.log(pressure_pa), STATE_PRESSURE_WIDTH)
+    keys = list(zip(loads.tolist(), angles.tolist(), pressures.tolist(), strict=True))
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    return np.array([numbers[key] for key in keys], dtype=np.intp)
+
+
+def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count: FloatArray, most: int) -> IntArray:
+    """Return the places of at most `most` most informative groups, ascending; more where there are more recordings.
+
+    Each recording's largest group is in. Then those follow that have many revolutions at a speed far from all taken.
+
+    Args:
+        recording: (n,) of each group.
+        state: (n,) of the tire.
+        omega_radps: (n,).
+        count: (n,) revolutions.
+        most: groups.
+    """
+    taken = [
+        int(own[np.argmax(count[own])]) for own in (np.flatnonzero(recording == each) for each in np.unique(recording))
+    ]
+    speed = np.log(omega_radps)
+    while len(taken) < min(most, len(count)):
+        away = np.abs(speed[:, None] - speed[taken])
+        away[state[:, None] != state[taken]] = np.inf
+        score = count * np.minimum(1.0, away.min(axis=1) / _APART)
+        score[taken] = -1.0
+        taken.append(int(np.argmax(score)))
+    return np.array(sorted(taken), dtype=np.intp)
+
+
+def folded(count: int, folds: int) -> list[slice]:
+    """Return consecutive stretches of `count` revolutions: `folds` of them, or one each where they are few."""
+    if count < 2 * folds:
+        return [slice(at, at + 1) for at in range(count)]
+    edges = np.linspace(0, count, folds + 1).round().astype(int).tolist()
+    return [slice(low, high) for low, high in pairwise(edges)]
+
+
+def _split(group: IntArray, labels: IntArray) -> list[IntArray]:
+    return [group[labels == label] for label in np.unique(labels)]

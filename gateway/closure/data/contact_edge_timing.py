@@ -1,0 +1,287 @@
+"""Timing of the contact edges of each revolution, and revolutions with that jitter removed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, spline_filter1d
+
+from gateway.closure.data.campaign_data import ORDERS, EdgeTiming
+from gateway.closure.data.condition_groups import folded
+from gateway.closure.data.revolution_scatter import regress, regressors, robust_variance
+from gateway.closure.effects.contact import CONTACT_EDGE_JITTER, EDGE_REACH_RAD
+from gateway.types import ComplexArray, FloatArray, IntArray
+
+TERMS: Final = 4
+"""Of one revolution: how early its leading and its trailing edge are, and how much that grows away from the middle."""
+
+_ROUNDS: Final = 4
+_LEAST: Final = 12
+# The same shapes away from the contact give an upper bound of what everything else makes of them: what is fixed in
+# space makes more of them in some places than in others.
+_ELSEWHERE_RAD: Final = tuple(math.pi + away for away in (-1.0, -0.5, 0.0, 0.5, 1.0))
+# Fall of the deviance from which on revolutions are bent back.
+_EVIDENT: Final = 25.0
+_POINTS: Final = 512
+_FINER: Final = 2
+_SPLINE: Final = 5
+_AT_A_TIME: Final = 128
+_BENDS: Final = 4
+# Number of periods in the running mean that periods are compared with.
+_OVER: Final = 9
+_THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / _POINTS) * np.arange(_POINTS, dtype=np.float64)
+_ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
+_SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Edges:
+    """How early the edges of each revolution came, and how that differs.
+
+    Attributes:
+        early_rad: (n, TERMS) leading edge at the revolution's end, trailing edge at its beginning; shrunk to what
+            noise leaves of it, 0 where they do not scatter.
+        half_angle_rad: of the contact.
+        timing: for the group.
+    """
+
+    early_rad: FloatArray
+    half_angle_rad: float
+    timing: EdgeTiming
+
+    @property
+    def evident(self) -> bool:
+        """Whether the edges scatter at all."""
+        return bool(self.early_rad.any())
+
+
+def bent_back(waveforms: FloatArray, theta_rad: FloatArray, early_rad: FloatArray, half_angle_rad: float) -> FloatArray:
+    """Return waveforms with both edges where they are on average.
+
+    Args:
+        waveforms: (n, ..., points) on an even grid of one revolution.
+        theta_rad: (points,) its angles.
+        early_rad: (n, TERMS) how early leading and trailing edge came.
+        half_angle_rad: of the contact.
+    """
+    points = len(theta_rad)
+    near = np.flatnonzero(np.abs(theta_rad) < half_angle_rad + 1.2 * EDGE_REACH_RAD)
+    result = waveforms.copy()
+    for at in np.flatnonzero(early_rad.any(axis=1)).tolist():
+        # s(theta) = measured(phi) with phi + early window(phi) = theta.
+        place = theta_rad[near]
+        for _ in range(_BENDS):
+            place = theta_rad[near] - early_rad[at] @ CONTACT_EDGE_JITTER.windows(place, half_angle_rad)
+        index = ((place - theta_rad[0]) * (_FINER * points / (2.0 * math.pi)))[None]
+        fine = np.fft.irfft(_FINER * np.fft.rfft(waveforms[at].astype(np.float64)), n=_FINER * points)
+        spline = spline_filter1d(fine.reshape(-1, _FINER * points), order=_SPLINE, mode="grid-wrap")
+        rows = [map_coordinates(row, index, order=_SPLINE, mode="grid-wrap", prefilter=False) for row in spline]
+        result[at][..., near] = np.reshape(rows, (*result[at].shape[:-1], len(near)))
+    return result
+
+
+def orders_bent_back(orders_mps2: ComplexArray, early_rad: FloatArray, half_angle_rad: float) -> ComplexArray:
+    """Return order coefficients (n, 3, ORDERS) of `bent_back` waveforms; NaN stays."""
+    present = np.isfinite(orders_mps2)
+    result = orders_mps2.astype(np.complex128)
+    for begin in range(0, len(orders_mps2), _AT_A_TIME):
+        part = slice(begin, begin + _AT_A_TIME)
+        bent = bent_back(_field(np.nan_to_num(orders_mps2[part])), _THETA, early_rad[part], half_angle_rad)
+        result[part] = _orders(bent)
+    result[~present] = complex(math.nan, math.nan)
+    return result
+
+
+def compare_edges(
+    orders_mps2: NDArray[np.complexfloating],
+    *,
+    index: IntArray,
+    period_s: FloatArray,
+    omega_radps: FloatArray,
+    omega_dot_radps2: FloatArray,
+    half_angle_rad: float,
+    folds: int,
+) -> Edges:
+    """Return how early each revolution's edges came, on the pipeline's angles, and whether that is more than noise.
+
+    A contact whose edges come b and a early makes b s'(theta) and a s'(theta) of the mean waveform s near them. The
+    pipeline puts angle 0 at the contact's centre, somewhere between both, so a contact's b - a is what shows: in the
+    leading edge of one revolution and the trailing edge of the next. How the periods go with it tells which of both
+    edges it is.
+
+    Args:
+        orders_mps2: (n, 3, ORDERS) in the order of time; NaN for absent axes and orders that are not carried.
+        index: (n,) running numbers of the revolutions.
+        period_s: (n,).
+        omega_radps: (n,).
+        omega_dot_radps2: (n,).
+        half_angle_rad: of the contact.
+        folds: parts that the revolutions are cut into for the held-out gain.
+    """
+    count = len(orders_mps2)
+    timing = EdgeTiming()
+    nothing = Edges(np.zeros((count, TERMS)), half_angle_rad, timing)
+    follows = np.flatnonzero(np.diff(index) == 1)
+    if count < _LEAST or len(follows) < _LEAST or not 0.0 < half_angle_rad < 0.5 * math.pi:
+        return nothing
+    raw = orders_mps2.astype(np.complex128)
+    present = np.isfinite(raw).all(axis=0)
+    raw[:, ~present] = 0.0
+    rows = regressors(omega_radps, omega_dot_radps2)
+    usual = np.ones(count, dtype=bool)
+    early = np.zeros((count, TERMS))
+    orders = raw
+    noise = np.zeros((len(_ELSEWHERE_RAD), count, TERMS))
+    for number in range(_ROUNDS):
+        fitted, _ = regress(orders, rows, usual)
+        left = orders - fitted
+        weight = np.where(present, 1.0 / robust_variance(left, usual), 0.0)
+        shapes = _shapes(orders.mean(axis=0), half_angle_rad)
+        early = early + _amplitudes(left, shapes, weight)
+        early -= early.mean(axis=0)
+        if number in (0, _ROUNDS - 1):
+            noise = np.stack([_amplitudes(other, shapes, weight) for other in _cut_elsewhere(left)])
+            timing = _timing(early, noise, follows, folds, count)
+            if timing.chi2 < _EVIDENT:
+                return replace(nothing, timing=timing)
+        orders = orders_bent_back(raw, early, half_angle_rad)
+    own = np.square(noise).mean(axis=(0, 1))
+    known = np.maximum(0.0, 1.0 - own / np.square(early).mean(axis=0))
+    share, share_std = _leading_share(early, noise, follows, period_s * omega_radps.mean())
+    explained, left_over = _explained(raw, orders, rows, half_angle_rad)
+    timing = replace(
+        timing, leading_share=share, leading_share_std=share_std, explained_m2ps4=explained, left_m2ps4=left_over
+    )
+    return Edges(early * known, half_angle_rad, timing)
+
+
+def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int, count: int) -> EdgeTiming:
+    """Return what b - a differ by from contact to contact, by fold."""
+    length = early[follows, 0] - early[follows + 1, 1]
+    other = noise[:, follows, 0] - noise[:, follows + 1, 1]
+    # Steps from one contact to the next: what drifts slowly, as a load does, is no scatter.
+    steps = np.flatnonzero(np.diff(follows) == 1)
+    if len(steps) < _LEAST // 2:
+        return EdgeTiming()
+    power = 0.5 * np.square(np.diff(length))[steps]
+    own = 0.5 * np.square(np.diff(other, axis=1))[:, steps]
+    part = np.zeros(count, dtype=np.intp)
+    for fold, places in enumerate(folded(count, folds)):
+        part[places] = fold
+    of = part[follows[steps]]
+    number = np.bincount(of, minlength=folds).astype(np.float64)
+    mean = np.divide(np.bincount(of, power, folds), number, out=np.zeros(folds), where=number > 0.0)
+    return EdgeTiming(tuple((_INDEPENDENT * number).tolist()), tuple(mean.tolist()), float(own.mean(axis=1).max()))
+
+
+# Of neighbouring steps' squares, which share a contact.
+_INDEPENDENT: Final = 2.0 / 3.0
+
+
+def _shapes(mean: ComplexArray, half_angle_rad: float) -> ComplexArray:
+    """Return what an edge that comes 1 rad early adds, (2, 3, ORDERS)."""
+    slope = _field(1j * _ORDER * mean)
+    return _orders(CONTACT_EDGE_JITTER.windows(_THETA, half_angle_rad)[:, None] * slope)
+
+
+def _amplitudes(left: ComplexArray, shapes: ComplexArray, weight: FloatArray) -> FloatArray:
+    """Return how much of both shapes each revolution holds, (n, 2), weighted least squares."""
+    weighted = np.conj(shapes) * weight
+    matrix = np.einsum("pan,qan->pq", weighted, shapes).real
+    right = np.einsum("pan,kan->kp", weighted, left).real
+    result: FloatArray = right @ np.linalg.pinv(matrix, hermitian=True)
+    return result
+
+
+def _cut_elsewhere(left: ComplexArray) -> list[ComplexArray]:
+    """Return the residuals of revolutions (n, 3, ORDERS) as if their contacts were elsewhere, (n, 3, ORDERS) each.
+
+    In time a revolution runs from angle 0 over pi to 0. The last one lacks its end, which is taken from the first.
+    """
+    field = np.concatenate([_field(left[at : at + _AT_A_TIME]) for at in range(0, len(left), _AT_A_TIME)])
+    stream = np.roll(field, -(_POINTS // 2), axis=-1).transpose(1, 0, 2).reshape(3, -1)
+    found = []
+    for away in _ELSEWHERE_RAD:
+        moved = np.roll(stream, -round(away / (2.0 * math.pi) * _POINTS), axis=-1)
+        cut = np.roll(moved.reshape(3, -1, _POINTS).transpose(1, 0, 2), _POINTS // 2, axis=-1)
+        found.append(_orders(cut))
+    return found
+
+
+def _leading_share(
+    early: FloatArray, noise: FloatArray, follows: IntArray, turned_rad: FloatArray
+) -> tuple[float, float]:
+    """Return the leading edge's share of the mean square of b - a, and its standard error.
+
+    The pipeline's centre lies at a + w (b - a). Of d = b - a the leading edge shows (1 - w) d and the trailing one
+    -w d; the period from one contact to the next is short by what the later centre is early.
+    """
+    length = early[follows, 0] - early[follows + 1, 1]
+    other = noise[:, follows, 0] - noise[:, follows + 1, 1]
+    own = float(np.square(other).mean())
+    power = float(np.square(length).mean()) - own
+    if not power > 0.0:
+        return 0.5, 0.5
+    shown = float((early[follows, 0] * length).mean()) - float((noise[:, follows, 0] * other).mean())
+    ahead = 1.0 - shown / power
+    error = math.sqrt(own / power / len(length))
+    # Revolution k lies between contacts k and k + 1: both contacts' d are known where k - 1 and k + 1 follow.
+    known = np.full(len(early) + 1, math.nan)
+    known[follows + 1] = length
+    step, away = known[1:-1] - known[:-2], turned_rad[:-1]
+    used = np.flatnonzero(np.isfinite(step))
+    if len(used) < _LEAST:
+        return 0.5, 0.5
+    step, away = _detrended(step[used]), _detrended(away[used])
+    below = float(step @ step) - 2.0 * own * len(step)
+    if not below > 0.0:
+        return 0.5, 0.5
+    slope = -float(step @ away) / below
+    rest = away + slope * step
+    slope_std = math.sqrt(float(rest @ rest) / len(rest) / below)
+    # Of a: Cov(centre, d) = w Var(d) - Var(a).
+    share = 1.0 - (ahead - slope)
+    return min(1.0, max(0.0, share)), math.hypot(error, slope_std)
+
+
+def _detrended(values: FloatArray) -> FloatArray:
+    """Return values less their running mean."""
+    padded = np.pad(values, _OVER // 2, mode="reflect")
+    result: FloatArray = values - np.convolve(padded, np.full(_OVER, 1.0 / _OVER), mode="valid")
+    return result
+
+
+def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_angle_rad: float) -> tuple[float, float]:
+    """Return the mean square over the revolution removed by the correction, and that which remains there."""
+    usual = np.ones(len(raw), dtype=bool)
+    near = np.abs(_THETA) < half_angle_rad + EDGE_REACH_RAD
+    far = np.abs(_THETA) > 2.0 * (half_angle_rad + EDGE_REACH_RAD)
+    powers = []
+    for orders in (raw, bent):
+        fitted, _ = regress(orders, rows, usual)
+        square = np.zeros((3, _POINTS))
+        for begin in range(0, len(orders), _AT_A_TIME):
+            square += np.square(_field((orders - fitted)[begin : begin + _AT_A_TIME])).sum(axis=0)
+        square /= len(orders)
+        powers.append(near.mean() * float((square[:, near].mean(axis=1) - square[:, far].mean(axis=1)).sum()))
+    return powers[0] - powers[1], max(0.0, powers[1])
+
+
+def _field(orders: ComplexArray) -> FloatArray:
+    """Return curves (..., points) of coefficients (..., ORDERS)."""
+    spectrum = np.zeros((*orders.shape[:-1], _POINTS // 2 + 1), dtype=np.complex128)
+    spectrum[..., :ORDERS] = orders * (_SIGNS * (0.5 * _POINTS))
+    spectrum[..., 0] *= 2.0
+    field: FloatArray = np.fft.irfft(spectrum, n=_POINTS, axis=-1)
+    return field
+
+
+def _orders(field: FloatArray) -> ComplexArray:
+    """Return coefficients (..., ORDERS) of curves (..., points)."""
+    orders: ComplexArray = np.fft.rfft(field, axis=-1)[..., :ORDERS] * (_SIGNS * (2.0 / _POINTS))
+    orders[..., 0] *= 0.5
+    return orders

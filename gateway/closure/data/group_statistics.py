@@ -1,0 +1,231 @@
+"""Groups of revolutions under equal conditions in one recording, with their means and scatter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from gateway.closure.data.campaign_data import ORDERS, Block, Group
+from gateway.closure.data.condition_groups import alike, folded
+from gateway.closure.data.contact_edge_timing import TERMS, bent_back, compare_edges, orders_bent_back
+from gateway.closure.data.revolution_deviations import deviation_rate_hz, deviations
+from gateway.closure.data.revolution_orders import RevolutionTable, carried_order
+from gateway.closure.data.revolution_scatter import settle
+from gateway.closure.effects.effect import GroupConditions
+from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
+from gateway.types import FloatArray, IntArray
+
+ASSUMED_LOAD_N: Final = 4000.0
+ASSUMED_PRESSURE_PA: Final = 2.2e5
+
+WILD: Final = "an outlier at the same conditions, as after an impact"
+CUT_OFF: Final = "the radial axis is clipped, unlike in others at the same conditions"
+
+MOST_ALIKE: Final = 5000
+"""Revolutions of one group; comparing them takes 30 kB each."""
+ENOUGH: Final = f"beyond the first {MOST_ALIKE} at the same speed, load, pressure and temperature"
+
+_DEVIATIONS_S: Final = 30.0
+_DRIFT_OVER: Final = 9
+# Order 0 is real, of the others cosine and sine share the power.
+_ONE_COEFFICIENT: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """What is stated of a recording.
+
+    Attributes:
+        name: of the recording, for labels.
+        recording: index in the campaign.
+        radius_m: belt radius.
+        offset_m: sensor below the neutral layer.
+        roll_rad: of the sensor.
+        pitch_rad: of the sensor.
+        reverse: the tire rolls the other way round.
+        ac_coupled: the sensor passes no steady value.
+    """
+
+    name: str
+    recording: int
+    radius_m: float
+    offset_m: float = 0.0
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    reverse: bool = False
+    ac_coupled: bool = False
+
+
+def make_groups(
+    table: RevolutionTable, declared: Declared, folds: int, reject: Callable[[str, int], None]
+) -> list[Group]:
+    """Return the groups of one recording, of two revolutions and more; single revolutions are left to the caller.
+
+    The groups' states are all 0, temperatures NaN where unknown, `reference_degc` NaN and times those of the host.
+
+    Args:
+        table: revolutions in the order of time.
+        declared: what is stated.
+        folds: blocks of a group, where it has revolutions enough.
+        reject: counts revolutions left out: reason, revolutions.
+    """
+    load = np.where(np.isfinite(table["load_n"]), table["load_n"], ASSUMED_LOAD_N)
+    pressure = np.where(np.isfinite(table["pressure_pa"]), table["pressure_pa"], ASSUMED_PRESSURE_PA)
+    made = []
+    # Over some revolutions: from one to the next, the timing of the contacts makes most of it.
+    drift = table["omega_dot_radps2"] * table["period_s"] / table["omega_radps"]
+    drift = median_filter(drift, _DRIFT_OVER, mode="nearest")
+    for places in alike(table["omega_radps"], load, pressure, table["temperature_degc"], drift):
+        kept = _cut_off_or_not(table, places, reject)
+        if len(kept) < 2:
+            reject(FEW, len(kept))
+            continue
+        if len(kept) > MOST_ALIKE:
+            reject(ENOUGH, len(kept) - MOST_ALIKE)
+            kept = kept[:MOST_ALIKE]
+        made.append(_group(table, kept, declared, folds, reject))
+    return made
+
+
+FEW: Final = "too few at the same speed, load, pressure and temperature"
+
+
+def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[str, int], None]) -> IntArray:
+    """Return the revolutions to use: those that are cut off belong to them only where most are."""
+    cut = table["cut_off"][places] > 0.0
+    number = int(cut.sum())
+    if number == 0 or 2 * number > len(places):
+        return places
+    reject(CUT_OFF, number)
+    return places[~cut]
+
+
+def _group(
+    table: RevolutionTable, places: IntArray, declared: Declared, folds: int, reject: Callable[[str, int], None]
+) -> Group:
+    rate_hz = float(np.median(table["rate_hz"][places]))
+    highest = carried_order(rate_hz * float(table["period_s"][places].min()))
+    orders = table.orders_mps2[places].astype(np.complex128)
+    orders[..., highest + 1 :] = complex(math.nan, math.nan)
+    if declared.ac_coupled:
+        orders[..., 0] = complex(math.nan, math.nan)
+    settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
+    usual = np.flatnonzero(~settled.wild)
+    half_angle_rad = float(np.nanmean(table["half_angle_rad"][places[usual]]))
+    edges = compare_edges(
+        orders[usual],
+        index=table["index"][places[usual]].astype(np.intp),
+        period_s=table["period_s"][places[usual]],
+        omega_radps=table["omega_radps"][places[usual]],
+        omega_dot_radps2=table["omega_dot_radps2"][places[usual]],
+        half_angle_rad=half_angle_rad,
+        folds=folds,
+    )
+    early = np.zeros((len(places), TERMS))
+    variance = settled.variance
+    if edges.evident:
+        # Edges that move smear the mean and are most of the scatter.
+        early[usual] = edges.early_rad
+        bent = orders_bent_back(orders, early, half_angle_rad)
+        taken = (orders - bent)[usual]
+        orders = bent
+        settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
+        usual = np.flatnonzero(~settled.wild)
+        # Where the edges are on average is known no better than they scatter.
+        variance = settled.variance + _ONE_COEFFICIENT * taken.var(axis=0)
+    if settled.wild.any():
+        reject(WILD, int(settled.wild.sum()))
+    used = places[usual]
+    blocks = []
+    for part in folded(len(used), folds):
+        mean = settled.orders_mps2[usual[part]].mean(axis=0)
+        blocks.append(Block(len(used[part]), _conditions(table, used[part], declared), mean))
+    conditions = _conditions(table, used, declared)
+    left, left_hz = _deviations(table, used, settled.shift_rad[usual], early[usual], half_angle_rad, rate_hz)
+    return Group(
+        label=label(declared.name, conditions),
+        recording=declared.recording,
+        state=0,
+        conditions=conditions,
+        blocks=tuple(blocks),
+        variance=variance,
+        half_angle_rad=half_angle_rad,
+        load_known=bool(np.isfinite(table["load_n"][used]).all()),
+        pressure_known=bool(np.isfinite(table["pressure_pa"][used]).all()),
+        declared_offset_m=declared.offset_m,
+        declared_roll_rad=declared.roll_rad,
+        # Seen along the rolling direction, a sensor that goes backwards is pitched the other way.
+        declared_pitch_rad=-declared.pitch_rad if declared.reverse else declared.pitch_rad,
+        deviations_mps2=left,
+        deviation_rate_hz=left_hz,
+        edges=edges.timing,
+    )
+
+
+def label(name: str, conditions: GroupConditions) -> str:
+    """Return what a group is called: recording, speed, load and pressure."""
+    speed_kmh = 3.6 * conditions.omega_radps * conditions.radius_m
+    way = ", reverse" if conditions.reverse else ""
+    return (
+        f"{name}: {speed_kmh:.1f} km/h, {conditions.load_n:.0f} N, {conditions.pressure_pa * 1e-3:.0f} kPa, "
+        f"{conditions.temperature_degc:.0f} degC{way}"
+        if math.isfinite(conditions.temperature_degc)
+        else f"{name}: {speed_kmh:.1f} km/h, {conditions.load_n:.0f} N, {conditions.pressure_pa * 1e-3:.0f} kPa{way}"
+    )
+
+
+def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) -> GroupConditions:
+    def mean(name: str, otherwise: float = math.nan) -> float:
+        values = table[name][places]
+        known = values[np.isfinite(values)]
+        return float(known.mean()) if len(known) else otherwise
+
+    return GroupConditions(
+        omega_radps=math.sqrt(float(np.square(table["omega_radps"][places]).mean())),
+        omega_dot_radps2=mean("omega_dot_radps2"),
+        radius_m=declared.radius_m,
+        load_n=mean("load_n", ASSUMED_LOAD_N),
+        pressure_pa=mean("pressure_pa", ASSUMED_PRESSURE_PA),
+        temperature_degc=mean("temperature_degc"),
+        reference_degc=math.nan,
+        rate_hz=mean("rate_hz"),
+        time_s=mean("host_s"),
+        reverse=declared.reverse,
+        ac_coupled=declared.ac_coupled,
+    )
+
+
+def _deviations(
+    table: RevolutionTable,
+    places: IntArray,
+    shift_rad: FloatArray,
+    early_rad: FloatArray,
+    half_angle_rad: float,
+    rate_hz: float,
+) -> tuple[tuple[FloatArray, ...], float]:
+    kept, duration_s = [], 0.0
+    for at, place in enumerate(places.tolist()):
+        if place in table.waveforms_mps2 and duration_s < _DEVIATIONS_S:
+            kept.append(at)
+            duration_s += float(table["period_s"][place])
+    if len(kept) < 2:
+        return (), 0.0
+    rows = places[kept]
+    period_s = table["period_s"][rows]
+    left_hz = deviation_rate_hz(rate_hz, GRID_SIZE / float(period_s.max()))
+    waveforms = np.stack([table.waveforms_mps2[place] for place in rows.tolist()]).astype(np.float64)
+    runs = deviations(
+        bent_back(waveforms, angle_grid(waveforms.shape[-1]), early_rad[kept], half_angle_rad).astype(np.float32),
+        index=table["index"][rows].astype(np.intp),
+        shift_rad=shift_rad[kept],
+        period_s=period_s,
+        omega_radps=table["omega_radps"][rows],
+        omega_dot_radps2=table["omega_dot_radps2"][rows],
+        rate_hz=left_hz,
+    )
+    return runs, left_hz if runs else 0.0

@@ -1,0 +1,117 @@
+"""Deviations of single revolutions from the mean of their group, on the time axis."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve1d, map_coordinates, spline_filter1d
+
+from gateway.closure.data.revolution_scatter import regress, regressors
+from gateway.signal.angle_resampling import angle_grid
+from gateway.types import BoolArray, FloatArray
+
+HIGHEST_RATE_HZ: Final = 4000.0
+# What the sampling and the angle grid carry, 0.28 of their rate, is what the filter below passes, 0.45 of its own.
+_CARRIED: Final = 0.62
+# The even grid before thinning is finer than the angle grid, so that nothing folds into the band.
+_FINER: Final = 1.25
+_TAPS: Final = 32
+_ENDS: Final = 16
+_SPLINE: Final = 5
+
+
+def deviation_rate_hz(rate_hz: float, grid_rate_hz: float) -> float:
+    """Return the rate at which deviations are given: 4 kHz, or less where sampling or angle grid carry less."""
+    return min(HIGHEST_RATE_HZ, _CARRIED * rate_hz, _CARRIED * grid_rate_hz)
+
+
+def deviations(
+    waveforms_mps2: NDArray[np.float32],
+    *,
+    index: NDArray[np.integer],
+    shift_rad: FloatArray,
+    period_s: FloatArray,
+    omega_radps: FloatArray,
+    omega_dot_radps2: FloatArray,
+    rate_hz: float,
+) -> tuple[FloatArray, ...]:
+    """Return the revolutions of each run minus their mean as predicted at their speed.
+
+    Its power is that of the deviation from the true mean: what the mean has taken of the revolutions is put back.
+
+    Args:
+        waveforms_mps2: (n, 3, grid) in the order of time; NaN rows for absent axes.
+        index: (n,) running numbers; a run ends where they do not follow each other.
+        shift_rad: (n,) what each is to be turned by, as `Settled` has it.
+        period_s: (n,).
+        omega_radps: (n,).
+        omega_dot_radps2: (n,).
+        rate_hz: of the result, as `deviation_rate_hz` gives it; flat to 0.4 of it.
+
+    Returns:
+        a (3, k) float32 array a run.
+    """
+    count, _, grid = waveforms_mps2.shape
+    if count < 2:
+        return ()
+    spectra = np.fft.rfft(waveforms_mps2.astype(np.float64), axis=-1)
+    spectra *= np.exp(-1j * np.arange(grid // 2 + 1) * shift_rad[:, None, None])
+    present: BoolArray = np.logical_and.reduce(np.isfinite(spectra), axis=(0, 2))
+    spectra[:, ~present] = 0.0
+    fitted, used = regress(spectra, regressors(omega_radps, omega_dot_radps2), np.ones(count, dtype=bool))
+    if count <= used:
+        return ()
+    left = np.fft.irfft(spectra - fitted, n=grid, axis=-1) * math.sqrt(count / (count - used))
+    # From theta in [-pi, pi) to the time since the contact: the second half of the grid comes first.
+    left = np.roll(left, -(grid // 2), axis=-1)
+    breaks = [0, *(np.flatnonzero(np.diff(index) != 1) + 1).tolist(), count]
+    runs = []
+    for begin, end in pairwise(breaks):
+        part = slice(begin, end)
+        times = _times(period_s[part], omega_radps[part], omega_dot_radps2[part], grid)
+        run = _even(times, left[part].transpose(1, 0, 2).reshape(3, -1), rate_hz, present)
+        if run is not None:
+            runs.append(run)
+    return tuple(runs)
+
+
+def _times(period_s: FloatArray, omega_radps: FloatArray, omega_dot_radps2: FloatArray, grid: int) -> FloatArray:
+    """Return the times of all grid points of consecutive revolutions, constant acceleration within each."""
+    middle = angle_grid(grid)
+    start = -0.5 * omega_dot_radps2 * np.square(0.5 * period_s)
+    away = middle - start[:, None]
+    omega, drift = omega_radps[:, None], omega_dot_radps2[:, None]
+    speed = np.sqrt(np.maximum(np.square(omega) + 2.0 * drift * away, 1e-12))
+    begin = np.concatenate(([0.0], np.cumsum(period_s)[:-1]))
+    times: FloatArray = (begin + 0.5 * period_s)[:, None] + 2.0 * away / (omega + speed)
+    return times.ravel()
+
+
+def _even(times: FloatArray, values: FloatArray, rate_hz: float, present: BoolArray) -> FloatArray | None:
+    """Return (3, k) float32 at `rate_hz` of values (3, m) at almost even times, without what that rate cannot carry."""
+    own_hz = (len(times) - 1) / (times[-1] - times[0])
+    thin = max(1, math.ceil(_FINER * own_hz / rate_hz))
+    even = np.arange(times[0], times[-1], 1.0 / (thin * rate_hz))
+    if len(even) < (2 * _ENDS + 4) * thin:
+        return None
+    places = np.interp(even, times, np.arange(len(times), dtype=np.float64))[None]
+    taps = _low_pass(_TAPS * thin + 1, 0.45 / thin)
+    length = len(range(0, len(even), thin)) - 2 * _ENDS
+    result = np.full((3, length), np.nan, dtype=np.float32)
+    for axis in np.flatnonzero(present):
+        spline = spline_filter1d(values[axis], order=_SPLINE, mode="mirror")
+        fine = map_coordinates(spline, places, order=_SPLINE, mode="mirror", prefilter=False)
+        result[axis] = convolve1d(fine, taps, mode="mirror")[::thin][_ENDS : _ENDS + length]
+    return result  # type: ignore[return-value]  # half the memory, as good
+
+
+def _low_pass(taps: int, cutoff: float) -> FloatArray:
+    """Return a low-pass filter of odd length, cutoff in cycles per sample: a sinc under a Hamming window."""
+    away = np.arange(taps) - taps // 2
+    response: FloatArray = np.sinc(2.0 * cutoff * away) * np.hamming(taps)
+    normal: FloatArray = response / response.sum()
+    return normal

@@ -1,0 +1,187 @@
+"""Scatter within a group: alignment of each revolution, outliers, and the covariance of the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from gateway.closure.data.campaign_data import ORDERS
+from gateway.types import BoolArray, ComplexArray, FloatArray
+
+# Number of revolutions from which the dependence on speed and its change is subtracted before scatter is measured.
+_REGRESSED_FROM: Final = 12
+# Relative change of speed from revolution to revolution that may be timing, and over how many it is taken then.
+_STEADY: Final = 1e-3
+_OVER: Final = (9, 17, 33)
+_ALIKE: Final = 1.1
+_ROUNDS: Final = 2
+# Ratio of a deviation's power to the usual one that makes a revolution an outlier, left out where outliers are rare.
+_WILD: Final = 6.0
+_RARE: Final = 0.1
+_TRIMMED_FROM: Final = 6
+# Degrees of freedom of a variance, reached by pooling neighbouring orders.
+_FREEDOM: Final = 48
+_WIDEST: Final = 12
+# Weight of the neighbours' level for order 0, which stands alone, in degrees of freedom.
+_PRIOR_FREEDOM: Final = 2.0
+# Rounding of what is stored, over the signal's root mean square.
+_ROUNDING: Final = 1e-6
+_ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """Revolutions of one group, compared.
+
+    Attributes:
+        orders_mps2: (n, 3, ORDERS) turned so that all contacts lie at the group's mean place.
+        shift_rad: (n,) what each was turned by: the revolution had its contact that much early on its angle grid.
+        variance: (3, ORDERS) of one real coefficient of one revolution.
+        wild: (n,) revolutions to leave out.
+    """
+
+    orders_mps2: ComplexArray
+    shift_rad: FloatArray
+    variance: FloatArray
+    wild: BoolArray
+
+
+def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> Settled:
+    """Compare the revolutions of one group.
+
+    The timing of the contacts jitters, and a mean over jittering revolutions is smeared as by a filter; so every
+    revolution is turned onto the group's mean first. The mean turn is zero.
+
+    Args:
+        orders_mps2: (n, 3, ORDERS), n >= 2; NaN for absent axes and orders that are not carried.
+        omega_radps: (n,).
+        omega_dot_radps2: (n,).
+    """
+    orders = orders_mps2.astype(np.complex128)
+    present: BoolArray = np.logical_and.reduce(np.isfinite(orders), axis=0)
+    orders[:, ~present] = 0.0
+    count = len(orders)
+    rows = regressors(omega_radps, omega_dot_radps2)
+    usual = np.ones(count, dtype=bool)
+    shift = np.zeros(count)
+    for _ in range(_ROUNDS):
+        fitted, _ = regress(orders, rows, usual)
+        weight = np.where(present, 1.0 / robust_variance(orders - fitted, usual), 0.0)
+        turn = _turns(orders, fitted, weight)
+        turn -= np.median(turn)
+        shift += turn
+        orders *= np.exp(-1j * _ORDER * turn[:, None, None])
+        fitted, _ = regress(orders, rows, usual)
+        usual = _usual(orders - fitted, present, usual)
+    # The mean turn is put back, so that nothing has moved.
+    mean = float(shift[usual].mean())
+    shift -= mean
+    orders *= np.exp(1j * _ORDER * mean)
+    fitted, used = regress(orders, rows, usual)
+    variance = _variance((orders - fitted)[usual], int(usual.sum()) - used, present)
+    floor = np.square(_ROUNDING * np.sqrt(np.square(np.abs(orders[usual])).sum(axis=-1).mean(axis=0)))[:, None]
+    variance = np.maximum(variance, floor)
+    orders[:, ~present] = complex(np.nan, np.nan)
+    return Settled(orders, shift, np.where(present, variance, np.nan), ~usual)
+
+
+def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatArray:
+    """Return what a revolution's waveform is linear in, (n, k): omega^2 and, with many revolutions, 1 and domega/dt.
+
+    What a wheel's measured speed does from one revolution to the next is error of the contacts' timing, and follows
+    whatever disturbs a contact, a tone for instance: as it is, it would take the disturbance off, or add its own. So
+    small changes come as they are over some revolutions.
+    """
+    square: FloatArray = np.square(omega_radps) / np.square(omega_radps).mean()
+    if len(square) < _REGRESSED_FROM:
+        return square[:, None]
+    drift = omega_dot_radps2 / max(float(np.abs(omega_dot_radps2).max()), 1e-12)
+    if float(np.std(omega_dot_radps2)) * 2.0 * np.pi / float(np.square(omega_radps).mean()) < _STEADY:
+        drift = _over_revolutions(drift, _OVER[0])
+    left = float(np.std(square - _over_revolutions(square, _OVER[0])))
+    if left < 2.0 * _STEADY:
+        # The longest stretch over which the speed does not change by more than its timing errs.
+        over = [n for n in _OVER if n <= len(square) and np.std(square - _over_revolutions(square, n)) <= _ALIKE * left]
+        square = _over_revolutions(square, over[-1])
+    return np.column_stack((square, np.ones(len(square)), drift))
+
+
+def _over_revolutions(values: FloatArray, over: int) -> FloatArray:
+    """Return the running mean over some revolutions, at the ends a line through them: a steady change stays."""
+    result: FloatArray = savgol_filter(values, over, 1, mode="interp")
+    return result
+
+
+def regress(values: ComplexArray, rows: FloatArray, usual: BoolArray) -> tuple[ComplexArray, int]:
+    """Return what a least-squares fit of the rows (n, k) to the usual revolutions says of all, and its rank."""
+    flat = values.reshape(len(values), -1)
+    left, size, right = np.linalg.svd(rows[usual], full_matrices=False)
+    held = size > 1e-6 * size[0]
+    inverse = (right[held].T / size[held]) @ left[:, held].T
+    fitted = rows @ (inverse @ flat[usual])
+    result: ComplexArray = fitted.reshape(values.shape)
+    return result, int(held.sum())
+
+
+def _turns(orders: ComplexArray, fitted: ComplexArray, weight: FloatArray) -> FloatArray:
+    """Return the angle that each revolution is ahead of what was fitted, (n,), weighted least squares."""
+    slope = 1j * _ORDER * fitted
+    along = (weight * (np.conj(slope) * (orders - fitted)).real).sum(axis=(1, 2))
+    total = (weight * np.square(np.abs(slope))).sum(axis=(1, 2))
+    turns: FloatArray = np.divide(along, total, out=np.zeros_like(along), where=total > 0.0)
+    return turns
+
+
+def robust_variance(residual: ComplexArray, usual: BoolArray) -> FloatArray:
+    """Return the variance of one coefficient by the median of the revolutions' powers, over neighbouring orders."""
+    power = np.median(np.square(np.abs(residual[usual])), axis=0) / (2.0 * np.log(2.0))
+    smooth = _smoothed(power, _WIDEST)
+    least = 1e-12 * max(float(smooth.max()), 1e-30)
+    result: FloatArray = np.maximum(smooth, least)
+    return result
+
+
+def _usual(residual: ComplexArray, present: BoolArray, before: BoolArray) -> BoolArray:
+    """Tell the revolutions that differ from the fit as most do; all, when those that do not are no exception."""
+    count = len(residual)
+    if count < _TRIMMED_FROM:
+        return before
+    weight = np.where(present, 1.0 / robust_variance(residual, before), 0.0)
+    power = (weight * np.square(np.abs(residual))).sum(axis=(1, 2))
+    usual: BoolArray = power <= _WILD * np.median(power)
+    return usual if (~usual).sum() <= max(1.0, _RARE * count) else np.ones(count, dtype=bool)
+
+
+def _variance(residual: ComplexArray, freedom: int, present: BoolArray) -> FloatArray:
+    freedom = max(freedom, 1)
+    power = np.square(np.abs(residual)).sum(axis=0) / (2.0 * freedom)
+    half = min(_WIDEST, max(0, int(np.ceil(0.5 * (_FREEDOM / (2.0 * freedom) - 1.0)))))
+    variance = _smoothed(np.where(present, power, np.nan), half)
+    # Order 0 has no sine, and half the variance of the others where noise is white.
+    alone = np.square(residual[..., 0].real).sum(axis=0)
+    neighbour = np.nan_to_num(0.5 * variance[:, 1])
+    variance[:, 0] = (alone + _PRIOR_FREEDOM * neighbour) / (freedom + _PRIOR_FREEDOM)
+    return variance
+
+
+def _smoothed(power: FloatArray, half: int) -> FloatArray:
+    """Return means over neighbouring orders from 1 on, narrower at low orders, where there is more than noise."""
+    result = power.copy()
+    if half == 0:
+        return result
+    known = np.isfinite(power)
+    filled = np.where(known, power, 0.0)
+    filled[:, 0], known[:, 0] = 0.0, False
+    sums = np.concatenate((np.zeros((len(power), 1)), np.cumsum(filled, axis=1)), axis=1)
+    counts = np.concatenate((np.zeros((len(power), 1)), np.cumsum(known, axis=1)), axis=1)
+    order = np.arange(1, power.shape[1])
+    reach = np.minimum(half, (order + 1) // 2)
+    low, high = order - reach, np.minimum(order + reach + 1, power.shape[1])
+    number = counts[:, high] - counts[:, low]
+    total = sums[:, high] - sums[:, low]
+    result[:, 1:] = np.divide(total, number, out=np.full_like(total, np.nan), where=known[:, 1:] & (number > 0))
+    return result

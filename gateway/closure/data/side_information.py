@@ -1,0 +1,38 @@
+"""Side information about effects beside the waveforms: the hub's clock against the host's."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+from gateway.closure.data.campaign_data import Campaign
+
+CLOCK: Final = "sample clock error"
+HOST_CLOCK: Final = 5e-5
+"""Crystals of hosts are good to this."""
+
+
+class Witness(NamedTuple):
+    """One parameter measured independently of the waveforms.
+
+    Attributes:
+        effect: whose only parameter it is; 0 where the effect is absent.
+        value: measured.
+        std: one standard error.
+    """
+
+    effect: str
+    value: float
+    std: float
+
+    def misfit(self, parameter: float) -> float:
+        """Return the chi-square of a parameter."""
+        return ((parameter - self.value) / self.std) ** 2
+
+
+def witnesses(campaign: Campaign) -> tuple[Witness, ...]:
+    """Return the side information of a campaign."""
+    share, std = campaign.clock_error
+    if not (math.isfinite(share) and math.isfinite(std)):
+        return ()
+    return (Witness(CLOCK, share, math.hypot(std, HOST_CLOCK)),)

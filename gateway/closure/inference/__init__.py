@@ -1,0 +1,1 @@
+"""Inference: fit, selection and validation of effects."""

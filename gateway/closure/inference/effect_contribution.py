@@ -1,0 +1,114 @@
+"""Contribution of a set of effects to the sensor's axes as a table over speed, for subtraction before estimating."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.data.campaign_data import Block, Campaign, Group
+from gateway.closure.effects.effect import CIRCUMFERENTIAL
+from gateway.closure.inference.fit import Fit
+from gateway.closure.model.baseline import NoShapeError
+from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.result import Finding, Verdict
+from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
+
+_SPEEDS: Final = 9
+# What was found at some speeds, loads and pressures holds a little beyond them.
+_SPEED_MARGIN: Final = 0.1
+_LOAD_MARGIN: Final = 0.05
+_PRESSURE_MARGIN: Final = 0.05
+# What estimators of the lateral axis are there to measure stays in the signal.
+MEASURED: Final = frozenset({"ply steer", "conicity", "carcass compliance"})
+
+
+def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTable | None:
+    """Return the table of the effects that were called by their name, for the state with the most revolutions.
+
+    What other estimators measure (ply steer, conicity, carcass compliance) is left out. The table holds for that
+    state's load and pressure: with another contact the same effects add something else; and for the way that a wheel
+    rolls on the car, forward, unless all was recorded in reverse.
+    """
+    named = {finding.name: finding for finding in findings if finding.verdict is Verdict.NAMED}
+    effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - MEASURED)
+    if not effects:
+        return None
+    campaign = fit.model.campaign
+    index = _reference(campaign)
+    group = campaign.groups[index]
+    way = group.conditions.reverse
+    of_state = [other for other in campaign.groups if (other.state, other.conditions.reverse) == (group.state, way)]
+    seen = np.array([other.conditions.omega_radps for other in of_state])
+    low, high = float(seen.min()) * (1.0 - _SPEED_MARGIN), float(seen.max()) * (1.0 + _SPEED_MARGIN)
+    omegas = np.linspace(low, high, _SPEEDS)
+    imagined = tuple(_at_speed(group, float(omega)) for omega in omegas)
+    alone = Campaign(campaign.wheel, campaign.recordings, imagined, 1, {})
+    with_all = ClosureModel(alone, fit.model.core, fit.model.effects)
+    vector = np.zeros(with_all.layout.size)
+    vector[with_all.layout.state(0)] = fit.model.tire(fit.vector, index)
+    for place in range(len(imagined)):
+        vector[with_all.layout.centre(place)] = fit.vector[fit.model.layout.centre(index)]
+    for effect in fit.model.effects:
+        vector[with_all.layout.effect(effect.name)] = fit.vector[fit.model.layout.effect(effect.name)]
+    without = vector.copy()
+    for effect in effects:
+        without[with_all.layout.effect(effect.name)] = 0.0
+    try:
+        change = [a[0] - b[0] for a, b in zip(with_all.predict(vector), with_all.predict(without), strict=True)]
+    except NoShapeError:
+        # Without its effects the ring does not stand at these parameters: there is nothing to take them off from.
+        return None
+    orders = np.stack(change)
+    if way:
+        # Only a diagnosis turns the circumferential axis of reverse recordings to the rolling direction.
+        orders[:, CIRCUMFERENTIAL] *= -1.0
+    load, pressure = group.conditions.load_n, group.conditions.pressure_pa
+    return CorrectionTable(
+        position=campaign.wheel,
+        omega_radps=omegas,
+        orders_mps2=orders,
+        effects=tuple(CorrectedEffect(effect.name, _told(named[effect.name])) for effect in effects),
+        radius_m=group.conditions.radius_m,
+        omega_range_radps=(low, high),
+        load_range_n=_around(load, _LOAD_MARGIN) if group.load_known else None,
+        pressure_range_pa=_around(pressure, _PRESSURE_MARGIN) if group.pressure_known else None,
+        sensor_offset_m=group.declared_offset_m,
+        sensor_id=campaign.sensor_id,
+        sources=campaign.recordings,
+    )
+
+
+def _reference(campaign: Campaign) -> int:
+    """Return a group of the state with the most revolutions: its own with the most; forward ones if there are any."""
+    forward = any(not group.conditions.reverse for group in campaign.groups)
+    counts = [
+        0 if forward and group.conditions.reverse else sum(block.count for block in group.blocks)
+        for group in campaign.groups
+    ]
+    of_state = [0] * campaign.states
+    for group, count in zip(campaign.groups, counts, strict=True):
+        of_state[group.state] += count
+    best = int(np.argmax(of_state))
+    return max((i for i, g in enumerate(campaign.groups) if g.state == best), key=lambda i: counts[i])
+
+
+def _at_speed(group: Group, omega_radps: float) -> Group:
+    """Return the group as it would be at a steady speed."""
+    conditions = replace(
+        group.conditions,
+        omega_radps=omega_radps,
+        omega_dot_radps2=0.0,
+        temperature_degc=group.conditions.reference_degc,
+    )
+    block = Block(1, conditions, group.blocks[0].orders_mps2)
+    return replace(group, conditions=conditions, blocks=(block,), state=0)
+
+
+def _around(value: float, margin: float) -> tuple[float, float]:
+    return value * (1.0 - margin), value * (1.0 + margin)
+
+
+def _told(finding: Finding) -> tuple[EffectParameter, ...]:
+    return tuple(EffectParameter(name, p.value, p.std, p.unit) for name, p in finding.parameters.items())

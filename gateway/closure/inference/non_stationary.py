@@ -1,0 +1,153 @@
+"""Non-stationary residual: changes of the mean residual from block to block of a recording."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.stats import f as fisher
+
+from gateway.closure.data.campaign_data import Group
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.residual import BANDS, POWER_SHARE, joined
+from gateway.closure.result import Scaling, ScalingStatus, Unexplained
+from gateway.constants import AXIS_NAMES
+from gateway.types import ComplexArray, FloatArray
+
+SCALING: Final = Scaling(ScalingStatus.NON_STATIONARY)
+
+# Power of the change over what the scatter of revolutions makes of it, from which it is no matter of scatter. Even a
+# steady ramp over the five blocks counts in that scatter too, so it takes some 5 revolutions a block to get there.
+_OVER_SCATTER: Final = 4.0
+# Chance at which scatter, itself known to so many degrees of freedom, would do so in one band of one group.
+_RARE: Final = 1e-8
+_FREEDOM: Final = 48
+_LEAST_REVOLUTIONS: Final = 3
+# Below this share of the signal and of the mean residual (rms) a change is that of whatever stands there.
+_OF_SIGNAL: Final = 3e-3
+_OF_RESIDUAL: Final = 0.1
+# Share of the largest change, of any axis, that is still listed (rms).
+_NEGLIGIBLE: Final = 0.1
+_SIGMAS: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """Of one group.
+
+    Attributes:
+        power: (3, ORDERS) mean square over blocks of what each differs from the group's mean by, scatter in.
+        scatter: (3, ORDERS) what scatter makes of it.
+        variance: (3, ORDERS) of `power` by scatter.
+        mean: (3, ORDERS) mean square of the group's mean residual.
+        signal: (3, ORDERS) of the signal.
+        blocks: how many were compared.
+    """
+
+    power: FloatArray
+    scatter: FloatArray
+    variance: FloatArray
+    mean: FloatArray
+    signal: FloatArray
+    blocks: int
+
+    def size(self, axis: int, orders: slice) -> tuple[float, float]:
+        """Return the rms beyond scatter and its standard error."""
+        excess = float((self.power - self.scatter)[axis, orders].sum())
+        if not excess > 0.0:
+            return 0.0, 0.0
+        rms = math.sqrt(excess)
+        return rms, 0.5 * math.sqrt(float(self.variance[axis, orders].sum())) / rms
+
+    def evident(self, axis: int, first: int, last: int) -> bool:
+        """Return whether orders [first, last) change by far more than scatter makes them."""
+        orders = slice(first, last)
+        rms, std = self.size(axis, orders)
+        mean, signal = (math.sqrt(float(of[axis, orders].sum())) for of in (self.mean, self.signal))
+        scatter = float(self.scatter[axis, orders].sum())
+        over = float(self.power[axis, orders].sum()) / scatter if scatter > 0.0 else 0.0
+        freedom = (self.blocks - 1) * (2 * (last - first) - (first == 0))
+        rare = over > _OVER_SCATTER and float(fisher.sf(over, freedom, _FREEDOM)) < _RARE
+        return rare and rms > max(_SIGMAS * std, _OF_RESIDUAL * mean, _OF_SIGNAL * signal)
+
+
+def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
+    """Return the residuals that change during a recording by more than the model predicts, largest first."""
+    campaign = fit.model.campaign
+    changes = [_change(*one) for one in zip(campaign.groups, data.orders, data.weights, fit.predicted, strict=True)]
+    found = []
+    for axis in range(3):
+        seen = [one for one in changes if one is not None]
+        bands = [band for band in itertools.pairwise(BANDS) if any(one.evident(axis, *band) for one in seen)]
+        if bands:
+            found.append(_entry(campaign.groups, changes, axis, joined(bands)))
+    largest = max((entry.rms_mps2 for entry in found), default=0.0)
+    found.sort(key=lambda entry: -entry.rms_mps2)
+    return tuple(entry for entry in found if entry.rms_mps2 > _NEGLIGIBLE * largest)
+
+
+def beside_changes(left: Sequence[Unexplained], changes: Sequence[Unexplained]) -> tuple[Unexplained, ...]:
+    """Return the residuals without those at wheel orders of an axis that is already listed as non-stationary."""
+    axes = {entry.axis for entry in changes}
+    return tuple(entry for entry in left if entry.lock_known or entry.axis not in axes)
+
+
+def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: ComplexArray) -> _Change | None:
+    """Compare the blocks of one group; None for one block, or where blocks are of so few revolutions as to scatter."""
+    counts = np.array([block.count for block in group.blocks], dtype=np.float64)
+    if len(counts) < 2 or counts.min() < _LEAST_REVOLUTIONS:
+        return None
+    weight = (counts / counts.sum())[:, None, None]
+    # What goes with the square of the speed, as most of what models lack does, is no change.
+    squares = np.array([block.conditions.omega_radps**2 for block in group.blocks])
+    scale = (squares / group.conditions.omega_radps**2)[:, None, None]
+    known = (weights > 0.0).all(axis=0)
+    residual = np.where(known, orders - predicted, 0.0)
+    mean = (weight * scale * residual).sum(axis=0) / (weight * np.square(scale)).sum(axis=0)
+    away = np.abs(residual - scale * mean) ** 2
+    # Of the mean of a block, one real coefficient; two of them are an order, halved by POWER_SHARE.
+    own = np.where(known, group.variance, 0.0) / counts[:, None, None]
+    free = (len(counts) - 1) / len(counts)
+    return _Change(
+        power=POWER_SHARE * (weight * away).sum(axis=0),
+        scatter=free * (weight * own).sum(axis=0),
+        variance=4.0 * (np.square(weight * POWER_SHARE) * away * own).sum(axis=0),
+        mean=POWER_SHARE * np.abs(mean) ** 2,
+        signal=POWER_SHARE * np.square(np.where(known, np.abs(orders).mean(axis=0), 0.0)),
+        blocks=len(counts),
+    )
+
+
+def _entry(
+    groups: Sequence[Group], changes: Sequence[_Change | None], axis: int, bands: Sequence[tuple[int, int]]
+) -> Unexplained:
+    """Return one entry of an axis, with the size where it is largest."""
+    low, high = bands[0][0], bands[-1][1]
+    orders = slice(low, high)
+    sizes = [(0.0, 0.0) if one is None else one.size(axis, orders) for one in changes]
+    at = max(range(len(sizes)), key=lambda index: sizes[index][0])
+    rms, std = sizes[at]
+    first, last = low, high - 1
+    if (change := changes[at]) is not None:
+        power = np.maximum((change.power - change.scatter)[axis, orders], 0.0)
+        share = np.cumsum(power) / max(float(power.sum()), 1e-300)
+        first = low + int(np.searchsorted(share, 0.02))
+        last = min(low + int(np.searchsorted(share, 0.98)), high - 1)
+    omegas = [group.conditions.omega_radps / (2.0 * math.pi) for group in groups]
+    return Unexplained(
+        AXIS_NAMES[axis],
+        "angle",
+        (first, last),
+        (first * min(omegas), last * max(omegas)),
+        None,
+        SCALING,
+        rms,
+        std,
+        changes=True,
+        largest_in=groups[at].label,
+    )

@@ -1,0 +1,197 @@
+"""Residual of the angle-locked signal: place, scaling with speed, and size."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from gateway.closure.data.campaign_data import ORDERS, Campaign
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.model.sensor_signal import THETA, orders_field
+from gateway.closure.result import Scaling, ScalingStatus, Unexplained
+from gateway.constants import AXIS_NAMES
+from gateway.types import BoolArray, ComplexArray, FloatArray
+
+POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
+"""Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
+# Chance at which noise alone in one band of one axis would be called a residual.
+_RARE: Final = 1e-6
+BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
+"""Bands of orders looked at, each half again as wide as the one before."""
+# Share of the power that the reported angle window holds, and the widest window reported.
+_WINDOW_SHARE: Final = 0.7
+_WIDEST_RAD: Final = 2.2
+# Speeds must differ by this ratio for an exponent to be fitted.
+_SPEED_RATIO: Final = 1.15
+_HIGHEST_EXPONENT: Final = 4
+# Share of the largest residual below which a band is not listed.
+_NEGLIGIBLE: Final = 0.02
+# Standard errors above which a residual is listed.
+_SIGMAS: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class GroupResidual:
+    """Mean residual of one group.
+
+    Attributes:
+        orders_mps2: (3, ORDERS) data less prediction, mean over blocks; 0 where nothing is known.
+        variance: (3, ORDERS) of one real coefficient by noise and computing; 0 where nothing is known.
+    """
+
+    orders_mps2: ComplexArray
+    variance: FloatArray
+
+    def rms_mps2(self, first: int = 0, last: int = ORDERS) -> FloatArray:
+        """Return the rms of the residual beyond noise over orders [first, last), (3,)."""
+        result: FloatArray = np.sqrt(np.maximum(_excess(self)[:, first:last].sum(axis=1), 0.0))
+        return result
+
+    def noise_rms_mps2(self) -> FloatArray:
+        """Return the rms of the noise over all orders, (3,)."""
+        result: FloatArray = np.sqrt(self.variance.sum(axis=1))
+        return result
+
+
+def group_residuals(fit: Fit, data: Whitened) -> tuple[GroupResidual, ...]:
+    """Return the mean residual of every group."""
+    residuals = []
+    for orders, weight, predicted in zip(data.orders, data.weights, fit.predicted, strict=True):
+        total = np.square(weight).sum(axis=0)
+        known = total > 0.0
+        scale = np.where(known, 1.0 / np.where(known, total, 1.0), 0.0)
+        mean = (np.square(weight) * (orders - predicted)).sum(axis=0) * scale
+        residuals.append(GroupResidual(mean, scale))
+    return tuple(residuals)
+
+
+def _excess(residual: GroupResidual) -> FloatArray:
+    """Return the mean square beyond noise of each order, (3, ORDERS)."""
+    square = np.abs(residual.orders_mps2) ** 2
+    result: FloatArray = POWER_SHARE * square - residual.variance
+    return result
+
+
+def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
+    """Return the parts of the angle-locked residual above the noise, largest first."""
+    campaign = fit.model.campaign
+    residuals = group_residuals(fit, data)
+    found = []
+    for axis in range(3):
+        bands = [band for band in itertools.pairwise(BANDS) if _stands_out(residuals, axis, *band)]
+        for first, last in joined(bands):
+            found.append(_described(campaign, residuals, axis, first, last))
+    found.sort(key=lambda entry: -entry.rms_mps2)
+    largest = found[0].rms_mps2 if found else 0.0
+    return tuple(e for e in found if e.rms_mps2 > max(_NEGLIGIBLE * largest, _SIGMAS * e.std_mps2))
+
+
+def standing_out(residuals: Sequence[GroupResidual]) -> BoolArray:
+    """Return the orders of bands above the noise, (3, ORDERS)."""
+    result = np.zeros((3, ORDERS), dtype=np.bool_)
+    for axis in range(3):
+        for first, last in itertools.pairwise(BANDS):
+            result[axis, first:last] = _stands_out(residuals, axis, first, last)
+    return result
+
+
+def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> bool:
+    statistic, freedom = 0.0, 0
+    for residual in residuals:
+        variance = residual.variance[axis, first:last]
+        known = variance > 0.0
+        power = np.abs(residual.orders_mps2[axis, first:last][known]) ** 2 / variance[known]
+        statistic += float(power.sum())
+        freedom += 2 * int(known.sum()) - int(first == 0 and known.any())
+    return freedom > 0 and float(chi2.sf(statistic, freedom)) < _RARE
+
+
+def joined(bands: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Join bands that touch."""
+    joined: list[tuple[int, int]] = []
+    for first, last in bands:
+        if joined and joined[-1][1] == first:
+            joined[-1] = (joined[-1][0], last)
+        else:
+            joined.append((first, last))
+    return joined
+
+
+def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> Unexplained:
+    power = np.array([np.maximum(_excess(r)[axis, first:last], 0.0).sum() for r in residuals])
+    error = np.array([_rms_error(r, axis, first, last) for r in residuals])
+    rms = np.sqrt(power)
+    at = int(np.argmax(rms))
+    size, std = float(rms[at]), float(error[at])
+    if size < _SIGMAS * std:
+        # Groups that show it together only: their mean square.
+        size = math.sqrt(float(power.mean()))
+        std = math.sqrt(float(np.square(rms * error).sum())) / max(len(rms) * size, 1e-300)
+    low, high = _core_orders(residuals, axis, first, last)
+    omegas = np.array([group.conditions.omega_radps for group in campaign.groups])
+    hz = (low * float(omegas.min()) / (2.0 * math.pi), high * float(omegas.max()) / (2.0 * math.pi))
+    scaling = _scaling(omegas, rms, error)
+    window = _window(residuals[at], axis, first, last)
+    return Unexplained(AXIS_NAMES[axis], "angle", (low, high), hz, window, scaling, size, std)
+
+
+def _rms_error(residual: GroupResidual, axis: int, first: int, last: int) -> float:
+    """Return the standard error of an rms."""
+    variance = residual.variance[axis, first:last]
+    square = np.abs(residual.orders_mps2[axis, first:last]) ** 2
+    total = max(float(_excess(residual)[axis, first:last].sum()), float(variance.max(initial=0.0)), 1e-300)
+    return 0.5 * math.sqrt(float((square * variance).sum())) / math.sqrt(total)
+
+
+def _core_orders(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> tuple[int, int]:
+    """Return the orders that hold nearly all of it."""
+    power = sum(np.maximum(_excess(r)[axis, first:last], 0.0) for r in residuals)
+    share = np.cumsum(power) / max(float(np.sum(power)), 1e-300)
+    low = first + int(np.searchsorted(share, 0.02))
+    high = first + int(np.searchsorted(share, 0.98))
+    return low, min(high, last - 1)
+
+
+def _window(residual: GroupResidual, axis: int, first: int, last: int) -> tuple[float, float] | None:
+    """Return the narrowest angles that hold most of it, None where they would be wide."""
+    orders = np.zeros(ORDERS, dtype=np.complex128)
+    orders[first:last] = residual.orders_mps2[axis, first:last]
+    power = np.square(orders_field(orders))
+    share = np.concatenate([[0.0], np.cumsum(np.concatenate([power, power]))]) / max(float(power.sum()), 1e-300)
+    n = len(power)
+    ends = np.searchsorted(share, share[:n] + _WINDOW_SHARE)
+    widths = ends - np.arange(n)
+    start = int(np.argmin(widths))
+    step = 2.0 * math.pi / n
+    if widths[start] * step > _WIDEST_RAD:
+        return None
+    return float(THETA[start]), float(THETA[start]) + float(widths[start]) * step
+
+
+def _scaling(omegas: FloatArray, rms: FloatArray, error: FloatArray) -> Scaling:
+    """Return the growth of a size with speed."""
+    if omegas.max() < _SPEED_RATIO * omegas.min():
+        return Scaling(ScalingStatus.ONE_SPEED)
+    sure = rms > 3.0 * error
+    if sure.sum() < 2 or omegas[sure].max() < _SPEED_RATIO * omegas[sure].min():
+        return Scaling(ScalingStatus.TOO_WEAK)
+    weight = rms[sure] / error[sure]
+    slope, slope_error = _slope(np.log(omegas[sure]), np.log(rms[sure]), weight)
+    nearest = min(range(_HIGHEST_EXPONENT + 1), key=lambda power: abs(slope - power))
+    if abs(slope - nearest) < max(0.35, 2.0 * slope_error) and slope_error < 0.5:
+        return Scaling(ScalingStatus.KNOWN, float(nearest))
+    return Scaling(ScalingStatus.KNOWN, slope)
+
+
+def _slope(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[float, float]:
+    square = np.square(np.minimum(weight, 20.0))
+    centre = float(square @ x / square.sum())
+    spread = float(square @ np.square(x - centre))
+    return float(square @ ((x - centre) * y)) / spread, 1.0 / math.sqrt(spread)

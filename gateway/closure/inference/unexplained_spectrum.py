@@ -1,0 +1,297 @@
+"""Lines and bands above the fitted density that no effect of the catalogue explains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.inference.narrow_lines import rare_ratio
+from gateway.closure.inference.nonsynchronous_density import Site
+from gateway.closure.inference.nonsynchronous_spectra import held_scaling
+from gateway.closure.inference.nonsynchronous_tests import several_speeds
+from gateway.closure.result import Scaling, ScalingStatus, Unexplained
+from gateway.constants import AXIS_NAMES
+from gateway.types import BoolArray, FloatArray
+
+# Widths searched, in bins, and the quantile that noise exceeds once in some 1e8.
+_WIDTHS: Final = (1, 5, 15, 45, 135)
+_QUANTILE: Final = 5.6
+_ENDS: Final = 2.0
+# What is explained is explained to this share; sidebands of it, by the belt's own shape, reach this high.
+_EXPLAINED_TO: Final = 0.2
+_FILTER_TO: Final = 0.3
+_SIDEBANDS: Final = 0.03
+_SIDEBAND_TURNS: Final = 3.0
+_BESIDE_A_LINE: Final = 0.15
+_BESIDE_TURNS: Final = 10.0
+_MOST_PARTS: Final = 16
+# Standard errors above which a residual is listed.
+_SIGMAS: Final = 3.0
+_LINE_HZ: Final = 8.0
+_SAME_HZ: Final = 1.0
+_SAME_ORDER: Final = 0.06
+# A multiple of the wheel's frequency, so near; a band is of multiples where it is this many times as high near them.
+_MULTIPLE_HZ: Final = 0.7
+_NEAR_HZ: Final = 1.2
+_COMB: Final = 2.0
+_SPEEDS_APART: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A line or band above the model on one axis of one group.
+
+    Attributes:
+        group: its index.
+        axis: its index.
+        low_hz: where it begins.
+        high_hz: where it ends.
+        centre_hz: of its power.
+        rms_mps2: what it has above the model.
+        std_mps2: one standard error.
+        multiple: whether it sits at a multiple, or at multiples, of the wheel's frequency.
+    """
+
+    group: int
+    axis: int
+    low_hz: float
+    high_hz: float
+    centre_hz: float
+    rms_mps2: float
+    std_mps2: float
+    multiple: bool = False
+
+    @property
+    def line(self) -> bool:
+        """Whether it is narrow."""
+        return self.high_hz - self.low_hz <= _LINE_HZ
+
+
+def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, level: FloatArray) -> list[Part]:
+    """Return the lines and bands above the model of one group.
+
+    Args:
+        site: the group.
+        group: its index.
+        density: (3, m) of the fitted model.
+        noise: (3, m) of it that is the sensor's noise.
+        level: (3,) of the noise before any low-pass.
+    """
+    spectra = site.spectra
+    power = spectra.mean_power()
+    explained = np.maximum(density - noise, 0.0)
+    reach = max(1, round(_SIDEBAND_TURNS * spectra.wheel_hz / spectra.step_hz))
+    filtered = np.maximum(level[:, None] - noise, 0.0)
+    allowed = (
+        density
+        + _FILTER_TO * np.minimum(filtered, noise)
+        + _EXPLAINED_TO * explained
+        + _SIDEBANDS * _running_max(explained, reach)
+    )
+    found: list[Part] = []
+    for axis in np.flatnonzero(spectra.present).tolist():
+        found += _parts(site, group, axis, power[axis], density[axis], allowed[axis])
+    return [part for part in found if not _beside(part, found, spectra.wheel_hz)]
+
+
+def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
+    """Tell what putting a strong line from angle to time, turn by turn, leaves beside it."""
+    return any(
+        part.rms_mps2 < _BESIDE_A_LINE * other.rms_mps2
+        and abs(part.centre_hz - other.centre_hz) < _BESIDE_TURNS * wheel_hz
+        for other in others
+    )
+
+
+def _running_max(values: FloatArray, half: int) -> FloatArray:
+    padded = np.pad(values, ((0, 0), (half, half)), mode="edge")
+    result: FloatArray = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1).max(axis=-1)
+    return result
+
+
+def _parts(
+    site: Site, group: int, axis: int, power: FloatArray, density: FloatArray, allowed: FloatArray
+) -> list[Part]:
+    spectra = site.spectra
+    frequency, step = spectra.frequency_hz, spectra.step_hz
+    freedom = float(spectra.freedom.sum())
+    ratio = power / allowed
+    # Neighbouring bins say partly the same: a single one has more behind it than a wide bin's share.
+    looks = []
+    for width in _WIDTHS:
+        if width > len(ratio) // 4:
+            break
+        behind = freedom * (1.9 if width == 1 else width)
+        mean = np.convolve(ratio, np.ones(width) / width, mode="same")
+        looks.append((width, mean, rare_ratio(behind, _QUANTILE), rare_ratio(behind, _ENDS)))
+    free = np.ones(len(ratio), dtype=bool)
+    found: list[Part] = []
+    for _ in range(_MOST_PARTS):
+        best: tuple[float, int, int] | None = None
+        for number, (_, mean, limit, _) in enumerate(looks):
+            inside = np.where(free, (mean - 1.0) / (limit - 1.0), 0.0)
+            peak = int(np.argmax(inside))
+            if inside[peak] > 1.0 and (best is None or inside[peak] > best[0]):
+                best = float(inside[peak]), number, peak
+        if best is None:
+            break
+        _, number, peak = best
+        width, mean, _, end = looks[number]
+        first = last = peak
+        while first > 0 and free[first - 1] and mean[first - 1] > end:
+            first -= 1
+        while last < len(ratio) - 1 and free[last + 1] and mean[last + 1] > end:
+            last += 1
+        # A window's mean reaches half its width beyond what it has seen; a line is as wide as Hann makes it.
+        half = width // 2
+        first, last = min(first + half, peak), max(last - half, peak)
+        first, last = max(0, min(first, peak - 1)), min(len(ratio) - 1, max(last, peak + 1))
+        # A band that exceeds the model only as a whole keeps the width of its window.
+        for part in (slice(first, last + 1), _within(free, peak, half)):
+            excess = power[part] - density[part]
+            total = float(excess.sum()) * step
+            error = math.sqrt(float(np.square(power[part]).sum()) / freedom) * step
+            if total > 0.5 * _SIGMAS * error:
+                weight = np.maximum(excess, 0.0)
+                centre = float(weight @ frequency[part]) / float(weight.sum())
+                rms = math.sqrt(total)
+                low_hz, high_hz = frequency[part][[0, -1]].tolist()
+                multiple = _at_multiples(frequency[part], excess, centre, spectra.wheel_hz)
+                found.append(Part(group, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
+                first, last = min(first, part.start), max(last, part.stop - 1)
+                break
+        free[max(0, first - 2 - half) : last + 3 + half] = False
+    return found
+
+
+def _within(free: BoolArray, peak: int, half: int) -> slice:
+    """Return the free bins about a peak, up to so many to either side."""
+    first = last = peak
+    while first > max(0, peak - half) and free[first - 1]:
+        first -= 1
+    while last < min(len(free) - 1, peak + half) and free[last + 1]:
+        last += 1
+    return slice(first, last + 1)
+
+
+def _at_multiples(frequency: FloatArray, excess: FloatArray, centre_hz: float, wheel_hz: float) -> bool:
+    """Return whether the excess of some bins lies at multiples of the wheel's frequency."""
+    if frequency[-1] - frequency[0] <= min(_LINE_HZ, wheel_hz):
+        order = round(centre_hz / wheel_hz)
+        return order > 0 and abs(centre_hz - order * wheel_hz) <= max(_MULTIPLE_HZ, _SAME_ORDER * wheel_hz)
+    near = np.abs(frequency - np.round(frequency / wheel_hz) * wheel_hz) <= _NEAR_HZ
+    if near.all() or not near.any():
+        return False
+    return float(excess[near].mean()) > _COMB * max(float(excess[~near].mean()), 0.0)
+
+
+def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplained]:
+    """Return parts that belong together, over groups and axes, as one each; largest first."""
+    left = sorted(parts, key=lambda part: -part.rms_mps2)
+    found = []
+    while left:
+        seed = left[0]
+        by_hz = [part for part in left if _same_hz(seed, part)]
+        by_order = [part for part in left if _same_order(seed, part, sites)]
+        speeds_hz, speeds_order = _speeds(by_hz, sites), _speeds(by_order, sites)
+        locked = len(speeds_order) > len(speeds_hz)
+        together = by_order if locked else by_hz
+        moved = max(len(speeds_order), len(speeds_hz)) > 1
+        found.append(_entry(sites, together, locked if moved else None))
+        left = [part for part in left if part not in together]
+    return sorted(found, key=lambda one: -one.rms_mps2)
+
+
+def _same_hz(seed: Part, part: Part) -> bool:
+    if seed.line and part.line:
+        return abs(part.centre_hz - seed.centre_hz) <= _SAME_HZ
+    return part.low_hz <= seed.high_hz and seed.low_hz <= part.high_hz
+
+
+def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
+    own, other = sites[seed.group].spectra.wheel_hz, sites[part.group].spectra.wheel_hz
+    if seed.line and part.line:
+        return abs(part.centre_hz / other - seed.centre_hz / own) <= max(_SAME_ORDER, 0.7 / min(own, other))
+    return part.low_hz / other <= seed.high_hz / own and seed.low_hz / own <= part.high_hz / other
+
+
+def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
+    """Return the speeds that parts were found at, distinguished by a few percent."""
+    return {round(math.log(sites[part.group].spectra.speed_mps) / _SPEEDS_APART) for part in parts}
+
+
+def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) -> Unexplained:
+    """Return one entry; `locked` None when only one speed has shown it."""
+    sizes = {
+        axis: math.sqrt(np.mean([part.rms_mps2**2 for part in parts if part.axis == axis]))
+        for axis in sorted({part.axis for part in parts})
+    }
+    axis = max(sizes, key=lambda one: sizes[one])
+    own = [part for part in parts if part.axis == axis]
+    groups = sorted({part.group for part in own})
+    rms, std = [], []
+    for group in groups:
+        here = [part for part in own if part.group == group]
+        rms.append(math.sqrt(sum(part.rms_mps2**2 for part in here)))
+        std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in here)) / rms[-1])
+    exponent, unsure = held_scaling([sites[group].spectra for group in groups], rms, std)
+    several = several_speeds(sites)
+    scaling = _scaling(exponent, unsure, several=several)
+    size = math.sqrt(float(np.mean(np.square(rms))))
+    error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
+    line = all(part.line for part in own)
+    low, high = min(part.low_hz for part in own), max(part.high_hz for part in own)
+    wheel = [sites[part.group].spectra.wheel_hz for part in own]
+    # What is at the same Hz at several speeds is no multiple but by chance.
+    doubtful = locked is not False and all(part.multiple for part in own)
+    orders: tuple[int, int] | None = None
+    if locked or doubtful:
+        ratios = [part.centre_hz / hz for part, hz in zip(own, wheel, strict=True)]
+        ends = (
+            [part.low_hz / hz for part, hz in zip(own, wheel, strict=True)],
+            [part.high_hz / hz for part, hz in zip(own, wheel, strict=True)],
+        )
+        if doubtful:
+            # Whole orders, to the line's width.
+            orders = max(1, math.ceil(min(ends[0]) - 0.02)), max(1, math.floor(max(ends[1]) + 0.02))
+            if orders[0] > orders[1]:
+                orders = max(1, round(np.mean(ratios))), max(1, round(np.mean(ratios)))
+        else:
+            orders = math.floor(min(ends[0])), math.ceil(max(ends[1]))
+    return Unexplained(
+        AXIS_NAMES[axis],
+        "time",
+        orders,
+        (low, high),
+        None,
+        scaling,
+        size,
+        error,
+        lock_known=not doubtful,
+        narrow=line,
+        centre_order=float(np.mean(ratios)) if locked else math.nan,
+        centre_hz=float(np.mean([part.centre_hz for part in own])) if line and not locked else math.nan,
+        speeds=_number_of_speeds(sites, parts) if locked is False else None,
+        other_axes=tuple((AXIS_NAMES[one], value) for one, value in sizes.items() if one != axis),
+    )
+
+
+def _number_of_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> tuple[int, int]:
+    """Return the number of speeds at which parts are seen, and that of all speeds."""
+    there = len({round(math.log(site.spectra.speed_mps) / _SPEEDS_APART) for site in sites})
+    return len(_speeds(parts, sites)), there
+
+
+def _scaling(exponent: float, unsure: float, *, several: bool) -> Scaling:
+    if not math.isfinite(exponent):
+        return Scaling(ScalingStatus.SEEN_AT_ONE_SPEED if several else ScalingStatus.ONE_SPEED)
+    if unsure > 0.5:
+        return Scaling(ScalingStatus.UNCERTAIN, exponent, unsure)
+    for whole in (0.0, 1.0, 2.0):
+        if abs(exponent - whole) < 0.3 + unsure:
+            return Scaling(ScalingStatus.KNOWN, whole)
+    return Scaling(ScalingStatus.KNOWN, exponent)

@@ -1,0 +1,1 @@
+"""Closure model: baseline models of the belt with effects on top."""

@@ -1,0 +1,126 @@
+"""Interface of the baseline models: the shape of the belt from the parameters of a tire's state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from gateway.closure.effects.effect import BaselineModel, GroupConditions
+from gateway.closure.model.ring_options import RingOptions
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
+from gateway.types import FloatArray
+
+
+class NoShapeError(Exception):
+    """No equilibrium at these parameters, or a stiffness out of range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A belt's shape on the angle grid of FIELD_SIZE points.
+
+    Attributes:
+        waveform: acceleration over omega^2, gravity and spin; (FIELD_SIZE,) each. A model without gravity has zeros.
+        leading_edge_rad: of the contact, negative.
+        trailing_edge_rad: positive.
+    """
+
+    waveform: SensorWaveform
+    leading_edge_rad: float
+    trailing_edge_rad: float
+
+
+class Core(Protocol):
+    """A baseline model.
+
+    Attributes:
+        model: which one.
+        names: of the parameters of one state; the first four are ln of Bs, Cw, Rs, Ts over their starting values.
+        prior_mean: (K,) before the data are seen.
+        prior_std: (K,).
+        steps: (K,) small changes for derivatives.
+        gravity: whether gravity is in the model.
+        drift: whether the change of speed within a revolution is.
+        mean: whether it says anything of order 0 of the radial axis.
+    """
+
+    model: BaselineModel
+    names: tuple[str, ...]
+    prior_mean: FloatArray
+    prior_std: FloatArray
+    steps: FloatArray
+    gravity: bool
+    drift: bool
+    mean: bool
+
+    def shape(
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
+    ) -> Shape:
+        """Return the shape of a state's parameters (K,).
+
+        Args:
+            parameters: of the state.
+            conditions: of the group; load and pressure set the scale, omega matters where the options depend on it.
+            options: with every ring effect in.
+            half_angle_rad: of the contact as measured; the exact ring does not need it.
+
+        Raises:
+            RingNotConvergedError: no equilibrium.
+            ValueError: a stiffness out of range.
+        """
+        ...
+
+    def tangent(
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
+    ) -> tuple[Shape, ...]:
+        """Return the derivatives of the shape by the state's parameters, K of them, of here or of very near."""
+        ...
+
+    def change(
+        self,
+        parameters: FloatArray,
+        conditions: GroupConditions,
+        before: RingOptions,
+        after: RingOptions,
+        half_angle_rad: float,
+    ) -> Shape:
+        """Return what another option does to the shape, good enough to see what is worth a fit."""
+        ...
+
+    def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
+        """Measure the error of the grid at these parameters; `shape` takes it off from now on. Nothing where exact."""
+        ...
+
+    def numbers(self, parameters: FloatArray, conditions: GroupConditions) -> Mapping[str, float]:
+        """Return Bs, Cw, Rs, Ts and what else the parameters stand for, at the load and pressure of `conditions`."""
+        ...
+
+
+def moved(shape: Shape, tangent: Shape, step: float) -> Shape:
+    """Return a shape moved by a step along a tangent."""
+    return Shape(
+        SensorWaveform(*(field + step * slope for field, slope in zip(shape.waveform, tangent.waveform, strict=True))),
+        shape.leading_edge_rad + step * tangent.leading_edge_rad,
+        shape.trailing_edge_rad + step * tangent.trailing_edge_rad,
+    )
+
+
+def differences(
+    core: Core, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
+) -> tuple[Shape, ...]:
+    """Return the derivatives of a core's shape by the state's parameters, by one-sided differences."""
+    base = core.shape(parameters, conditions, options, half_angle_rad)
+    tangents = []
+    for place, step in enumerate(core.steps):
+        there = parameters.copy()
+        there[place] += step
+        change = moved(core.shape(there, conditions, options, half_angle_rad), base, -1.0)
+        tangents.append(
+            Shape(
+                SensorWaveform(*(field / step for field in change.waveform)),
+                change.leading_edge_rad / step,
+                change.trailing_edge_rad / step,
+            )
+        )
+    return tuple(tangents)

@@ -1,0 +1,300 @@
+"""Prediction of a baseline model with a set of effects for every block of a campaign, with derivatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.data.campaign_data import ORDERS, Campaign, Group
+from gateway.closure.data.side_information import witnesses
+from gateway.closure.effects.effect import GroupConditions, ModelledBlock, RingEffect, SignalEffect, Stage
+from gateway.closure.model.baseline import Core, NoShapeError, Shape, moved
+from gateway.closure.model.parameter_vector import Layout
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.sensor_signal import base_signal, field_orders, mounting_matrix, with_signal
+from gateway.closure.model.tire_state import references, shift, slopes
+from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.types import ComplexArray, FloatArray, IntArray
+
+AngleEffect = RingEffect | SignalEffect
+
+_ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
+# Share of the signal by which the stages behind a derivative are tried.
+_NUDGE: Final = 1e-4
+# Steps of speed (relative) and of its change by which a group's answer to them is taken.
+_SPEED_STEP: Final = 1e-3
+_DRIFT_STEP_RADPS2: Final = 0.01
+# Step of the logarithm of load or pressure, and the difference within a group that is neglected.
+_STATE_STEP: Final = 1e-3
+_STEADY: Final = 1e-5
+
+
+class ClosureModel:
+    """A baseline model and a set of effects on a campaign.
+
+    Attributes:
+        campaign: the data's conditions.
+        core: the baseline model.
+        effects: in the model: ring effects, then signal effects in the order in which they are applied.
+        layout: where everything sits in the vector of parameters.
+    """
+
+    def __init__(self, campaign: Campaign, core: Core, effects: Sequence[AngleEffect] = ()) -> None:
+        """Take what the model is made of; effects keep their order within a stage."""
+        self.campaign = campaign
+        self.core = core
+        self._ring = tuple(effect for effect in effects if not isinstance(effect, SignalEffect))
+        self._signal = tuple(
+            sorted((e for e in effects if isinstance(e, SignalEffect)), key=lambda effect: effect.stage)
+        )
+        self.effects: tuple[AngleEffect, ...] = (*self._ring, *self._signal)
+        self._witnesses = witnesses(campaign)
+        self.layout = Layout(len(core.names), campaign.states, len(campaign.groups), self.effects)
+        at = references(campaign)
+        self._shifts = [shift(core.names, group.conditions, at[group.state]) for group in campaign.groups]
+
+    def priors(self) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of every parameter before the waveforms are seen, (P,) each."""
+        mean, std = self.layout.priors(self.core, self.effects)
+        for witness in self._witnesses:
+            if any(effect.name == witness.effect for effect in self.effects):
+                where = self.layout.effect(witness.effect)
+                mean[where], std[where] = witness.value, witness.std
+        return mean, std
+
+    def witness_misfit(self, vector: FloatArray) -> float:
+        """Return the chi-square of what is known beside the waveforms."""
+        total = 0.0
+        for witness in self._witnesses:
+            inside = any(effect.name == witness.effect for effect in self.effects)
+            total += witness.misfit(float(vector[self.layout.effect(witness.effect)][0]) if inside else 0.0)
+        return total
+
+    def tire(self, vector: FloatArray, index: int) -> FloatArray:
+        """Return the parameters of the tire's state, (K,), as they are at the load and pressure of one group."""
+        state: FloatArray = vector[self.layout.state(self.campaign.groups[index].state)] + self._shifts[index]
+        return state
+
+    def shape(self, vector: FloatArray, index: int) -> Shape:
+        """Return the belt's shape of one group."""
+        group, tire = self.campaign.groups[index], self.tire(vector, index)
+        with _standing():
+            return self.core.shape(tire, group.conditions, self.options(vector, index), group.half_angle_rad)
+
+    def _shape_near(self, vector: FloatArray, index: int, name: str) -> Shape:
+        """Return the belt's shape of one group, what an effect does to it only roughly."""
+        effect = next((effect for effect in self._ring if effect.name == name), None)
+        if effect is None:
+            return self.shape(vector, index)
+        group, tire = self.campaign.groups[index], self.tire(vector, index)
+        without = self.options(vector, index, without=name)
+        before = without.rounded()
+        after = effect.options(before, vector[self.layout.effect(name)], group.conditions)
+        with _standing():
+            shape = self.core.shape(tire, group.conditions, without, group.half_angle_rad)
+            change = self.core.change(tire, group.conditions, before, after, group.half_angle_rad)
+        return moved(shape, change, 1.0)
+
+    def options(self, vector: FloatArray, index: int, without: str = "") -> RingOptions:
+        """Return what the ring of one group is solved for, with every effect but one."""
+        group = self.campaign.groups[index]
+        options = RingOptions(sensor_offset_m=group.declared_offset_m)
+        for effect in self._ring:
+            if effect.name == without:
+                continue
+            options = effect.options(options, vector[self.layout.effect(effect.name)], group.conditions)
+        return options
+
+    def refine(self, vector: FloatArray) -> None:
+        """Measure the error of the core's grid at these parameters, where it has one."""
+        for index, group in enumerate(self.campaign.groups):
+            with _standing():
+                self.core.refine(self.tire(vector, index), group.conditions, self.options(vector, index))
+
+    def predict(self, vector: FloatArray) -> list[ComplexArray]:
+        """Return the orders of every block, a (blocks, 3, ORDERS) array a group.
+
+        Raises:
+            NoShapeError: no equilibrium, or a stiffness out of range.
+        """
+        return [self.predict_group(vector, index) for index in range(len(self.campaign.groups))]
+
+    def predict_group(self, vector: FloatArray, index: int) -> ComplexArray:
+        """Return the orders of every block of one group, (blocks, 3, ORDERS)."""
+        group = self.campaign.groups[index]
+        # Blocks of a group differ by little: what the group reads, and how that answers speed and its change.
+        there = group.conditions
+        around = [there]
+        if len(group.blocks) > 1:
+            around += [
+                replace(there, omega_radps=there.omega_radps * (1.0 + _SPEED_STEP)),
+                replace(there, omega_dot_radps2=there.omega_dot_radps2 + _DRIFT_STEP_RADPS2),
+            ]
+        shape = self.shape(vector, index)
+        orders = np.stack([self._orders(vector, index, shape, at) for at in around])
+        if len(around) == 1:
+            return orders
+        of_square = (orders[1] - orders[0]) / (around[1].omega_radps ** 2 - there.omega_radps**2)
+        of_drift = (orders[2] - orders[0]) / _DRIFT_STEP_RADPS2
+        square, drift = _apart(group)
+        result: ComplexArray = orders[0] + square * of_square + drift * of_drift
+        for slope, apart in zip(slopes(self.core.names), _load_and_pressure_apart(group), strict=True):
+            if np.abs(apart).max() > _STEADY:
+                there_shape = shape
+                for tangent, along in zip(self._tangents(vector, index), slope.tolist(), strict=True):
+                    there_shape = moved(there_shape, tangent, _STATE_STEP * along)
+                answer = (self._orders(vector, index, there_shape, there) - orders[0]) / _STATE_STEP
+                result = result + apart * answer
+        return result
+
+    def _tangents(self, vector: FloatArray, index: int) -> tuple[Shape, ...]:
+        """Return the derivatives of one group's shape by the tire's parameters."""
+        group, options = self.campaign.groups[index], self.options(vector, index)
+        with _standing():
+            return self.core.tangent(self.tire(vector, index), group.conditions, options, group.half_angle_rad)
+
+    def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: GroupConditions) -> ComplexArray:
+        here = base_signal(self.core, shape, conditions)
+        here, _ = self._chain(vector, here, _declared(self.campaign.groups[index]))
+        return field_orders(here.signal_mps2) * self._turn(vector, index)
+
+    def group_derivatives(
+        self, vector: FloatArray, index: int, only: str | None = None
+    ) -> tuple[IntArray, ComplexArray, ComplexArray]:
+        """Return a group's prediction and derivatives at its mean conditions: nearly the same in every block.
+
+        Args:
+            vector: of parameters.
+            index: of the group.
+            only: an effect whose parameters alone are wanted, and roughly, to see whether it is worth a fit; None for
+                all that matter to the group.
+
+        Returns:
+            the places (k,) of the vector, the group's orders (3, ORDERS), and their derivatives (k, 3, ORDERS).
+        """
+        group, layout = self.campaign.groups[index], self.layout
+        shape = self.shape(vector, index) if only is None else self._shape_near(vector, index, only)
+        here = base_signal(self.core, shape, group.conditions)
+        end, seen = self._chain(vector, here, _declared(group))
+        turn = self._turn(vector, index)
+        base: ComplexArray = field_orders(end.signal_mps2) * turn
+        places: list[int] = []
+        rows: list[ComplexArray] = []
+
+        def add(place: int, step: float, there: Shape, at: FloatArray) -> None:
+            places.append(place)
+            rows.append((self._orders(at, index, there, group.conditions) - base) / step)
+
+        if only is None:
+            where = layout.state(group.state)
+            tangents = self._tangents(vector, index)
+            for place, step, tangent in zip(range(where.start, where.stop), self.core.steps, tangents, strict=True):
+                add(place, float(step), moved(shape, tangent, float(step)), vector)
+            places.append(layout.centre(index))
+            rows.append(-1j * _ORDER * base)
+        for effect in self._ring:
+            if only in (None, effect.name):
+                for place, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
+                    there = vector.copy()
+                    there[place] += parameter.step
+                    shaped = self.shape(there, index) if only is None else self._shape_near(there, index, only)
+                    add(place, parameter.step, shaped, there)
+        wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
+        if wanted:
+            rows.extend(field_orders(self._signal_rows(vector, seen, _declared(group), wanted)) * turn)
+            for name in wanted:
+                where = layout.effect(name)
+                places.extend(range(where.start, where.stop))
+        return np.array(places, dtype=np.intp), base, np.stack(rows)
+
+    def _signal_rows(
+        self,
+        vector: FloatArray,
+        seen: Sequence[tuple[ModelledBlock, FloatArray]],
+        mount: FloatArray | None,
+        wanted: Sequence[str],
+    ) -> FloatArray:
+        """Return the derivatives by the wanted effects' parameters, through the stages behind them, (k, 3, n)."""
+        rows = []
+        for at, effect in enumerate(self._signal):
+            if effect.name not in wanted:
+                continue
+            for row in effect.derivative(seen[at][0], vector[self.layout.effect(effect.name)]):
+                pushed = row
+                if mount is not None and effect.stage < Stage.MOUNTING:
+                    # Between here and the mounting the belt's own directions hold; effects there hardly answer.
+                    pushed = mount @ pushed
+                for behind in range(at + 1, len(self._signal)):
+                    pushed = pushed + self._response(vector, *seen[behind], self._signal[behind], pushed)
+                rows.append(pushed)
+        return np.stack(rows)
+
+    def _response(
+        self, vector: FloatArray, here: ModelledBlock, added: FloatArray, effect: SignalEffect, change: FloatArray
+    ) -> FloatArray:
+        """Return how an effect's contribution, `added`, answers a change of the signal before it."""
+        size = float(np.abs(change).max())
+        if not size > 0.0:
+            return np.zeros_like(change)
+        scale = _NUDGE * max(float(np.abs(here.signal_mps2).max()), 1.0) / size
+        parameters = vector[self.layout.effect(effect.name)]
+        there = with_signal(here, here.signal_mps2 + scale * change)
+        result: FloatArray = (effect.contribution(there, parameters) - added) / scale
+        return result
+
+    def _chain(
+        self, vector: FloatArray, here: ModelledBlock, mount: FloatArray | None
+    ) -> tuple[ModelledBlock, list[tuple[ModelledBlock, FloatArray]]]:
+        """Return the signal with every effect in, and what each effect saw and added."""
+        seen = []
+        for effect in self._signal:
+            if mount is not None and effect.stage >= Stage.MOUNTING:
+                here, mount = with_signal(here, mount @ here.signal_mps2), None
+            added = effect.contribution(here, vector[self.layout.effect(effect.name)])
+            seen.append((here, added))
+            here = with_signal(here, here.signal_mps2 + added)
+        if mount is not None:
+            here = with_signal(here, mount @ here.signal_mps2)
+        return here, seen
+
+    def _turn(self, vector: FloatArray, index: int) -> ComplexArray:
+        """Return the turn of each order: the waveform is that of theta - centre."""
+        turn: ComplexArray = np.exp(-1j * vector[self.layout.centre(index)] * _ORDER)
+        return turn
+
+
+@contextmanager
+def _standing() -> Iterator[None]:
+    """Give the ways in which a ring fails to stand one name, so that no other error is taken for them."""
+    try:
+        yield
+    except (RingNotConvergedError, ValueError) as error:
+        raise NoShapeError(str(error)) from error
+
+
+def _apart(group: Group) -> tuple[FloatArray, FloatArray]:
+    """Return by how much the blocks' omega^2 and domega/dt differ from the group's, (blocks, 1, 1) each."""
+    there = group.conditions
+    square = np.array([block.conditions.omega_radps**2 - there.omega_radps**2 for block in group.blocks])
+    drift = np.array([block.conditions.omega_dot_radps2 - there.omega_dot_radps2 for block in group.blocks])
+    return square[:, None, None], drift[:, None, None]
+
+
+def _load_and_pressure_apart(group: Group) -> tuple[FloatArray, FloatArray]:
+    """Return by how much the blocks' load and pressure differ from the group's, logarithms, (blocks, 1, 1) each."""
+    there = group.conditions
+    loads = np.array([math.log(block.conditions.load_n / there.load_n) for block in group.blocks])
+    pressures = np.array([math.log(block.conditions.pressure_pa / there.pressure_pa) for block in group.blocks])
+    return loads[:, None, None], pressures[:, None, None]
+
+
+def _declared(group: Group) -> FloatArray | None:
+    """Return the mounting as configured, None where the axes are the belt's."""
+    if not (group.declared_roll_rad or group.declared_pitch_rad):
+        return None
+    return mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad)

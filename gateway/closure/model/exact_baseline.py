@@ -1,0 +1,267 @@
+"""The geometrically exact ring as a baseline model, corrected for the error of its grid."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
+from gateway.closure.model.baseline import Shape, moved
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.run_out_shape import LoadedShape, load_step, out_of_round
+from gateway.closure.model.shape_derivatives import Tangents
+from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
+from gateway.types import FloatArray
+
+# Table 3's tire; its stiffnesses over its load are the start of a fit at any load.
+_NOMINAL_TREAD_NPM2: Final = 7e7
+_MASS_KGPM: Final = 3.5
+# Without damping and rotary inertia the shape is the same at every speed.
+_ANY_OMEGA_RADPS: Final = 56.0
+
+# Grids, and the nodes that the bending layer sqrt(EI / (p0 b R)) at the contact's edges needs. On 480 nodes what is
+# left of the grid's error at the edges passes for contact edges that scatter by 3 mrad.
+_GRIDS: Final = (960, 1440)
+# To find out what is worth a fit, a coarse grid does, and states rounded to this share: one shape serves many fits.
+_COARSE: Final = (480,)
+_ROUNDED: Final = 0.02
+_KEPT_COARSE: Final = 4096
+_NODES_PER_LAYER: Final = 8.0
+# The solver's error falls with the square of the step; it is measured on a grid twice as fine.
+_FINER: Final = 2
+_EXTRAPOLATION: Final = 4.0 / 3.0
+_KEPT: Final = 512
+
+
+class _Key(NamedTuple):
+    parameters: bytes
+    options: RingOptions
+    load_n: float
+    pressure_pa: float
+    radius_m: float
+    omega_radps: float
+    nodes: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Solved:
+    shape: Shape
+    ring: RingSolution
+
+
+class ExactCore:
+    """The geometrically exact ring: Bs, Cw, Rs, Ts and the tread's stiffness are a state's parameters."""
+
+    model = BaselineModel.EXACT
+    names: tuple[str, ...] = ("Bs", "Cw", "Rs", "Ts", "tread_stiffness_npm2")
+    gravity = True
+    drift = True
+    mean = True
+
+    def __init__(self, grids: tuple[int, ...] = _GRIDS) -> None:
+        """Start without solutions to begin from, on grids of so many nodes."""
+        self._grids = grids
+        self.prior_mean: FloatArray = np.zeros(5)
+        self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])
+        self.steps: FloatArray = np.full(5, 1e-3)
+        self._kept: OrderedDict[_Key, _Solved] = OrderedDict()
+        self._near: dict[tuple[float, float, int, bool], RingSolution] = {}
+        self._corrections: dict[tuple[float, float, float], tuple[FloatArray, float, float]] = {}
+        self._nodes: dict[tuple[float, float, float], int] = {}
+        self._tangents = Tangents()
+
+    def shape(
+        self,
+        parameters: FloatArray,
+        conditions: GroupConditions,
+        options: RingOptions,
+        half_angle_rad: float,  # noqa: ARG002 - the interface's; the exact ring finds its contact itself
+    ) -> Shape:
+        """Return the shape, with the grid's error as `refine` last found it taken off."""
+        if not (options.runout_cosine_m or options.runout_sine_m):
+            return self._round(parameters, conditions, options)
+        round_options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
+        share = load_step(options.runout_cosine_m, options.runout_sine_m)
+        # Softer by as much is the same shape as loaded more.
+        lighter, middle, heavier = (
+            LoadedShape(
+                self._round(softer, conditions, round_options),
+                self._solve(softer, conditions, round_options, self._grid(conditions)).ring.axle_height_m,
+            )
+            for softer in (parameters - math.log1p(step) for step in (-share, 0.0, share))
+        )
+        heights = options.runout_cosine_m, options.runout_sine_m
+        return out_of_round(lighter, middle, heavier, conditions.radius_m, *heights)
+
+    def tangent(
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
+    ) -> tuple[Shape, ...]:
+        """Return the derivatives of the shape by the state's parameters, of a point near by where one is known."""
+        # A tire out of round by a millimetre answers them as a round one does, which takes a third of the solutions.
+        options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
+        load, pressure, omega = _place(conditions)
+        place = load, pressure, omega if options.depends_on_speed else _ANY_OMEGA_RADPS
+        return self._tangents.at(self, place, parameters, conditions, options, half_angle_rad)
+
+    def change(
+        self,
+        parameters: FloatArray,
+        conditions: GroupConditions,
+        before: RingOptions,
+        after: RingOptions,
+        half_angle_rad: float,  # noqa: ARG002 - as above
+    ) -> Shape:
+        """Return what another option does to the shape, roughly: on a coarse grid, at a state near by."""
+        near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
+        return moved(_coarse_shape(near, conditions, after), _coarse_shape(near, conditions, before), -1.0)
+
+    def _round(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> Shape:
+        """Return the shape of a round tire."""
+        coarse = self._solve(parameters, conditions, options, self._grid(conditions)).shape
+        correction = self._corrections.get(_place(conditions))
+        if correction is None:
+            return coarse
+        fields = [field + part for field, part in zip(coarse.waveform, correction[0], strict=True)]
+        return Shape(
+            SensorWaveform(*fields),
+            coarse.leading_edge_rad + correction[1],
+            coarse.trailing_edge_rad + correction[2],
+        )
+
+    def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
+        """Measure the grid's error at these parameters; `shape` takes it off from now on, for these conditions."""
+        layer_rad = math.sqrt(
+            TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(float(parameters[0]) - float(parameters[1]))
+        )
+        wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
+        nodes = next((nodes for nodes in self._grids if nodes >= wanted), self._grids[-1])
+        # Never coarser than before: a fit that changes its grid back and forth does not come to rest.
+        nodes = self._nodes[_place(conditions)] = max(nodes, self._grid(conditions))
+        coarse = self._solve(parameters, conditions, options, nodes).shape
+        fine = self._solve(parameters, conditions, options, _FINER * nodes).shape
+        change = np.array(fine.waveform) - np.array(coarse.waveform)
+        self._corrections[_place(conditions)] = (
+            _EXTRAPOLATION * change,
+            _EXTRAPOLATION * (fine.leading_edge_rad - coarse.leading_edge_rad),
+            _EXTRAPOLATION * (fine.trailing_edge_rad - coarse.trailing_edge_rad),
+        )
+
+    def _grid(self, conditions: GroupConditions) -> int:
+        return self._nodes.get(_place(conditions), self._grids[0])
+
+    def numbers(self, parameters: FloatArray, conditions: GroupConditions) -> Mapping[str, float]:
+        """Return Bs, Cw, Rs, Ts and the tread's stiffness at the load and pressure of `conditions`."""
+        ring = ring_parameters(parameters, conditions, RingOptions())
+        numbers = ring.numbers(conditions.pressure_pa)
+        return {**numbers._asdict(), "tread_stiffness_npm2": ring.tread_stiffness_npm2}
+
+    def solution(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> RingSolution:
+        """Return the solved ring behind a shape, its grid's error in it."""
+        return self._solve(parameters, conditions, options, self._grid(conditions)).ring
+
+    def _solve(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int) -> _Solved:
+        omega = conditions.omega_radps if options.depends_on_speed else _ANY_OMEGA_RADPS
+        key = _Key(
+            parameters.tobytes(),
+            options,
+            conditions.load_n,
+            conditions.pressure_pa,
+            conditions.radius_m,
+            omega,
+            nodes,
+        )
+        known = self._kept.get(key)
+        if known is not None:
+            self._kept.move_to_end(key)
+            return known
+        ring = ring_parameters(parameters, conditions, options)
+        near_key = (conditions.load_n, conditions.pressure_pa, nodes, math.isfinite(ring.shear_stiffness_n))
+        solution = solve_rolling_ring(
+            ring,
+            conditions.load_n,
+            conditions.pressure_pa,
+            omega,
+            nodes=nodes,
+            sensor_offset_m=options.sensor_offset_m,
+            drum_radius_m=options.drum_radius_m,
+            axle_torque_nm=self._torque_nm(parameters, conditions, options, nodes),
+            start=self._near.get(near_key),
+        )
+        self._near[near_key] = solution
+        solved = _Solved(_on_field(solution), solution)
+        self._kept[key] = solved
+        if len(self._kept) > _KEPT:
+            self._kept.popitem(last=False)
+        return solved
+
+    def _torque_nm(
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int
+    ) -> float | None:
+        """Return the axle's torque: what the losses take, and traction beyond it; None rolls freely."""
+        if not options.traction:
+            return None
+        free = self._solve(parameters, conditions, replace(options, traction=0.0), nodes).ring.axle_torque_nm
+        return free + options.traction * conditions.load_n * conditions.radius_m
+
+
+@cache
+def _coarse_core() -> ExactCore:
+    """Return the core that all others of a process scan with; what it says depends on what it is asked alone."""
+    return ExactCore(_COARSE)
+
+
+@lru_cache(maxsize=_KEPT_COARSE)
+def _coarse_shape(parameters: tuple[float, ...], conditions: GroupConditions, options: RingOptions) -> Shape:
+    return _coarse_core().shape(np.array(parameters), conditions, options, 0.0)
+
+
+def ring_parameters(parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> RingParameters:
+    """Return the ring of a state's parameters in SI units, at its load and pressure.
+
+    Stiffnesses start in proportion to the load, so that the same parameters give the same shape at any load.
+    """
+    radius, pressure = conditions.radius_m, conditions.pressure_pa
+    load_number = conditions.load_n / (pressure * radius**2)
+    factor = np.exp(parameters)
+    numbers = np.array(TABLE_3_NUMBERS) * factor[:4] * (load_number / TABLE_3_LOAD_NUMBER)
+    tread = _NOMINAL_TREAD_NPM2 * float(factor[4]) * (conditions.load_n / radius**2)
+    tread /= TABLE_3_LOAD_N / TABLE_3_RADIUS_M**2
+    bending = float(numbers[0]) * radius**4 * pressure
+    shear = bending / options.shear_length_m**2 if options.shear_length_m else math.inf
+    return RingParameters.from_numbers(
+        *(float(number) for number in numbers),
+        radius_m=radius,
+        pressure_pa=pressure,
+        mass_kgpm=_MASS_KGPM,
+        extension_stiffness_n=options.extension_stiffness_n,
+        tread_stiffness_npm2=tread,
+        foundation_damping_nspm2=options.damping_time_s * float(numbers[2]) * pressure,
+        tread_damping_nspm2=options.tread_damping_time_s * tread,
+        sidewall_stiffening_pm=options.stiffening_pm,
+        shear_stiffness_n=shear,
+        rotary_inertia_kgm=options.rotary_inertia_kgm,
+    )
+
+
+def _place(conditions: GroupConditions) -> tuple[float, float, float]:
+    return conditions.load_n, conditions.pressure_pa, conditions.omega_radps
+
+
+def _on_field(solution: RingSolution) -> Shape:
+    """Return a solution on the model's angle grid, by trigonometric interpolation."""
+    coarse = np.array(solution.sensor)
+    nodes = coarse.shape[1]
+    spectrum = np.fft.rfft(coarse, axis=1)
+    kept = np.zeros((len(coarse), FIELD_SIZE // 2 + 1), dtype=np.complex128)
+    count = min(nodes, FIELD_SIZE) // 2
+    kept[:, :count] = spectrum[:, :count]
+    fields = np.fft.irfft(kept, n=FIELD_SIZE, axis=1) * (FIELD_SIZE / nodes)
+    return Shape(SensorWaveform(*fields), solution.leading_edge_rad, solution.trailing_edge_rad)

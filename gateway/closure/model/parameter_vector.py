@@ -1,0 +1,73 @@
+"""Layout of the parameter vector: states of the tire, contact centres, effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gateway.closure.effects.effect import Effect
+from gateway.closure.model.baseline import Core
+from gateway.types import FloatArray
+
+# The contact's centre as the pipeline found it may lie this far from the road normal, one standard deviation.
+_CENTRE_STD_RAD = 0.05
+
+
+class Layout:
+    """Places in the vector of parameters."""
+
+    def __init__(self, core_size: int, states: int, groups: int, effects: Sequence[Effect]) -> None:
+        """Lay out the states' parameters, a centre a group, then the effects'."""
+        self._core_size = core_size
+        self._state_count = states
+        self._groups = groups
+        self._effects: dict[str, slice] = {}
+        at = states * core_size + groups
+        for effect in effects:
+            self._effects[effect.name] = slice(at, at + len(effect.parameters))
+            at += len(effect.parameters)
+        self.size = at
+
+    def state(self, state: int) -> slice:
+        """Return the places of a state's parameters."""
+        return slice(state * self._core_size, (state + 1) * self._core_size)
+
+    @property
+    def states(self) -> slice:
+        """Places of all states' parameters."""
+        return slice(0, self._state_count * self._core_size)
+
+    def centre(self, group: int) -> int:
+        """Return the place of a group's contact centre, rad."""
+        return self._state_count * self._core_size + group
+
+    def effect(self, name: str) -> slice:
+        """Return the places of an effect's parameters."""
+        return self._effects[name]
+
+    @property
+    def without_effects(self) -> int:
+        """Number of parameters before the first effect's."""
+        return self._state_count * self._core_size + self._groups
+
+    def priors(self, core: Core, effects: Sequence[Effect]) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of every parameter before the data are seen, (size,) each."""
+        mean, std = np.zeros(self.size), np.full(self.size, _CENTRE_STD_RAD)
+        for state in range(self._state_count):
+            mean[self.state(state)], std[self.state(state)] = core.prior_mean, core.prior_std
+        for effect in effects:
+            where = self.effect(effect.name)
+            mean[where] = [parameter.prior_mean for parameter in effect.parameters]
+            std[where] = [parameter.prior_std for parameter in effect.parameters]
+        return mean, std
+
+    def moved(self, vector: FloatArray, other: Layout) -> FloatArray:
+        """Return a vector of this layout in another one; what this one lacks is 0."""
+        result = np.zeros(other.size)
+        shared = min(self.without_effects, other.without_effects)
+        result[:shared] = vector[:shared]
+        for name, where in self._effects.items():
+            if name in other._effects:
+                result[other.effect(name)] = vector[where]
+        return result

@@ -1,0 +1,77 @@
+"""Curves and trends of a diagnosis for the figures of its report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.data.campaign_data import Group
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.residual import group_residuals
+from gateway.closure.model.sensor_signal import THETA, orders_field
+from gateway.closure.result import Curves, Trend
+from gateway.constants import AXIS_NAMES
+from gateway.types import ComplexArray, FloatArray
+
+# A quantity that varies by less than this share over the groups shows no trend.
+_VARIES: Final = 0.03
+_AGAINST: Final[dict[str, tuple[Callable[[Group], float], float]]] = {
+    # name -> (value, least span that is worth a trend where a share says nothing)
+    "speed_kmh": (lambda group: 3.6 * group.conditions.omega_radps * group.conditions.radius_m, 2.0),
+    "load_n": (lambda group: group.conditions.load_n, 50.0),
+    "pressure_kpa": (lambda group: 1e-3 * group.conditions.pressure_pa, 5.0),
+    "temperature_degc": (lambda group: group.conditions.temperature_degc, 3.0),
+    "time_s": (lambda group: group.conditions.time_s, 1.0),
+}
+
+
+def curves_of(before: Fit, after: Fit, data: Whitened) -> tuple[Curves, ...]:
+    """Return the waveforms of every group."""
+    result = []
+    for index, group in enumerate(after.model.campaign.groups):
+        weight = np.square(data.weights[index])
+        total = weight.sum(axis=0)
+        known = total > 0.0
+        scale = np.where(known, 1.0 / np.where(known, total, 1.0), 0.0)
+
+        def mean(orders: ComplexArray, weight: FloatArray = weight, scale: FloatArray = scale) -> FloatArray:
+            return orders_field((weight * orders).sum(axis=0) * scale)
+
+        absent = ~known.any(axis=1)
+        measured = mean(data.orders[index])
+        measured[absent] = np.nan
+        order_noise = np.sqrt(scale)
+        order_noise[~known] = np.nan
+        result.append(
+            Curves(
+                label=group.label,
+                theta_rad=THETA,
+                measured_mps2=measured,
+                before_mps2=mean(before.predicted[index]),
+                after_mps2=mean(after.predicted[index]),
+                noise_mps2=np.sqrt(scale.sum(axis=1)),
+                order_noise_mps2=order_noise,
+            )
+        )
+    return tuple(result)
+
+
+def trends_of(before: Fit, after: Fit, data: Whitened) -> tuple[Trend, ...]:
+    """Return how the residual goes with speed, load, pressure, temperature and time, where these vary."""
+    groups = after.model.campaign.groups
+    residuals = group_residuals(before, data), group_residuals(after, data)
+    trends = []
+    for name, (value, least) in _AGAINST.items():
+        at = np.array([value(group) for group in groups])
+        if len(at) < 2 or np.ptp(at) < max(least, _VARIES * float(np.abs(at).mean()) if name != "time_s" else least):
+            continue
+        for axis, words in enumerate(AXIS_NAMES):
+            if not any((weight[:, axis] > 0.0).any() for weight in data.weights):
+                continue
+            left = [np.array([r.rms_mps2()[axis] for r in of]) for of in residuals]
+            noise = np.array([r.noise_rms_mps2()[axis] for r in residuals[1]])
+            trends.append(Trend(words, name, at, left[0], left[1], noise))
+    return tuple(trends)

@@ -1,0 +1,310 @@
+"""Result of a diagnosis: the closure before and after, with every figure that the report shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+from gateway.closure.data.campaign_data import Remark
+from gateway.reasons import Reason
+from gateway.signal.effect_correction import CorrectionTable
+from gateway.types import FloatArray
+
+FAR_OFF: Final = 1.2
+"""Held-out error over the noise floor above which the remaining misfit may bias estimates beyond their errors.
+
+From `paper` and `series`, errors of Bs, Cw, Rs, Ts over their standard errors stay below 3.3 up to this ratio and reach
+6 and more beyond it.
+"""
+
+
+class Verdict(StrEnum):
+    """The outcome for a candidate effect.
+
+    NAMED: accepted; the model lacks it, and the data distinguish it from the others. INDISTINGUISHABLE: one of several
+    that explain the data equally well; `Finding.rivals` holds its confounders and `Finding.decide_with` the recording
+    that would decide. REFUSED: it reduces the residual, but fails an acceptance test; `Finding.reason` holds which.
+    """
+
+    NAMED = "named"
+    INDISTINGUISHABLE = "indistinguishable"
+    REFUSED = "refused"
+
+
+class TireState(NamedTuple):
+    """A load and inflation pressure, each with its own parameters of the ring."""
+
+    load_n: float
+    pressure_pa: float
+
+
+class ScalingStatus(StrEnum):
+    """Whether the growth of a residual with speed is known, and if not, why."""
+
+    KNOWN = "known"
+    UNCERTAIN = "uncertain"
+    ONE_SPEED = "one_speed"
+    SEEN_AT_ONE_SPEED = "seen_at_one_speed"
+    TOO_WEAK = "too_weak"
+    NON_STATIONARY = "non_stationary"
+
+
+@dataclass(frozen=True, slots=True)
+class Scaling:
+    """Growth of a residual with wheel speed: its size is proportional to omega^exponent.
+
+    Attributes:
+        status: whether the exponent is known.
+        exponent: whole where the data agree with a whole one; NaN unless the status is KNOWN or UNCERTAIN.
+        std: standard error of an UNCERTAIN exponent, NaN otherwise.
+    """
+
+    status: ScalingStatus
+    exponent: float = math.nan
+    std: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A number with unit and standard error.
+
+    Attributes:
+        value: in `unit`, which is SI.
+        std: one standard error, likewise.
+        unit: of both; empty for a pure number.
+        factor: conversion from `unit` to `display_unit`.
+        display_unit: of the number in tables; `unit` when empty.
+        inverse_display: (factor, unit) where tables show factor / value instead; as in `Parameter`.
+        quantity: name of an estimate without its state; empty where that is its key.
+        state: load and pressure of an estimate, None for the state of the most revolutions.
+    """
+
+    value: float
+    std: float
+    unit: str = ""
+    factor: float = 1.0
+    display_unit: str = ""
+    inverse_display: tuple[float, str] | None = None
+    quantity: str = ""
+    state: TireState | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One effect of the catalogue for which the data hold evidence.
+
+    Attributes:
+        name: of the effect.
+        verdict: the outcome.
+        parameters: by name.
+        chi2: reduction of the misfit (chi-square) on all data.
+        held_out_gain: reduction of the misfit on held-out revolutions, sum over folds.
+        held_out_std: its standard error over folds.
+        rms_mps2: size of its contribution, rms over the signal of the axes it acts on.
+        rms_before_mps2: held-out rms before it was added; NaN for refused effects.
+        rms_after_mps2: and after.
+        estimates: every estimate before and after the effect was added: name -> (before, after).
+        rivals: names of its confounders: effects that explain the same data.
+        decide_with: the deciding recording, when indistinguishable.
+        reason: why it was refused or not distinguished; None otherwise.
+        summary: a description of the effect.
+        equation: its contribution.
+        lock: "angle", "time", or "contact" for what scatters from one contact to the next.
+    """
+
+    name: str
+    verdict: Verdict
+    parameters: Mapping[str, Fitted]
+    chi2: float
+    held_out_gain: float
+    held_out_std: float
+    rms_mps2: float
+    rms_before_mps2: float = float("nan")
+    rms_after_mps2: float = float("nan")
+    estimates: Mapping[str, tuple[Fitted, Fitted]] = field(default_factory=dict)
+    rivals: tuple[str, ...] = ()
+    decide_with: Reason | None = None
+    reason: Reason | None = None
+    summary: str = ""
+    equation: str = ""
+    lock: str = "angle"
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """A residual above the noise that no effect of the catalogue explains.
+
+    Attributes:
+        axis: "circumferential", "lateral" or "radial".
+        lock: "angle" (repeats with the wheel) or "time" (remains when the mean revolution is subtracted).
+        orders: (lowest, highest) order of the wheel, None when not locked to it.
+        hz: (lowest, highest) frequency at the campaign's speeds, None where only orders are known.
+        angle_rad: (from, to) material angle that holds most of it, None when spread out or not locked.
+        scaling: growth with speed.
+        rms_mps2: size.
+        std_mps2: one standard error.
+        lock_known: False for "time" at multiples of the wheel's frequency: it may be locked to the wheel all the same,
+            and vary from revolution to revolution.
+        changes: True for a non-stationary one: it repeats with the wheel but changes during the recording; its size is
+            that of the change.
+        narrow: True for a spectral line, False for a band; only of "time".
+        centre_order: mean order of a "time" residual whose frequency moves with speed, NaN otherwise.
+        centre_hz: mean frequency of a line that keeps its frequency, NaN otherwise.
+        speeds: (with it, recorded) number of speeds of a "time" residual that keeps its frequency over several.
+        other_axes: (axis, rms) of the other axes that show a "time" residual.
+        largest_in: label of the group where a non-stationary one changes most.
+    """
+
+    axis: str
+    lock: str
+    orders: tuple[int, int] | None
+    hz: tuple[float, float] | None
+    angle_rad: tuple[float, float] | None
+    scaling: Scaling
+    rms_mps2: float
+    std_mps2: float
+    lock_known: bool = True
+    changes: bool = False
+    narrow: bool = False
+    centre_order: float = math.nan
+    centre_hz: float = math.nan
+    speeds: tuple[int, int] | None = None
+    other_axes: tuple[tuple[str, float], ...] = ()
+    largest_in: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Waveforms of one group of revolutions (one recording at one speed) for the figures.
+
+    Attributes:
+        label: recording, speed, load, pressure.
+        theta_rad: (n,).
+        measured_mps2: (3, n) mean of all revolutions; NaN rows for absent axes.
+        before_mps2: (3, n) baseline model, fitted.
+        after_mps2: (3, n) with the named effects.
+        noise_mps2: (3,) rms noise of the measured mean waveform, within the orders used.
+        order_noise_mps2: (3, m) standard error of one real coefficient of each order of the mean.
+    """
+
+    label: str
+    theta_rad: FloatArray
+    measured_mps2: FloatArray
+    before_mps2: FloatArray
+    after_mps2: FloatArray
+    noise_mps2: FloatArray
+    order_noise_mps2: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Spectra:
+    """Power spectral densities of the signal that is not locked to the wheel, one group.
+
+    Attributes:
+        label: as in `Curves`.
+        frequency_hz: (m,).
+        measured_m2ps3: (3, m) NaN rows for absent axes.
+        before_m2ps3: (3, m) white sensor noise alone.
+        after_m2ps3: (3, m) with the named effects.
+    """
+
+    label: str
+    frequency_hz: FloatArray
+    measured_m2ps3: FloatArray
+    before_m2ps3: FloatArray
+    after_m2ps3: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """The residual of one axis against one quantity, over groups.
+
+    Attributes:
+        axis: "circumferential", "lateral" or "radial".
+        against: "speed", "load", "pressure", "temperature" or "time", unit included: "speed_kmh".
+        at: (g,) values of it.
+        before_mps2: (g,) rms of the residual of the group's mean, noise power subtracted.
+        after_mps2: (g,).
+        noise_mps2: (g,) noise of the group's mean.
+    """
+
+    axis: str
+    against: str
+    at: FloatArray
+    before_mps2: FloatArray
+    after_mps2: FloatArray
+    noise_mps2: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Error on revolutions that were used by no fit and no selection, rms over axes and orders used."""
+
+    rms_before_mps2: float
+    rms_after_mps2: float
+    revolutions: int
+    folds: int
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """A finished diagnosis of one wheel.
+
+    Attributes:
+        model: baseline model.
+        wheel: position.
+        recordings: paths as given.
+        assumed: inputs that were assumed.
+        revolutions: used.
+        rejected: left out.
+        noise_floor_mps2: rms that the held-out error would have if the model were right.
+        held_out: errors of the nested hold-out.
+        findings: named first, in the order in which they were added, then indistinguishable, then refused.
+        unexplained: largest first.
+        estimates_before: of the baseline model, by name (`Bs`, `contact_half_angle_rad`, ...).
+        estimates_after: with the named effects.
+        determined: estimate -> False when the data do not determine it.
+        curves: for figures.
+        spectra: for figures.
+        trends: for figures.
+        empirical_rms_mps2: held-out rms with the fitted empirical correction, None when not requested.
+        notes: limitations: groups left out, few revolutions, one speed only.
+        folds_of: unit of a fold: "recordings", "blocks of revolutions" or "revolutions".
+        correction: contributions of the named effects, for `live` and `estimate` to subtract; None when nothing was
+            named, or where the baseline model is not the exact ring.
+        stated: inputs that were stated or measured, with their source.
+        load_known: False where the load of a group was assumed.
+        pressure_known: False where the pressure of a group was assumed.
+    """
+
+    model: str
+    wheel: str
+    recordings: tuple[str, ...]
+    assumed: tuple[Remark, ...]
+    revolutions: int
+    rejected: int
+    noise_floor_mps2: float
+    held_out: HeldOut
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Unexplained, ...]
+    estimates_before: Mapping[str, Fitted]
+    estimates_after: Mapping[str, Fitted]
+    determined: Mapping[str, bool] = field(default_factory=dict)
+    curves: tuple[Curves, ...] = ()
+    spectra: tuple[Spectra, ...] = ()
+    trends: tuple[Trend, ...] = ()
+    empirical_rms_mps2: float | None = None
+    notes: tuple[Remark, ...] = ()
+    folds_of: str = "blocks of revolutions"
+    correction: CorrectionTable | None = None
+    stated: tuple[Remark, ...] = ()
+    load_known: bool = True
+    pressure_known: bool = True
+
+    @property
+    def named(self) -> tuple[Finding, ...]:
+        """The effects that were added."""
+        return tuple(finding for finding in self.findings if finding.verdict is Verdict.NAMED)

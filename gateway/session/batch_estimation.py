@@ -1,0 +1,83 @@
+"""Estimation of a whole recording in one pass, in constant memory, with the same results as live."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.block_decoder import FrameBatch
+from firmware_protocol.counters import LinkCounters
+from gateway.config.effects_file import with_effects
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.io.source import Chunk, LinkItem
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.wheels import Pipeline
+from gateway.recording.decoder_blocks import LinkBlocks
+from gateway.security.guard import Guard
+
+
+class Items(Protocol):
+    """Source of link items, such as a recording."""
+
+    def items(self) -> Iterator[LinkItem]:
+        """Yield items in the order of arrival."""
+        ...
+
+
+def estimate_items(
+    source: Items,
+    vehicle: VehicleConfig | None,
+    on_result: Callable[[RevolutionResult], None],
+    *,
+    estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+    on_bytes: Callable[[int], None] | None = None,
+    guard: Guard | None = None,
+    on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
+    effects: Sequence[CorrectionTable] = (),
+) -> dict[str, LinkCounters]:
+    """Run the estimators on all items of a source.
+
+    Args:
+        source: a recording.
+        vehicle: configuration, None for an assumed belt radius.
+        on_result: called for every completed revolution, in order per wheel, wheels interleaved by block.
+        estimators: names from the registry.
+        guard: verifies every frame first; None when signatures are not checked.
+        on_bytes: called with the number of link bytes of each chunk, for a progress bar.
+        on_batch: called with the link, a block of its frames and their arrival times, before its revolutions.
+        effects: known effects to subtract, one table per wheel.
+
+    Returns:
+        the decoder's counters per link.
+    """
+    setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
+    pipeline = Pipeline(setups, WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3), estimators)
+    links: dict[str, LinkBlocks] = {}
+
+    def deliver(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
+        for batch, arrivals_ns in batches:
+            if on_batch is not None:
+                on_batch(link, batch, arrivals_ns)
+            for result in pipeline.batch(link, batch, arrivals_ns):
+                on_result(result)
+
+    for item in source.items():
+        if not isinstance(item, Chunk):
+            continue
+        blocks = links.get(item.link)
+        if blocks is None:
+            gate = guard.gate(item.link) if guard is not None else None
+            blocks = links[item.link] = LinkBlocks(item.link, gate)
+        if on_bytes is not None:
+            on_bytes(len(item.data))
+        deliver(item.link, blocks.add(item))
+    for name, blocks in links.items():
+        deliver(name, blocks.finish())
+    for result in pipeline.finish():
+        on_result(result)
+    return {name: blocks.counters for name, blocks in links.items()}
