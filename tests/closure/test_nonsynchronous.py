@@ -11,7 +11,7 @@ import pytest
 from gateway.closure.data.campaign_data import ORDERS, Block, Group
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import GroupConditions, SpectrumEffect
-from gateway.closure.inference import nonsynchronous as timelocked
+from gateway.closure.inference import nonsynchronous_diagnosis as timelocked
 from gateway.closure.inference.edge_jitter_spectrum import TERMS
 from gateway.closure.inference.nonsynchronous_density import Site
 from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
@@ -21,7 +21,7 @@ from gateway.closure.inference.unexplained_spectrum import parts_left
 from gateway.closure.result import Scaling, ScalingStatus, Verdict
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Reason
-from tests.closure.timelocked_data import simulated_groups
+from tests.closure.nonsynchronous_data import simulated_groups
 
 RATE_HZ = 4000.0
 EFFECTS = [effect for effect in catalogue().values() if isinstance(effect, SpectrumEffect)]
