@@ -13,7 +13,7 @@ from gateway.config.effects_file import check_effects, load_effects
 from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import Source, open_source, parse_source_uri
+from gateway.io.source import Source, is_live, open_source
 from gateway.pipeline.results import SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.recording.writer import RecordingWriter
@@ -24,8 +24,6 @@ from gateway.views.plain import PlainView
 from gateway.views.session_summary import ResultSummary, summary_lines
 from gateway.views.text import clean
 
-# Sources that can wait when the session is behind. A device cannot wait.
-_PATIENT_SCHEMES: Final = {"replay", "sim"}
 _POLL_S: Final = 0.05
 
 
@@ -79,7 +77,7 @@ def start_session(
         vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
         effects = open_effects(effects_paths, vehicle)
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
-        remembers = not any(parse_source_uri(uri).scheme in _PATIENT_SCHEMES for uri in uris)
+        remembers = all(is_live(uri) for uri in uris)
         guard = open_guard(vehicle, key_file, remembers=remembers)
         recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
     except BaseException:
@@ -91,7 +89,7 @@ def start_session(
         sources,
         vehicle,
         clock,
-        patient=[parse_source_uri(uri).scheme in _PATIENT_SCHEMES for uri in uris],
+        patient=[not is_live(uri) for uri in uris],
         summary=summary,
         recorder=recorder,
         estimators=estimators or DEFAULT_ESTIMATORS,

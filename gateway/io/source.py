@@ -143,14 +143,28 @@ class SourceAddress:
 DEFAULT_BAUDRATE: Final = 921600
 """Baud rate of a hub on a serial port unless the source says otherwise."""
 
-# scheme -> "module:factory"; factory(address: SourceAddress, clock: Clock) -> Source.
-SOURCES: Final[dict[str, str]] = {
-    "serial": "gateway.io.serial_link:open_serial",
-    "tcp": "gateway.io.serial_link:open_tcp",
-    "ble": "gateway.io.ble_source:open_ble",
-    "replay": "gateway.recording.replay_source:open_replay",
-    "sim": "gateway.simulator.simulator_source:open_simulator",
+
+@dataclass(frozen=True, slots=True)
+class SourceKind:
+    """Entry of the registry of sources.
+
+    Attributes:
+        factory: "module:function" with function(address: SourceAddress, clock: Clock) -> Source.
+        live: whether bytes arrive now and are lost unless they are read, unlike those of a file or a simulation.
+    """
+
+    factory: str
+    live: bool = True
+
+
+SOURCES: Final[dict[str, SourceKind]] = {
+    "serial": SourceKind("gateway.io.serial_link:open_serial"),
+    "tcp": SourceKind("gateway.io.serial_link:open_tcp"),
+    "ble": SourceKind("gateway.io.ble_source:open_ble"),
+    "replay": SourceKind("gateway.recording.replay_source:open_replay", live=False),
+    "sim": SourceKind("gateway.simulator.simulator_source:open_simulator", live=False),
 }
+"""Sources by the scheme of their URI."""
 
 
 def parse_source_uri(uri: str) -> SourceAddress:
@@ -177,6 +191,15 @@ def parse_source_uri(uri: str) -> SourceAddress:
     return SourceAddress(uri, scheme, target, dict(parse_qsl(parts.query, keep_blank_values=True)))
 
 
+def is_live(uri: str) -> bool:
+    """Return whether the source of a URI delivers bytes as they arrive.
+
+    Raises:
+        SourceError: no known scheme, or no target.
+    """
+    return SOURCES[parse_source_uri(uri).scheme].live
+
+
 def open_source(uri: str, clock: Clock) -> Source:
     """Open the source of a URI; its module is imported on first use.
 
@@ -184,7 +207,8 @@ def open_source(uri: str, clock: Clock) -> Source:
         SourceError: the URI is wrong, or the source's optional package is missing.
     """
     address = parse_source_uri(uri)
-    module_name, factory_name = SOURCES[address.scheme].split(":")
-    _logger.debug("opening %s with %s", uri, SOURCES[address.scheme])
+    factory = SOURCES[address.scheme].factory
+    _logger.debug("opening %s with %s", uri, factory)
+    module_name, factory_name = factory.split(":")
     source: Source = getattr(importlib.import_module(module_name), factory_name)(address, clock)
     return source

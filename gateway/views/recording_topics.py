@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,9 @@ from gateway.reasons import Level, Notice, Reason
 from gateway.types import FloatArray
 from gateway.views.wording import as_json, notice_text
 
+CONDITIONS: Final = ("load_n", "pressure_pa", "temperature_degc")
+"""Fields of a revolution for the conditions, stated or measured."""
+
 # The waveform topic is for plots only: the raw bytes in the same recording hold every sample.
 _WAVEFORM_POINTS: Final = 256
 
@@ -24,9 +27,16 @@ def _finite(entries: dict[str, float | int | None]) -> dict[str, Any]:
     return {key: value for key, value in entries.items() if value is not None and math.isfinite(value)}
 
 
-def estimate_fields(estimate: Estimate) -> dict[str, Any]:
-    """Return an estimate as flat fields that plotting programs list side by side."""
+def estimate_fields(estimate: Estimate, taken: Collection[str] = ()) -> dict[str, Any]:
+    """Return an estimate as flat fields that plotting programs list side by side.
+
+    Args:
+        estimate: the estimate.
+        taken: field names in use. An estimate of such a name, as of the load that is also stated, is `estimated_NAME`.
+    """
     name = estimate.name.replace("/", "_over_")
+    if name in taken:
+        name = f"estimated_{name}"
     return {
         **_finite({name: estimate.value, f"{name}_std": estimate.std}),
         f"{name}_status": str(estimate.status),
@@ -58,7 +68,7 @@ def revolution_payload(result: RevolutionResult) -> dict[str, Any]:
     )
     payload.update(_reasons("fault_reasons", revolution.faults))
     for estimate in result.estimates:
-        payload.update(estimate_fields(estimate))
+        payload.update(estimate_fields(estimate, CONDITIONS))
     return payload
 
 
