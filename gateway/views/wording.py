@@ -51,7 +51,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.NO_CONTACT_EDGES: "no contact edges were found",
     Code.NO_STEADY_VALUE: "the radial signal has no positive mean: its steady value is missing",
-    Code.NOT_SETTLED: "{revolutions:.0f} revolutions so far, settles at {needed:.0f}",
+    Code.NOT_SETTLED: "settling: {revolutions:.0f} of {needed:.0f} revolutions",
     Code.REVOLUTION_NOT_USED: "this revolution was not used: {faults}",
     Code.SAMPLES_LOST_SHARE: "{share:.1%} of the samples were lost",
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
@@ -89,9 +89,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "needs {number} of the new tire, tire.reference in the vehicle file (treadlink calibrate)"
     ),
     Code.NEEDS_RING_THICKNESS: "needs ring_thickness_mm of the tire in the vehicle file",
-    Code.NEEDS_WEAR_VALUES: (
-        "needs {revolutions:.0f} revolutions with a valid wear, of which one in {spacing:.0f} counts"
-    ),
+    Code.NEEDS_WEAR_VALUES: ("needs {revolutions:.0f} revolutions with valid wear (one in {spacing:.0f} is used)"),
     Code.NO_LOAD_FROM_BELT_WIDTH: "not from the belt width: {why}",
     Code.NO_LOAD_FROM_CONTACT_ANGLE: "not from the contact angle: {why}",
     Code.NUMBER_MISSING: "the estimator {estimator} does not give {number}",
@@ -108,13 +106,13 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
     Code.ORDERS_USED: "orders {first:.0f} to {last:.0f}",
     Code.ROLL_NOT_CALIBRATED: (
-        "AC-coupled: the roll tilt of the sensor cannot be calibrated; {assumed_rad:.0f deg} of it are in the error"
+        "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
     Code.SPEED_UNUSABLE: "the speed is not known or too high for the sampling",
     Code.ZERO_SLIP_GIVEN: "zero slip as given",
     Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
-    Code.ZERO_SLIP_NOT_SETTLED: "zero slip from {revolutions:.0f} revolutions, settles at {needed:.0f}",
+    Code.ZERO_SLIP_NOT_SETTLED: "zero slip is settling: {revolutions:.0f} of {needed:.0f} revolutions",
     # Of the sensor's calibration
     Code.FLAT_CONTACT_ASSUMED: "AC-coupled: from the contact, assumed to be flat (flat road)",
     Code.NEEDS_TEMPERATURE_CHANGE: "needs a change of temperature",
@@ -136,7 +134,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SENSOR_DEAD: "every axis reads 0: the sensor is dead or its element has no supply",
     Code.SENSOR_FLIPPED: "the radial axis points outward; its sign is corrected here",
     Code.SENSOR_LOOSE: (
-        "rings at {frequency_hz:.0f Hz} behind every contact with {share:.0%} of the steady value: the sensor "
+        "rings at {frequency_hz:.0f Hz} after every contact with {share:.0%} of the steady value: the sensor "
         "may have come loose; do not trust contact lengths and tire numbers"
     ),
     Code.SENSOR_STUCK: "does not move by one count for {duration_s:.0f s}: {axes} counts",

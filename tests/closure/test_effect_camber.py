@@ -15,6 +15,7 @@ from gateway.closure.inference.forward_selection import select
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import make_core
+from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -59,8 +60,8 @@ def test_ac_coupled_sensor_does_not_pass_camber() -> None:
 def test_lateral_constant_is_camber_or_zero_g_offset(name: str, rival: str) -> None:
     fit, data = fitted(campaign_of(TWO_SPEEDS, sideways(0.5), axes=ALL_AXES), EFFECTS[name])
     assert tuple(rivals_of(fit, EFFECTS[name], EFFECTS, data)) == (rival,)
-    words = deciding_recording(fit, EFFECTS[name], EFFECTS[rival], data)
-    assert words.startswith("the sensor at rest with the axle level")
+    deciding = deciding_recording(fit, EFFECTS[name], EFFECTS[rival], data)
+    assert deciding.code is Code.RECORD_AT_REST
 
 
 @pytest.mark.parametrize("plant", [sideways(2.0), on_all_axes], ids=["more than 6 deg", "on other axes too"])

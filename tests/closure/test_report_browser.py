@@ -80,8 +80,8 @@ def measured(chromium: str, page: Path, folder: Path, width: int) -> tuple[dict[
 def test_browser_shows_every_section(chromium, report, tmp_path):
     dom = browse(chromium, report, tmp_path / "profile", "--dump-dom")
     assert "<title>Diagnosis of FL: the exact ring</title>" in dom
-    for heading in ("Result", "Effects", "Left unexplained", "Estimates before and after", "Waveform and residual",
-                    "Order spectrum of the residual", "Trends of the residual", "Tried and refused"):  # fmt: skip
+    for heading in ("Result", "Effects", "Unexplained residuals", "Estimates before and after", "Waveform and residual",
+                    "Order spectrum of the residual", "Trends of the residual", "Rejected effects"):  # fmt: skip
         assert f">{heading}</h2>" in dom
 
 
