@@ -81,15 +81,17 @@ def _stated(
 
 
 def _stated_load(loads_n: Sequence[float], source: Reason) -> Reason:
-    low_n, high_n = min(loads_n), max(loads_n)
-    if round(low_n) == round(high_n):
+    """Return the stated load to 1 N, so that recordings of one load agree whatever the rounding of their means."""
+    low_n, high_n = float(round(min(loads_n))), float(round(max(loads_n)))
+    if low_n == high_n:
         return Reason(Code.STATED_LOAD, load_n=low_n, source=source)
     return Reason(Code.STATED_LOAD_RANGE, low_n=low_n, high_n=high_n, source=source)
 
 
 def _stated_pressure(pressures_pa: Sequence[float], source: Reason) -> Reason:
-    low_pa, high_pa = min(pressures_pa), max(pressures_pa)
-    if round(low_pa * 1e-3) == round(high_pa * 1e-3):
+    """Return the pressure to 1 kPa, for the same reason."""
+    low_pa, high_pa = round(min(pressures_pa) * 1e-3) * 1e3, round(max(pressures_pa) * 1e-3) * 1e3
+    if low_pa == high_pa:
         return Reason(Code.STATED_PRESSURE, pressure_pa=low_pa, source=source)
     return Reason(Code.STATED_PRESSURE_RANGE, low_pa=low_pa, high_pa=high_pa, source=source)
 

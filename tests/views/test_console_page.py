@@ -137,7 +137,7 @@ def test_status_is_a_mark_with_a_reason(made, size, status, mark):
         "FL", result={"status": status, "reasons": (Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0),)}
     )
     rows = page(made.snapshot([wheel]), size)
-    assert row_with(rows, f"{mark} 3 revolutions so far")
+    assert row_with(rows, f"{mark} settling: 3 of 8")
     assert f"{'0.1953 ± 0.0012' if status is Status.PROVISIONAL else '—'} {mark}" in "\n".join(rows)
 
 
