@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import math
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -62,6 +63,12 @@ EVENT_DETAILS: Final[Mapping[str, Mapping[str, type]]] = {
     Code.MTU_TOO_SMALL: {"mtu": int, "needed": int},
     Code.MTU_UNKNOWN: {"needed": int},
     Code.NOTIFICATIONS_DROPPED: {"count": int},
+    Code.RECORDING_CHANNEL_UNDECLARED: {"recording": str, "channel": int},
+    Code.RECORDING_CHUNK_DAMAGED: {"recording": str, "at_byte": int, "skipped_bytes": int},
+    Code.RECORDING_CUT_OFF: {"recording": str, "at_byte": int},
+    Code.RECORDING_DESCRIPTION_DAMAGED: {"recording": str},
+    Code.RECORDING_RECORD_DAMAGED: {"recording": str, "at_byte": int},
+    Code.RECORDING_RECORD_MISSING: {"recording": str, "at_byte": int},
     Code.RETRY_INTERVAL: {"interval_s": float},
 }
 """Codes that the details of an event may have, with the types of their values; a recording is checked against them."""
@@ -198,6 +205,23 @@ def is_live(uri: str) -> bool:
         SourceError: no known scheme, or no target.
     """
     return SOURCES[parse_source_uri(uri).scheme].live
+
+
+def positive_option(name: str, text: str, *, or_max: bool = False) -> float:
+    """Return the value of an option that is a number above 0; with `or_max`, infinity for `max`.
+
+    Raises:
+        SourceError: anything else.
+    """
+    if or_max and text == "max":
+        return math.inf
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (value > 0.0 and math.isfinite(value)):
+        raise SourceError(f"invalid option {name}={text}", f"Give a number above 0{' or max' if or_max else ''}.")
+    return value
 
 
 def open_source(uri: str, clock: Clock) -> Source:

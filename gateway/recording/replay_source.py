@@ -5,16 +5,16 @@ from __future__ import annotations
 import contextlib
 import math
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, Protocol
 
 from gateway.clock import Clock, wait_until
 from gateway.errors import RecordingError, SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, positive_option
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
-from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
+from gateway.recording.reader import RecordingReader
 
 _DUMP_BLOCK_BYTES: Final = 4096
 
@@ -99,8 +99,9 @@ class ReplaySource:
         damage = self._playable.damage
         ended_already = isinstance(last, LinkEvent) and last.kind is LinkEventKind.ENDED
         if not stop.is_set() and not self._closed.is_set() and (damage or not ended_already):
-            text = f"the recording is damaged. {REPAIR_REMEDY}" if damage else ""
-            yield LinkEvent(self._link, last.host_ns if last is not None else 0, LinkEventKind.ENDED, text)
+            details = (damage,) if damage else ()
+            host_ns = last.host_ns if last is not None else 0
+            yield LinkEvent(self._link, host_ns, LinkEventKind.ENDED, details=details)
 
     def close(self) -> None:
         """End `items`."""
@@ -121,9 +122,9 @@ def open_replay(address: SourceAddress, clock: Clock) -> Source:
     except OSError as error:
         raise SourceError(f"cannot open '{path}': {error.strerror}", "Check the path of the recording.") from error
     if magic != MAGIC and path.suffix.lower() == ".bin":
-        rate = _positive(address.options, "rate", None)
-        dump = RawDump(path, rate)
-        return ReplaySource(dump, dump.link, _speed(address.options, "1" if rate else "max"), clock)
+        rate = address.options.get("rate")
+        dump = RawDump(path, None if rate is None else positive_option("rate", rate))
+        return ReplaySource(dump, dump.link, _speed(address, "1" if rate else "max"), clock)
     if "rate" in address.options:
         raise SourceError("option 'rate' is for raw .bin dumps only", f"'{path.name}' has recorded times. Use speed=.")
     try:
@@ -133,7 +134,7 @@ def open_replay(address: SourceAddress, clock: Clock) -> Source:
     with contextlib.closing(reader.items()) as items:
         first = next(items, None)
     link = first.link if first is not None and first.link else f"replay:{path.name}"
-    return ReplaySource(reader, link, _speed(address.options, "1"), clock)
+    return ReplaySource(reader, link, _speed(address, "1"), clock)
 
 
 def _check_options(address: SourceAddress) -> None:
@@ -142,20 +143,5 @@ def _check_options(address: SourceAddress) -> None:
             raise SourceError(f"replay has no option '{name}'", "Options are speed=1|10|max, and rate= for .bin files.")
 
 
-def _speed(options: Mapping[str, str], default: str) -> float:
-    if options.get("speed", default) == "max":
-        return math.inf
-    return _positive({"speed": default, **options}, "speed", None) or math.inf
-
-
-def _positive(options: Mapping[str, str], name: str, default: float | None) -> float | None:
-    if name not in options:
-        return default
-    try:
-        value = float(options[name])
-    except ValueError:
-        value = math.nan
-    if not (value > 0 and math.isfinite(value)):
-        word = " or max" if name == "speed" else ""
-        raise SourceError(f"invalid option {name}={options[name]}", f"Give a number above 0{word}.")
-    return value
+def _speed(address: SourceAddress, default: str) -> float:
+    return positive_option("speed", address.options.get("speed", default), or_max=True)

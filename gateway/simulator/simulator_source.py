@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gateway.clock import Clock, wait_until
 from gateway.errors import SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, positive_option
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
@@ -82,7 +82,7 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
     simulation = simulate(
         scenario,
         seed=seed,
-        duration_s=None if duration_text is None else _positive("duration", duration_text),
+        duration_s=None if duration_text is None else positive_option("duration", duration_text),
         faults=tuple(parse_faults(fault_texts, scenario.scenario.seed if seed is None else seed)),
         key_file=None if key_file is None else Path(key_file),
     )
@@ -108,21 +108,10 @@ def parse_speed(text: str) -> float:
     Raises:
         SourceError: neither a positive number nor `max`.
     """
-    return math.inf if text == "max" else _positive("speed", text)
-
-
-def _positive(name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (value > 0.0 and math.isfinite(value)):
-        word = " or max" if name == "speed" else ""
-        raise SourceError(f"option {name}={text} is not allowed", f"Give a number above 0{word}.")
-    return value
+    return positive_option("speed", text, or_max=True)
 
 
 def _seed(text: str) -> int:
     if not text.isdecimal():
-        raise SourceError(f"option seed={text} is not allowed", "Give a whole number of at least 0.")
+        raise SourceError(f"invalid option seed={text}", "Give a whole number of at least 0.")
     return int(text)

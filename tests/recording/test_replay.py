@@ -12,6 +12,8 @@ import pytest
 from gateway.clock import ManualClock
 from gateway.errors import SourceError
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
+from gateway.reasons import Code
+from gateway.views import wording
 from tests.recording import streams
 
 LINK = "serial:/dev/ttyUSB0"
@@ -71,7 +73,11 @@ def test_last_item_reports_damage(recording: tuple[Path, list[LinkItem]], tmp_pa
     path.write_bytes(recording[0].read_bytes()[:20_000])
     end = streams.replay(f"replay:{path}?speed=max")[-1]
     assert isinstance(end, LinkEvent)
-    assert "treadlink repair" in end.text
+    assert [detail.code for detail in end.details] == [Code.RECORDING_CUT_OFF]
+    assert "treadlink repair" in wording.text(end.reason)
+    # The event survives a recording of the replay.
+    again = streams.write(tmp_path / "again.mcap", [end]).path
+    assert streams.replay(f"replay:{again}?speed=max") == [end]
 
 
 def test_close_ends_a_waiting_replay(recording: tuple[Path, list[LinkItem]]) -> None:
