@@ -302,6 +302,13 @@ class Code(StrEnum):
     # Diagnosis: notes
     MEANS_NOT_COMPARED = "means_not_compared"
     REVOLUTIONS_LEFT_OUT = "revolutions_left_out"
+    REVOLUTION_NOT_MEASURED = "revolution_not_measured"
+    BEYOND_RECORDING_LIMIT = "beyond_recording_limit"
+    BEYOND_GROUP_LIMIT = "beyond_group_limit"
+    BETWEEN_GROUP_SPEEDS = "between_group_speeds"
+    TOO_FEW_ALIKE = "too_few_alike"
+    OUTLIER_OF_GROUP = "outlier_of_group"
+    CLIPPED_UNLIKE_GROUP = "clipped_unlike_group"
     FEW_REVOLUTIONS = "few_revolutions"
     ONE_SPEED = "one_speed"
     STATES_NOT_DETERMINED = "states_not_determined"

@@ -120,7 +120,7 @@ def import_file(
         for end_s, data in stream.chunks(no_counts, np.empty((0, 2)), last=True):
             writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
         end_ns = start_ns + round(stream.end_s * 1e9)
-        writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED, "end of the file"))
+        writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED))
         writer.close()
     except BaseException:
         # A partial import is useless, and the measurement still exists.

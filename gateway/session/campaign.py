@@ -25,7 +25,7 @@ from gateway.recording.inspection import inspect_recording
 from gateway.session.campaign_clock import combined
 from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_recording
 from gateway.types import IntArray
-from gateway.views.wording import notice_text
+from gateway.views.wording import notice_text, text
 
 MIN_REVOLUTIONS: Final = 4
 """Smaller groups are left out, unless all are smaller."""
@@ -33,7 +33,7 @@ MIN_REVOLUTIONS: Final = 4
 MAX_GROUPS: Final = 12
 """Groups of a campaign, unless there are more recordings: the time of a diagnosis grows with their number."""
 
-SPARE: Final = f"at speeds between those of the {MAX_GROUPS} most informative groups"
+SPARE: Final = Reason(Code.BETWEEN_GROUP_SPEEDS, groups=MAX_GROUPS)
 
 _POLL_S: Final = 0.1
 # Used where no recording knows any temperature: it is then the same for all, and its value has no effect.
@@ -198,16 +198,16 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
     )
 
 
-def _rejected(reads: Sequence[RecordingRead]) -> dict[str, int]:
+def _rejected(reads: Sequence[RecordingRead]) -> dict[Reason, int]:
     """Return reason -> revolutions left out, over all recordings."""
-    rejected: dict[str, int] = {}
+    rejected: dict[Reason, int] = {}
     for read in reads:
         for reason, count in (read.rejected or {}).items():
             rejected[reason] = rejected.get(reason, 0) + count
     return rejected
 
 
-def _usable_groups(reads: Sequence[RecordingRead], wheel: str, rejected: dict[str, int]) -> list[Group]:
+def _usable_groups(reads: Sequence[RecordingRead], wheel: str, rejected: dict[Reason, int]) -> list[Group]:
     """Return the groups to use; revolutions of the others are added to `rejected`.
 
     Raises:
@@ -217,7 +217,7 @@ def _usable_groups(reads: Sequence[RecordingRead], wheel: str, rejected: dict[st
     if not groups:
         raise RecordingError(
             f"none of {sum(rejected.values())} revolutions of wheel {wheel} can be used: "
-            + "; ".join(f"{count} x {reason}" for reason, count in rejected.items()),
+            + "; ".join(f"{count} x {text(reason)}" for reason, count in rejected.items()),
             "At least two revolutions at the same speed are needed; a minute of steady rolling is better.",
         )
     large = [group for group in groups if _count(group) >= MIN_REVOLUTIONS]
@@ -255,7 +255,7 @@ def _recording_remarks(orders: Sequence[ReadOrder], reads: Sequence[RecordingRea
             yield Reason(Code.ABOUT_RECORDING, recording=order.name, reason=Reason(Code.RECORDING_WITHOUT_DATA))
 
 
-def _left_out_remarks(rejected: Mapping[str, int]) -> Iterator[Reason]:
+def _left_out_remarks(rejected: Mapping[Reason, int]) -> Iterator[Reason]:
     for reason in (SPARE, FEW):
         if reason in rejected:
             yield Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=rejected[reason], reason=reason)

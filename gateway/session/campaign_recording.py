@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -24,7 +24,7 @@ from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
 from gateway.session.provenance import assumed_conditions, stated_conditions
 from gateway.session.wheel_identity import SensorsHeard, configured, wheel_address
-from gateway.views.wording import notice_text, text
+from gateway.views.wording import notice_text
 
 # With several wheels and none chosen, revolutions read on to learn the names of all wheels.
 _NAMING_REVOLUTIONS: Final = 200
@@ -82,7 +82,7 @@ class RecordingRead:
     first_s: float = 0.0
     last_s: float = 0.0
     host_times: bool = False
-    rejected: dict[str, int] | None = None
+    rejected: Mapping[Reason, int] | None = None
     clock_error: tuple[float, float] = UNKNOWN
     assumed: tuple[Remark, ...] = ()
     stated: tuple[Remark, ...] = ()
@@ -211,7 +211,7 @@ def _reduced(
         first_s=float(host_s.min()) if len(table) else 0.0,
         last_s=float(host_s.max()) if len(table) else 0.0,
         host_times=collected.has_host_times,
-        rejected={_text(reason): count for reason, count in store.rejected.items()},
+        rejected=store.rejected,
         clock_error=collected.clock.error(address[0]) if collected.has_host_times and address else UNKNOWN,
         assumed=assumed_conditions(vehicle, wheel, groups),
         stated=stated_conditions(
@@ -240,7 +240,3 @@ def _declared(order: ReadOrder, wheel: Wheel | None, last: RevolutionResult, sto
         reverse=order.reverse,
         ac_coupled=store.ac_coupled,
     )
-
-
-def _text(reason: str | Reason) -> str:
-    return text(reason) if isinstance(reason, Reason) else reason

@@ -444,6 +444,13 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "constant gain error in them is not detected; start from --model exact to detect it"
     ),
     Code.REVOLUTIONS_LEFT_OUT: "{revolutions} revolutions left out: {reason}",
+    Code.REVOLUTION_NOT_MEASURED: "the radial axis or the sampling rate is not known",
+    Code.BEYOND_RECORDING_LIMIT: "beyond the first {limit} of a recording",
+    Code.BEYOND_GROUP_LIMIT: "beyond the first {limit} at the same speed, load, pressure and temperature",
+    Code.BETWEEN_GROUP_SPEEDS: "at speeds between those of the {groups} most informative groups",
+    Code.TOO_FEW_ALIKE: "too few at the same speed, load, pressure and temperature",
+    Code.OUTLIER_OF_GROUP: "an outlier at the same conditions, as after an impact",
+    Code.CLIPPED_UNLIKE_GROUP: "the radial axis is clipped, unlike in others at the same conditions",
     Code.FEW_REVOLUTIONS: "only {revolutions} revolutions: a pattern common to all of them may still be chance",
     Code.ONE_SPEED: "one speed only: effects that depend on speed cannot be separated from those that do not",
     Code.STATES_NOT_DETERMINED: (

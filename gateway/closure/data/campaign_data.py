@@ -144,7 +144,7 @@ class Campaign:
     recordings: tuple[str, ...]
     groups: tuple[Group, ...]
     states: int
-    rejected: Mapping[str, int] | Mapping[Remark, int]
+    rejected: Mapping[Reason, int]
     clock_error: tuple[float, float] = (float("nan"), float("nan"))
     assumed: tuple[Remark, ...] = ()
     notes: tuple[Remark, ...] = ()

@@ -17,18 +17,19 @@ from gateway.closure.data.revolution_deviations import deviation_rate_hz, deviat
 from gateway.closure.data.revolution_orders import RevolutionTable, carried_order
 from gateway.closure.data.revolution_scatter import settle
 from gateway.closure.effects.effect import GroupConditions
+from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
 from gateway.types import FloatArray, IntArray
 
 ASSUMED_LOAD_N: Final = 4000.0
 ASSUMED_PRESSURE_PA: Final = 2.2e5
 
-WILD: Final = "an outlier at the same conditions, as after an impact"
-CUT_OFF: Final = "the radial axis is clipped, unlike in others at the same conditions"
+WILD: Final = Reason(Code.OUTLIER_OF_GROUP)
+CUT_OFF: Final = Reason(Code.CLIPPED_UNLIKE_GROUP)
 
 MOST_ALIKE: Final = 5000
 """Revolutions of one group; comparing them takes 30 kB each."""
-ENOUGH: Final = f"beyond the first {MOST_ALIKE} at the same speed, load, pressure and temperature"
+ENOUGH: Final = Reason(Code.BEYOND_GROUP_LIMIT, limit=MOST_ALIKE)
 
 _DEVIATIONS_S: Final = 30.0
 _DRIFT_OVER: Final = 9
@@ -62,7 +63,7 @@ class Declared:
 
 
 def make_groups(
-    table: RevolutionTable, declared: Declared, folds: int, reject: Callable[[str, int], None]
+    table: RevolutionTable, declared: Declared, folds: int, reject: Callable[[Reason, int], None]
 ) -> list[Group]:
     """Return the groups of one recording, of two revolutions and more; single revolutions are left to the caller.
 
@@ -92,10 +93,10 @@ def make_groups(
     return made
 
 
-FEW: Final = "too few at the same speed, load, pressure and temperature"
+FEW: Final = Reason(Code.TOO_FEW_ALIKE)
 
 
-def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[str, int], None]) -> IntArray:
+def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[Reason, int], None]) -> IntArray:
     """Return the revolutions to use: those that are cut off belong to them only where most are."""
     cut = table["cut_off"][places] > 0.0
     number = int(cut.sum())
@@ -106,7 +107,7 @@ def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[
 
 
 def _group(
-    table: RevolutionTable, places: IntArray, declared: Declared, folds: int, reject: Callable[[str, int], None]
+    table: RevolutionTable, places: IntArray, declared: Declared, folds: int, reject: Callable[[Reason, int], None]
 ) -> Group:
     rate_hz = float(np.median(table["rate_hz"][places]))
     highest = carried_order(rate_hz * float(table["period_s"][places].min()))

@@ -16,8 +16,8 @@ from gateway.types import ComplexArray, FloatArray
 MOST_REVOLUTIONS: Final = 20_000
 """Of one recording; at 3 kB each they take 60 MB."""
 
-TOO_MANY: Final = f"beyond the first {MOST_REVOLUTIONS} of a recording"
-NOT_MEASURED: Final = "the radial axis or the sampling rate is not known"
+TOO_MANY: Final = Reason(Code.BEYOND_RECORDING_LIMIT, limit=MOST_REVOLUTIONS)
+NOT_MEASURED: Final = Reason(Code.REVOLUTION_NOT_MEASURED)
 
 # Share of the Nyquist order up to which the pipeline's interpolation is right within 0.5 %.
 _USABLE_BAND: Final = 0.56
@@ -62,7 +62,7 @@ class RevolutionStore:
             reverse: the wheel rolls the other way round than the sensor was glued for; its circumferential axis is
                 turned, so that it points along the rolling direction as the model's does.
         """
-        self.rejected: dict[str | Reason, int] = {}
+        self.rejected: dict[Reason, int] = {}
         self._sign = np.array([-1.0 if reverse else 1.0, 1.0, 1.0])[:, None]
         self._rows: list[tuple[float, ...]] = []
         self._orders: list[NDArray[np.complex64]] = []
@@ -112,7 +112,7 @@ class RevolutionStore:
             )
         )
 
-    def reject(self, reason: str | Reason, count: int = 1) -> None:
+    def reject(self, reason: Reason, count: int = 1) -> None:
         """Count revolutions that are left out."""
         self.rejected[reason] = self.rejected.get(reason, 0) + count
 
