@@ -1,9 +1,15 @@
-"""Small matrices everywhere: a thread for each product costs more than the product. Set before numpy is imported."""
+"""Settings of every test run: threads of numpy, SIGINT of children, options for stored results."""
 
 import os
+import signal
 
+# Small matrices everywhere: a thread for each product costs more than the product. Set before numpy is imported.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+
+# A parent that ignores SIGINT, as a shell does in the background, hands that on. Children need the default for Ctrl-C.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_addoption(parser):
