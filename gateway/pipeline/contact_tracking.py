@@ -98,7 +98,7 @@ def size(contact: Contact) -> float:
 
 
 def consistent(run: list[Contact], contact: Contact) -> bool:
-    """Whether a located contact may follow a run of contacts of the same wheel."""
+    """Return whether a located contact may follow a run of contacts of the same wheel."""
     last = run[-1]
     if not 1.0 / _RUN_SIZE_RATIO < size(contact) / size(last) < _RUN_SIZE_RATIO:
         return False
@@ -110,7 +110,7 @@ def consistent(run: list[Contact], contact: Contact) -> bool:
 
 
 def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, found: Contact, turns: int) -> bool:
-    """Whether a slow wheel kept rolling from one contact to another without stopping or reversing.
+    """Return whether a slow wheel kept rolling from one contact to another without stopping or reversing.
 
     Args:
         radial_mps2: radial axis, positive inward, from within the one contact to within the other.

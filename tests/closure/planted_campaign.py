@@ -156,7 +156,12 @@ def campaign_of(
 
 
 def with_blocks(campaign: Campaign, change: Callable[[int, ComplexArray], ComplexArray]) -> Campaign:
-    """Return the campaign with the data of its blocks changed, told the number of the block."""
+    """Return the campaign with the data of its blocks changed.
+
+    Args:
+        campaign: the campaign.
+        change: changed orders from the block's number and its orders.
+    """
     groups = []
     for group in campaign.groups:
         blocks = [replace(b, orders_mps2=change(k, b.orders_mps2)) for k, b in enumerate(group.blocks)]

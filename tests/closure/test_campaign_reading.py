@@ -60,7 +60,7 @@ def both(slow, fast):
 
 
 def revolutions(path):
-    """What the pipeline makes of a recording."""
+    """Return the revolutions that the pipeline finds in a recording."""
     results = []
     reader = RecordingReader(path)
     vehicle = parse_vehicle(reader.vehicle_toml, "test") if reader.vehicle_toml else None
@@ -128,10 +128,10 @@ class TestOneRecording:
         assert abs(error) < 3 * std < 1e-3
 
     def test_progress_counts_every_byte_once(self, slow):
-        told = []
-        read_campaign([slow], on_bytes=told.append)
-        assert sum(told) == slow.stat().st_size
-        assert min(told) >= 0
+        progress = []
+        read_campaign([slow], on_bytes=progress.append)
+        assert sum(progress) == slow.stat().st_size
+        assert min(progress) >= 0
 
 
 class TestSeveral:
@@ -148,9 +148,9 @@ class TestSeveral:
         assert both.notes == ()
 
     def test_processes_give_the_same(self, both, slow, fast):
-        told = []
-        again = read_campaign([slow, fast], jobs=2, on_bytes=told.append)
-        assert sum(told) == slow.stat().st_size + fast.stat().st_size
+        progress = []
+        again = read_campaign([slow, fast], jobs=2, on_bytes=progress.append)
+        assert sum(progress) == slow.stat().st_size + fast.stat().st_size
         for one, other in zip(both.groups, again.groups, strict=True):
             assert one.label == other.label
             assert one.conditions == other.conditions

@@ -83,14 +83,14 @@ def test_recording_at_the_condition_that_differs(
 
 @pytest.mark.parametrize(("size_mps2", "recording"), [(20.0, FASTER), (0.7, NOTHING)])
 def test_faster_recording_decides_when_effect_grows(size_mps2: float, recording: Reason) -> None:
-    """And what is weak is not told apart by one recording more, whatever its speed."""
+    """A weak effect is not resolved by one more recording, whatever its speed."""
     growing, constant = Sideways("growing", SPEED_SQUARED), Sideways("constant")
     fit, data = fitted(campaign_of(ONE_SPEED, sideways(size_mps2), noise_mps2=NOISY, axes=ALL_AXES), growing)
     assert deciding_recording(fit, growing, constant, data) == recording
 
 
 def test_most_informative_recording_is_chosen() -> None:
-    """Both a warmer tire and the other direction tell them, the direction better."""
+    """A warmer tire and the other direction both separate them; the direction is better."""
     constant, fit, data = with_constant()
     other = Sideways("other", lambda here: (here.temperature_degc - 5.0) / 20.0 * (-1.0 if here.reverse else 1.0))
     assert deciding_recording(fit, constant, other, data) == REVERSED
@@ -158,7 +158,7 @@ def test_conditions_start_from_the_largest_group() -> None:
 
 
 class Stiffer(Sideways):
-    """What a softer radial sidewall does to the waveform, as if it were the sensor's."""
+    """Change of the waveform by a softer radial sidewall, as if it were a sensor effect."""
 
     def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
         row = np.zeros((1, *here.signal_mps2.shape))

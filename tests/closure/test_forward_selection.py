@@ -150,7 +150,7 @@ def test_wave_has_at_least_one_wavelength(decay: float, may_be: bool) -> None:
     effect = angle_effect("tire-locked edge waves")
     values = np.array([0.1, 0.1, 60.0, decay, 0.1, 0.1, 52.0, 1.4])
     assert (effect.reason_against(values, np.full(8, 0.01)) is None) is may_be
-    # What is not told from nothing is no wave that could be wrong.
+    # A wave that is indistinguishable from zero cannot be wrong.
     assert effect.reason_against(values, np.full(8, 0.1)) is None
 
 

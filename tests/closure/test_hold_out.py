@@ -145,7 +145,7 @@ class TestErrors:
         assert error.before - error.after == pytest.approx(planted, rel=0.05)
 
     def test_error_by_tire_state(self) -> None:
-        """What stands out under one load only is the error of that state, however many good ones there are."""
+        """A deviation at one load counts as an error of that state, however many good states there are."""
         loads = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
 
         def heavy(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
@@ -193,15 +193,15 @@ class TestFolds:
         # What the time-locked part has beside it plays no part.
         loaded = replace(campaign.groups[0], deviations_mps2=(np.ones((3, 8)),), deviation_rate_hz=100.0)
         campaign = replace(campaign, groups=(loaded,))
-        told: dict[int, list[int]] = {1: [], 2: []}
+        finished: dict[int, list[int]] = {1: [], 2: []}
         folds = (4, 0, 1)
         one, two = (
             hold_out(
-                campaign, BaselineModel.EXACT, start(), folds, without=without, jobs=jobs, on_fold=told[jobs].append
+                campaign, BaselineModel.EXACT, start(), folds, without=without, jobs=jobs, on_fold=finished[jobs].append
             )
             for jobs in (1, 2)
         )
-        assert told == {1: [1, 2, 3], 2: [1, 2, 3]}
+        assert finished == {1: [1, 2, 3], 2: [1, 2, 3]}
         for fold, here, there in zip(folds, one, two, strict=True):
             alone = hold_out_fold(campaign, BaselineModel.EXACT, start(), fold, without)
             assert alone is not None

@@ -62,7 +62,7 @@ def test_stiffnesses_agree_within_errors(difference: tuple[float, ...], std: flo
 
 
 def test_unknown_stiffnesses_may_differ() -> None:
-    """Where all three grow together an effect hardly answers: that direction is open, the others are not."""
+    """An effect hardly constrains common growth of all three: that direction is open, the others are not."""
     open_one = np.full((3, 3), 0.6**2) + 0.02**2 * np.eye(3)
     covariance = np.block([[open_one, np.zeros((3, 3))], [np.zeros((3, 3)), open_one]])
     assert agree(np.array([1.0, 1.0, 1.0, -0.5, -0.5, -0.5]), covariance)
@@ -81,9 +81,9 @@ def test_one_belt_has_one_prior() -> None:
     root, data = rng.normal(size=(6, 6)), rng.normal(size=6)
     information = root @ root.T
     both = np.vstack([np.eye(3), np.eye(3)])
-    told = both.T @ information @ both
+    combined = both.T @ information @ both
     belt, _ = common(*posterior(information, data), PRIOR)
-    assert belt == pytest.approx(np.linalg.inv(told + np.diag(PRIOR**-2.0)) @ both.T @ information @ data)
+    assert belt == pytest.approx(np.linalg.inv(combined + np.diag(PRIOR**-2.0)) @ both.T @ information @ data)
 
 
 def test_prior_belts_are_rare_by_chance_only() -> None:

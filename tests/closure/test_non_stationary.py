@@ -40,7 +40,7 @@ def test_scatter_alone_is_no_change(groups):
 
 
 def test_single_revolution_blocks_are_skipped():
-    """Where every block is one revolution, how blocks differ is the scatter itself."""
+    """With one revolution per block, the differences between blocks are the scatter itself."""
     still = campaign_of(ONE_SPEED, axes=ALL_AXES)
     group = still.groups[0]
     few = replace(group, blocks=tuple(replace(block, count=1) for block in group.blocks[:4]))

@@ -111,9 +111,9 @@ def test_a_cause_is_felt_and_grows_with_its_size(name: str) -> None:
         case = quiet(draw(Order(Kind.EFFECT, 2, (name,), size)))
         plain = replace(case, tables={}, mirrored=(), per_load=(), bend=None)
         if name == "rolling radius":
-            told = parse_vehicle(declared(scenario_of(case, case.bench.runs[run], 5, 1.0)), "rig").wheel[0].tire
-            assert told.radius_mm is not None
-            changes.append(abs(told.radius_mm - case.bench.radius_mm))
+            stated = parse_vehicle(declared(scenario_of(case, case.bench.runs[run], 5, 1.0)), "rig").wheel[0].tire
+            assert stated.radius_mm is not None
+            changes.append(abs(stated.radius_mm - case.bench.radius_mm))
             continue
         with_it, without = samples(case, run, 0.5), samples(plain, run, 0.5)
         length = min(len(with_it), len(without))
@@ -151,8 +151,8 @@ def test_what_is_declared_holds_no_number_of_the_tire_and_no_truth() -> None:
     text = declared(scenario_of(case, case.bench.runs[0], 5, 1.0))
     assert "Bs" not in text
     assert "offset_mm" in text
-    told = parse_vehicle(text, "rig").wheel[0]
-    assert told.mounting.offset_mm == pytest.approx(case.bench.offset_mm)
+    stated = parse_vehicle(text, "rig").wheel[0]
+    assert stated.mounting.offset_mm == pytest.approx(case.bench.offset_mm)
     assert case.tables["sensor"]["offset_mm"] != pytest.approx(case.bench.offset_mm)
 
 

@@ -1,4 +1,4 @@
-"""What the bench prints and draws: counts by hand, and a figure of the same bytes."""
+"""Output of the bench: hand-checked counts and a reproducible figure."""
 
 from __future__ import annotations
 

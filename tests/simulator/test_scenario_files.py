@@ -89,7 +89,7 @@ drum_radius_mm = -100.0
 """
     with pytest.raises(ConfigError) as caught:
         parse_scenario(text, "my.toml")
-    told = str(caught.value)
+    message = str(caught.value)
     for expected in (
         "scenario.seed: -1 found",
         "flip: rate = 0 to 1",
@@ -105,8 +105,8 @@ drum_radius_mm = -100.0
         "another wheel has the same",
         "drum_radius_mm: -100.0 found",
     ):
-        assert expected in told, expected
-    assert all(line.startswith("my.toml: ") for line in told.splitlines())
+        assert expected in message, expected
+    assert all(line.startswith("my.toml: ") for line in message.splitlines())
     assert "faults in my.toml" in caught.value.remedy
 
 

@@ -259,8 +259,8 @@ def test_silent_wheel_and_stuck_pressure_reach_the_host() -> None:
     assert max(frame.tick_us for frame in frames if frame.wheel == 1) > 7.9e6
     assert any(isinstance(f.message, HubStatus) and f.tick_us > 6.5e6 for f in frames)
     assert sum(isinstance(f.message, SampleBlock) for f in ours) == pytest.approx(6.0 * RATE / 36, abs=2)
-    told = {f.tick_us * 1e-6: f.message.pressure_pa for f in ours if isinstance(f.message, Environment)}
-    for time_s, pressure in told.items():
+    reported = {f.tick_us * 1e-6: f.message.pressure_pa for f in ours if isinstance(f.message, Environment)}
+    for time_s, pressure in reported.items():
         assert pressure == pytest.approx(200e3 + 10e3 * min(time_s, 2.0), abs=200.0)
     assert simulation.truth["W"].pressure_pa(5.0) == pytest.approx(250e3)
     assert decoder.counters.sources[(0, 0)].lost == 0

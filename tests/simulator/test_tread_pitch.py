@@ -1,4 +1,4 @@
-"""Blocks of the tread, an AC coupling that nobody told of, and a belt that does not stretch."""
+"""Tread pitch, an undeclared AC coupling, and an inextensible belt."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ def test_an_undeclared_ac_coupling_is_simulated() -> None:
     hidden = wheel_of(sensor='coupling = "ac"\nhighpass_hz = 2.0\ncoupling_declared = false')
     assert hidden.chain.coupling == Coupling.DC
     assert hidden.chain.highpass_hz == 0.0
-    told = wheel_of(sensor='coupling = "ac"\nhighpass_hz = 2.0')
-    assert told.chain.coupling == Coupling.AC
+    stated = wheel_of(sensor='coupling = "ac"\nhighpass_hz = 2.0')
+    assert stated.chain.coupling == Coupling.AC
     coupled = read(hidden, 3.0)
-    assert coupled == pytest.approx(read(told, 3.0))
+    assert coupled == pytest.approx(read(stated, 3.0))
     assert abs(coupled[-4800:, 2].mean()) < 15.0
 
 

@@ -79,12 +79,12 @@ class _TimeErrors:
 
     def by_tenth(self) -> list[tuple[float, float]]:
         """Return median and central 98 % of each tenth that has any."""
-        told = []
+        rows = []
         for counts in self._counts[self._counts.any(axis=1)]:
             below = np.cumsum(counts)
             low, middle, high = np.searchsorted(below, np.array([0.01, 0.5, 0.99]) * below[-1])
-            told.append((float(middle - _BINS // 2 + 0.5) * _BIN_S, float(high - low) * _BIN_S))
-        return told
+            rows.append((float(middle - _BINS // 2 + 0.5) * _BIN_S, float(high - low) * _BIN_S))
+        return rows
 
 
 class _Fast:

@@ -36,9 +36,10 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class EdgeTiming:
-    """How the two edges of the contact move against each other from one contact to the next, in one group.
+    """Relative jitter of the two contact edges from one contact to the next, in one group.
 
-    Of the contact's edges that come b (leading) and a (trailing) early, mean squares of b - a from contact to contact.
+    The leading edge comes early by b, the trailing edge by a. The mean squares are those of b - a from contact to
+    contact.
 
     Attributes:
         freedom: independent values behind each fold's mean square; empty where it is not known.

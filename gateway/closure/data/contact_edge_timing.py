@@ -40,7 +40,7 @@ _SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Edges:
-    """How early the edges of each revolution came, and how that differs.
+    """Timing of the contact edges of each revolution, and its statistics.
 
     Attributes:
         early_rad: (n, TERMS) leading edge at the revolution's end, trailing edge at its beginning; shrunk to what

@@ -39,7 +39,7 @@ _ONE_COEFFICIENT: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What is stated of a recording.
+    """Stated properties of a recording.
 
     Attributes:
         name: of the recording, for labels.

@@ -115,7 +115,7 @@ def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
 def bare(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
     """Return the model without an effect, all other parameters where they are; None where it does not stand.
 
-    What would do as well in the effect's place is seen from here: fitted anew, the ring may bend out of shape.
+    Effects that fit equally well in its place are compared from here. A refit could distort the ring.
     """
     others = tuple(other for other in fit.model.effects if other.name != effect.name)
     model = ClosureModel(fit.model.campaign, fit.model.core, others)

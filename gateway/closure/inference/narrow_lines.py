@@ -64,7 +64,10 @@ def running_median(values: FloatArray, half: int) -> FloatArray:
 
 
 def rare_ratio(freedom: float, quantile: float) -> float:
-    """Return what a mean of so many exponential values of mean 1 exceeds as rarely as a normal one `quantile`."""
+    """Return the level that a mean of exponential values exceeds as rarely as a normal value exceeds `quantile`.
+
+    The mean is over `freedom` values of mean 1.
+    """
     spread = 1.0 / (9.0 * freedom)
     return float((1.0 - spread + quantile * spread**0.5) ** 3)
 

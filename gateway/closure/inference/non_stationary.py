@@ -21,14 +21,15 @@ from gateway.types import ComplexArray, FloatArray
 
 SCALING: Final = Scaling(ScalingStatus.NON_STATIONARY)
 
-# Power of the change over what the scatter of revolutions makes of it, from which it is no matter of scatter. Even a
-# steady ramp over the five blocks counts in that scatter too, so it takes some 5 revolutions a block to get there.
+# Ratio of the change's power to that expected from the scatter of revolutions, from which scatter is ruled out. Even a
+# steady ramp over the five blocks counts in that scatter too, so about 5 revolutions per block are needed.
 _OVER_SCATTER: Final = 4.0
-# Chance at which scatter, itself known to so many degrees of freedom, would do so in one band of one group.
+# Probability that scatter alone reaches this ratio in one band of one group, and the degrees of freedom to which the
+# scatter is known.
 _RARE: Final = 1e-8
 _FREEDOM: Final = 48
 _LEAST_REVOLUTIONS: Final = 3
-# Below this share of the signal and of the mean residual (rms) a change is that of whatever stands there.
+# Below this share of the signal and of the mean residual (rms), a change belongs to the signal already present there.
 _OF_SIGNAL: Final = 3e-3
 _OF_RESIDUAL: Final = 0.1
 # Share of the largest change, of any axis, that is still listed (rms).

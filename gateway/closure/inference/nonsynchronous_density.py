@@ -24,7 +24,7 @@ _LEAST: Final = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What a model is made of.
+    """Components of a model of the density.
 
     Attributes:
         effects: of the catalogue, in the order in which they were added.

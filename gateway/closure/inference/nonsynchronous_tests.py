@@ -54,7 +54,7 @@ class NarrowNoise(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """How much of an effect each axis of each group holds, over what the fit says.
+    """Power of an effect on each axis of each group, relative to the fit.
 
     Attributes:
         factor: (g, 3) in power; of axes it does not act on, over the mean of those it does.

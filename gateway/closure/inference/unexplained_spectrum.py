@@ -169,7 +169,7 @@ def _parts(
 
 
 def _within(free: BoolArray, peak: int, half: int) -> slice:
-    """Return the free bins about a peak, up to so many to either side."""
+    """Return the free bins around a peak, up to `half` on either side."""
     first = last = peak
     while first > max(0, peak - half) and free[first - 1]:
         first -= 1

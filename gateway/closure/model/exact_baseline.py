@@ -67,7 +67,11 @@ class ExactCore:
     mean = True
 
     def __init__(self, grids: tuple[int, ...] = _GRIDS) -> None:
-        """Start without solutions to begin from, on grids of so many nodes."""
+        """Start with an empty cache of solutions.
+
+        Args:
+            grids: numbers of nodes of the grids.
+        """
         self._grids = grids
         self.prior_mean: FloatArray = np.zeros(5)
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])

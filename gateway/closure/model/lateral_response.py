@@ -42,7 +42,7 @@ _TABLE: Final = 8192
 
 
 class Load(IntEnum):
-    """What bends the belt sideways; the unit of each is that of its parameter."""
+    """Causes of lateral belt bending; the unit of each is that of its parameter."""
 
     PLY_STEER = 0  # metre of coupling length g = B16 / A66
     CONE = 1  # radian of the cone's half angle
