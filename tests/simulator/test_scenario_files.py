@@ -57,7 +57,7 @@ speed_kmh = [[0, 10], [5, 20]]
     assert second.motion.speed_kmh.at(3.0) == pytest.approx(16.0)
 
 
-def test_every_fault_is_listed_with_key_value_and_range() -> None:
+def test_faults_are_listed_with_key_value_range() -> None:
     text = """
 [scenario]
 seed = -1

@@ -34,7 +34,7 @@ def pty() -> PtyPort:
     return PtyPort()
 
 
-def test_bin_and_mcap_hold_the_same_bytes_as_the_source(tmp_path: Path) -> None:
+def test_bin_and_mcap_hold_the_source_bytes(tmp_path: Path) -> None:
     raw, recording = tmp_path / "a.bin", tmp_path / "a.mcap"
     options = ("--duration", "0.5", "--seed", "3", "--fault", "flip:rate=0.1")
     output = run("demo", "--out", str(raw), *options)

@@ -137,7 +137,7 @@ def _turns(orders: ComplexArray, fitted: ComplexArray, weight: FloatArray) -> Fl
 
 
 def robust_variance(residual: ComplexArray, usual: BoolArray) -> FloatArray:
-    """Return the variance of one coefficient from the median power over revolutions, averaged over neighbouring orders."""
+    """Return the variance of one coefficient from the median power over revolutions, smoothed over orders."""
     power = np.median(np.square(np.abs(residual[usual])), axis=0) / (2.0 * np.log(2.0))
     smooth = _smoothed(power, _WIDEST)
     least = 1e-12 * max(float(smooth.max()), 1e-30)
