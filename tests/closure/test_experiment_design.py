@@ -56,7 +56,7 @@ FASTER = Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
 REVERSED = Reason(Code.RECORD_REVERSED)
 WARMER = Reason(Code.RECORD_WARMER, difference_k=20.0)
 CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
-    # At a quarter of the speed nothing is left of it; where it is true, it is largest at the highest speed.
+    # At a quarter of the speed it vanishes; a true effect is largest at the highest speed.
     (SPEED_SQUARED, SLOWER),
     (lambda here: 1.0 if here.omega_radps != 0.6 * OMEGA else -3.0, Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6)),
     (lambda here: -1.0 if here.reverse else 1.0, REVERSED),
@@ -180,7 +180,7 @@ class TestUndecidable:
         assert deciding_recording(fit, true, twin, data) == NOTHING
 
     def test_another_load_has_its_own_ring_parameters(self) -> None:
-        """They take up whatever looks like a stiffer sidewall there."""
+        """The state's own parameters absorb the change that resembles a stiffer sidewall."""
         true, other = Stiffer("true"), Stiffer("other", lambda here: here.load_n / LOAD_N)
         fit, data = fitted(campaign_of(ONE_SPEED), true)
         place = fit.model.layout.effect("true").start

@@ -76,7 +76,7 @@ def test_orders_of_a_change_are_listed_once():
 
 
 def test_residual_seen_only_together_has_mean_size(monkeypatch):
-    """No single recording shows it with certainty."""
+    """No single recording shows it significantly."""
     order_2 = (np.arange(3) == 1)[:, None] * (np.arange(111) == 2)
     # A size of 1 and a scatter of 1: as in every one of forty recordings, two standard errors of noise.
     one = residual.GroupResidual(2.0 * order_2.astype(np.complex128), order_2.astype(np.float64))

@@ -1,4 +1,4 @@
-"""The blind rig: same case from the same seed, readable recordings, a null that is null, labels that stay closed."""
+"""The blind rig: reproducible cases, readable recordings, a null case without effects, and sealed labels."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def conditions(load_n: float = 5000.0, radius_m: float = RADIUS_M) -> GroupCondi
 
 
 def table_3_at(load_n: float) -> FloatArray:
-    """Parameters of Table 3's very numbers at another load."""
+    """Parameters of Table 3's numbers at another load."""
     return np.full(4, math.log(5000.0 / load_n))
 
 

@@ -53,7 +53,7 @@ def finding(result: Closed, name: str) -> Finding:
 
 
 def has(monkeypatch: pytest.MonkeyPatch, *effects: AngleEffect) -> None:
-    """Let the catalogue have these effects only."""
+    """Restrict the catalogue to these effects."""
     monkeypatch.setattr(CATALOGUE, lambda: {effect.name: effect for effect in effects})
 
 
@@ -64,7 +64,7 @@ def lateral_means(in_std: tuple[float, ...], *, pitch_rad: float = 0.01) -> Camp
 
 
 def goes_on(notices: list[tuple[float, str]]) -> bool:
-    """Return whether progress, share and text, only ever grows."""
+    """Return whether the progress (share, text) never decreases."""
     shares = [share for share, text in notices if text]
     onwards = all(earlier <= later for earlier, later in itertools.pairwise(shares))
     return onwards and len(shares) == len(notices) and 0.0 <= shares[0] < shares[-1] <= 1.0
@@ -83,7 +83,7 @@ def test_effect_found_in_few_folds_is_refused(monkeypatch: pytest.MonkeyPatch) -
     assert out.parameters["size_mps2"].value == pytest.approx(mean, rel=0.01)
     assert out.parameters["size_mps2"].std == pytest.approx(STD / 5**0.5, rel=0.01)
     assert out.rms_mps2 == pytest.approx(mean, rel=0.01)
-    # The folds' errors are of selections that could not take it either.
+    # The folds' errors come from selections without it as well.
     assert [error.effects for error in result.errors] == [("pitch tilt",)] * 5
 
 

@@ -123,7 +123,7 @@ def test_blocked_terminal_does_not_delay_the_session(lab) -> None:
     printed: list[str] = []
 
     def terminal(line: str) -> None:
-        # Control-S was pressed: the first line is written when everything else has ended.
+        # As after Control-S: the first line is written after everything else has ended.
         assert live.wait(TIMEOUT_S)
         printed.append(line)
 

@@ -1,4 +1,4 @@
-"""Scenario files: the built-in ones, faults listed at once, and the vehicle that comes along."""
+"""Scenario files: the built-in ones, all faults listed together, and the vehicle file."""
 
 from __future__ import annotations
 

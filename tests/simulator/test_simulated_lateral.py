@@ -1,4 +1,4 @@
-"""The lateral axis of the simulator: belt, slip, camber, directions, and the truth that goes with them."""
+"""The lateral axis of the simulator: belt, slip, camber, directions, and the matching truth."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def test_frames_are_intact_numbered_and_sized() -> None:
         assert all(block.counts.shape == (36, 3) for block in blocks)
         if source[1] != HUB_ITSELF:
             assert isinstance(of_source[0].message, Hello)
-            # Only what does not fill a frame at the end is missing.
+            # Only an incomplete frame at the end is missing.
             assert 0 <= 4.2 * 9600 - 36 * len(blocks) < 37
     texts = [frame.message.text for frame in frames if isinstance(frame.message, LogText)]
     assert texts == ["treadlink simulator: Demo car, seed 1"]

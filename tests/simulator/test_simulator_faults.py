@@ -1,4 +1,4 @@
-"""Link faults: each kind by itself, all of them together, and against the decoder's counters."""
+"""Link faults: each kind alone, all together, and against the decoder's counters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HELLO = Hello(1, 0, 7, 0xA001, (1, 0, 0), 3, 9600.0, 7, Coupling.DC, 0.0, (1e3,)
 
 
 def stream(frames: int = 300, per_chunk: int = 7, wheels: int = 2) -> list[Chunk]:
-    """Chunks of whole frames: a hello a wheel, then sample blocks of the wheels in turn, 3.75 ms apart."""
+    """Chunks of whole frames: a hello for each wheel, then sample blocks of the wheels in turn, 3.75 ms apart."""
     encoded = [encode_frame(Frame(MessageType.HELLO, 0, wheel, 0, 0, HELLO)) for wheel in range(wheels)]
     for number in range(frames):
         wheel, index = number % wheels, number // wheels

@@ -43,7 +43,7 @@ phase_deg = 0.0
 
 
 def run(wheel: WheelSimulator, until_s: float) -> np.ndarray:
-    """Samples in m/s^2 by the scale that the hello tells, block by block."""
+    """Samples in m/s^2, scaled as the hello states, block by block."""
     blocks = [wheel.advance(end).counts for end in np.arange(0.25, until_s + 1e-9, 0.25)]
     scale = [scale for scale in wheel.chain.scale_mps2 if scale]
     return np.concatenate(blocks) * np.array(scale)

@@ -1,4 +1,4 @@
-"""Power cuts: recordings that end anywhere, or whose last pages are torn; and disks that take no more."""
+"""Power cuts: recordings truncated anywhere or with torn last pages, and full disks."""
 
 from __future__ import annotations
 

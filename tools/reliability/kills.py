@@ -1,4 +1,4 @@
-"""`kill -9` of `treadlink record` on a serial line: what was on the wire 0.3 s before is in the file."""
+"""`kill -9` of `treadlink record` on a serial line: data on the wire 0.3 s earlier is in the file."""
 
 from __future__ import annotations
 
