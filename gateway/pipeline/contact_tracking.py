@@ -339,12 +339,12 @@ class ContactTrack:
         )
 
     def _may_go_unseen(self, found: Contact) -> bool:
-        """Whether the wheel rolls so steadily that unobserved contacts can be interpolated."""
+        """Return whether the wheel rolls so steadily that unobserved contacts can be interpolated."""
         shallower, deeper = sorted((self.contact.depth_mps2, found.depth_mps2))
         return shallower > _UNSEEN_DEPTH_MPS2 and deeper < _UNSEEN_DEPTH_RATIO * shallower
 
     def _rolled_through(self, last: Contact, found: Contact, turns: int, read: Read) -> bool:
-        """Whether the wheel kept rolling between two contacts; the signal is checked only where it is slow."""
+        """Return whether the wheel kept rolling between two contacts; the signal is checked only where it is slow."""
         if min(last.depth_mps2, found.depth_mps2) > _SLOW_MPS2:
             return True
         first = round(last.centre - 0.35 * last.duration)
