@@ -44,7 +44,7 @@ Words = NDArray[np.uint32]
 
 
 class _Fate(IntEnum):
-    """What becomes of an intact frame."""
+    """Classification of an intact frame."""
 
     READABLE = 0
     NEWER_MINOR = 1

@@ -41,7 +41,7 @@ Flags = NDArray[np.bool_]
 
 
 class Scan(NamedTuple):
-    """What a block holds.
+    """Frames found in a block.
 
     Attributes:
         start: (k,) offsets of the intact frames.

@@ -43,7 +43,7 @@ class Axis(IntEnum):
 
 
 class Coupling(IntEnum):
-    """Whether the sensor passes the steady value."""
+    """Coupling of the sensor: DC passes the steady value, AC removes it."""
 
     DC = 0
     AC = 1
@@ -59,7 +59,7 @@ class LogLevel(IntEnum):
 
 
 class Outcome(IntEnum):
-    """What became of a command."""
+    """Outcome of a command."""
 
     DONE = 0
     UNKNOWN_COMMAND = 1
@@ -68,7 +68,9 @@ class Outcome(IntEnum):
 
 
 class Hello(NamedTuple):
-    """Who speaks and how to read its samples; sent at start, after a reboot, and every 2 s, once per wheel.
+    """Identity of hub and sensor, and the format of the samples.
+
+    Sent once per wheel at start, after a reboot, and every 2 s.
 
     Attributes:
         protocol_major: major protocol version of the hub's firmware.

@@ -43,7 +43,7 @@ CRC_CHECK_VALUE: Final = 0xCBF43926
 
 COUNTER_BITS: Final = 32
 WINDOW_FRAMES: Final = 64
-"""How far back a counter may lie and still be a late frame or a duplicate rather than a restart."""
+"""Largest step back of a counter that is a late frame or a duplicate rather than a restart."""
 
 MIN_RATE_HZ: Final = 2000.0
 MAX_RATE_HZ: Final = 25600.0

@@ -355,12 +355,12 @@ def codes_of(reasons: Iterable[Reason]) -> tuple[Code, ...]:
 
 
 class Level(StrEnum):
-    """How much a notice matters to the user."""
+    """Severity of a notice."""
 
     INFO = "info"
     WARNING = "warning"
     SECURITY = "security"
-    """A warning that somebody's bad intent could explain."""
+    """A warning that an attack could explain."""
     ERROR = "error"
     """Data is being lost."""
 

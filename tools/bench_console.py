@@ -110,11 +110,11 @@ class FakeSession:
         return replace(drawn, elapsed_s=now_s, links=(link,), recorded_bytes=19_000 * count)
 
     def mark(self, text: str) -> None:
-        """Not part of the measurement."""
+        """Do nothing; not part of the measurement."""
         raise NotImplementedError(text)
 
     def request_stop(self) -> None:
-        """There is nothing to stop."""
+        """Do nothing."""
 
     def report(self) -> str:
         """CPU share and drawing rate after the warm-up."""

@@ -47,7 +47,7 @@ REPETITIONS = 7
 
 
 def clean_stream(rounds: int = ROUNDS) -> tuple[bytes, int]:
-    """Return what a hub with four wheels sends, and the number of its frames."""
+    """Return the bytes of a hub with four wheels, and the number of frames."""
     rng = np.random.default_rng(1)
     angle = np.arange(1024 * SAMPLES) * (2 * np.pi / 1024)
     radial = 9000 - 9000 * np.exp(-(((angle % (2 * np.pi)) - np.pi) ** 2) / 0.02)

@@ -75,7 +75,7 @@ def sensor_report(_: int) -> Iterator[str]:
     yield from sensors.report()
 
 
-# name: (what runs, its size by default, its size with --full)
+# name: (function, default size, size with --full)
 SECTIONS: dict[str, tuple[Callable[[int], Iterator[str]], int, int]] = {
     "noise": (noise_report, 200_000, 10_000_000),
     "kills": (kill_report, 6, 200),

@@ -29,7 +29,7 @@ RATES_HZ = (2000.0, 3200.0, 4800.0, 6400.0, 9600.0, 12800.0, 25600.0)
 
 
 def wheel(seed: int, draw: Draw) -> Case:
-    """Draw a wheel, a sensor and what the family asks for."""
+    """Draw a wheel, a sensor and the properties of the family."""
     rng = np.random.default_rng(seed)
     shapes = ("ring", "packets", "measured") if MEASURED.exists() else ("ring", "packets")
     shape = str(rng.choice(shapes))
@@ -127,7 +127,7 @@ FAMILIES: dict[str, Draw] = {
 
 
 def row(name: str, draw: Draw, count: int) -> str:
-    """Roll a family and sum up."""
+    """Roll a family and summarise the results."""
     verdicts = []
     for seed in range(count):
         signal = make_signal(wheel(1000 * (1 + list(FAMILIES).index(name)) + seed, draw))

@@ -11,7 +11,7 @@ A page marks what a command printed. Three marks, HTML comments on the line befo
 
     python -m tools.docs_outputs            # check the outputs of quick commands
     python -m tools.docs_outputs --slow     # and of the slow ones
-    python -m tools.docs_outputs --update   # write the outputs anew, where no lines are left out
+    python -m tools.docs_outputs --update   # rewrite outputs shown in full
     python -m tools.docs_outputs --table    # write the table of docs/evidence/figures.md, and run nothing
 """
 
@@ -179,7 +179,7 @@ def table(marks: Sequence[Mark]) -> str:
 
 
 def with_table(text: str) -> str:
-    """Return the page of figures with its table written anew."""
+    """Return the page of figures with its table rewritten."""
     return _TABLE.sub(lambda _: table(all_marks()) + "\n", text)
 
 

@@ -42,7 +42,7 @@ class TireState(NamedTuple):
 
 
 class ScalingStatus(StrEnum):
-    """Whether the growth of a residual with speed is known, and if not, why."""
+    """State of knowledge of a residual's growth with speed: known, or the reason why not."""
 
     KNOWN = "known"
     UNCERTAIN = "uncertain"

@@ -233,5 +233,5 @@ def all_invalid(*reasons: Reason) -> tuple[Estimate, ...]:
 
 
 def positive(value: float | None) -> bool:
-    """Whether a value is known, finite and above 0."""
+    """Return whether a value is known, finite and above 0."""
     return value is not None and math.isfinite(value) and value > 0.0

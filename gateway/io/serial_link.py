@@ -32,8 +32,8 @@ else:
     _TERMIOS_ERROR: type[Exception] = termios.error
 
 LINK_ERRORS: Final = (serial.SerialException, OSError, _TERMIOS_ERROR, TypeError, ValueError)
-"""What pyserial raises when a device disappears: its own error, a bare OSError, a termios error that is no OSError,
-and TypeError or ValueError when the descriptor was closed during a read."""
+"""Exceptions that pyserial raises when a device disappears: its own error, a bare OSError, a termios error that is no
+OSError, and TypeError or ValueError when the descriptor was closed during a read."""
 
 _READ_BYTES: Final = 65536
 _MAX_BAUDRATE: Final = 20_000_000

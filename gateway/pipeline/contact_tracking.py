@@ -98,7 +98,7 @@ def size(contact: Contact) -> float:
 
 
 def consistent(run: list[Contact], contact: Contact) -> bool:
-    """Whether a located contact may follow a run of contacts of the same wheel."""
+    """Return whether a located contact may follow a run of contacts of the same wheel."""
     last = run[-1]
     if not 1.0 / _RUN_SIZE_RATIO < size(contact) / size(last) < _RUN_SIZE_RATIO:
         return False
@@ -110,7 +110,7 @@ def consistent(run: list[Contact], contact: Contact) -> bool:
 
 
 def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, found: Contact, turns: int) -> bool:
-    """Whether a slow wheel kept rolling from one contact to another without stopping or reversing.
+    """Return whether a slow wheel kept rolling from one contact to another without stopping or reversing.
 
     Args:
         radial_mps2: radial axis, positive inward, from within the one contact to within the other.
@@ -339,12 +339,12 @@ class ContactTrack:
         )
 
     def _may_go_unseen(self, found: Contact) -> bool:
-        """Whether the wheel rolls so steadily that unobserved contacts can be interpolated."""
+        """Return whether the wheel rolls so steadily that unobserved contacts can be interpolated."""
         shallower, deeper = sorted((self.contact.depth_mps2, found.depth_mps2))
         return shallower > _UNSEEN_DEPTH_MPS2 and deeper < _UNSEEN_DEPTH_RATIO * shallower
 
     def _rolled_through(self, last: Contact, found: Contact, turns: int, read: Read) -> bool:
-        """Whether the wheel kept rolling between two contacts; the signal is checked only where it is slow."""
+        """Return whether the wheel kept rolling between two contacts; the signal is checked only where it is slow."""
         if min(last.depth_mps2, found.depth_mps2) > _SLOW_MPS2:
             return True
         first = round(last.centre - 0.35 * last.duration)

@@ -84,7 +84,7 @@ class SensorReading:
         return samples
 
     def is_saturated(self, counts: NDArray[np.integer[Any]]) -> bool:
-        """Whether any of some counts is at the end of the sensor's range."""
+        """Return whether any count is at the end of the sensor's range."""
         return bool(counts.max() >= self.saturation_counts or counts.min() <= -self.saturation_counts)
 
 

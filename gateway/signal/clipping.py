@@ -16,7 +16,7 @@ _MIN_RUN_SAMPLES: Final = 3
 
 
 def is_clipped(counts: NDArray[np.integer[Any]]) -> bool:
-    """Whether one revolution of raw values is clipped at its maximum.
+    """Return whether one revolution of raw values is clipped at its maximum.
 
     A smooth peak is level to one count over a few samples only, and with noise over fewer. A run of equal maximum
     values that is several times as long is clipped.

@@ -209,7 +209,9 @@ def _period_fits_width(at_s: FloatArray, width_s: FloatArray) -> BoolArray:
 
 
 def doubtful(train: list[int], dips: Dips, others: Dips) -> bool:
-    """Whether other dips are better contacts: of the other sign, between those of a train, or near a short train.
+    """Return whether other dips are better contacts.
+
+    They may be of the other sign, between those of a train, or near a short train.
 
     The overshoot of an edge is a dip of the negative signal, and three of them may be in view before three contacts
     are. Better contacts repeat in every interval; a road impact does not.

@@ -161,7 +161,7 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
 
 
 def is_at_range_end(signal: FloatArray) -> bool:
-    """Whether a signal equals its maximum or minimum so often that it must be the end of the sensor's range."""
+    """Return whether a signal equals its maximum or minimum so often that this is the end of the sensor's range."""
     limit = _CLIPPED_SHARE * len(signal)
     return bool(np.count_nonzero(signal == signal.max()) > limit or np.count_nonzero(signal == signal.min()) > limit)
 

@@ -435,7 +435,7 @@ FAULTS: Final[dict[str, FaultKind]] = {
         "Let the hubs start again: a gap, then counters and times from 0.",
         {
             "at": Option(5, 0, 1e7, "s after the first chunk"),
-            "every": Option(0, 0, 1e7, "again every so many s, 0 for once"),
+            "every": Option(0, 0, 1e7, "repeat interval in s, 0 for once"),
             "gap": Option(1, 0, 1000, "s of silence"),
         },
         _reboot,

@@ -16,8 +16,8 @@ BACKLOG_BYTES: Final = 1 << 16
 class PtyPort:
     """The hub's end of a serial line. It accepts bytes whether or not a reader is connected.
 
-    Like a real line it never waits: bytes that nobody reads are gone, and of a reader that is too slow whole chunks
-    are lost once BACKLOG_BYTES wait for it.
+    Like a real line it never waits. Bytes without a reader are lost. A reader that is too slow loses whole chunks once
+    BACKLOG_BYTES are waiting.
 
     Attributes:
         path: of the other end, for a reader to open.

@@ -59,9 +59,9 @@ def parse_scenario(text: str, origin: str) -> Scenario:
 def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
     """Return the vehicle configuration that a user would write: the known values, not the simulated errors.
 
-    Loads and pressures are those of the beginning. The new tire's numbers are stated, its wear is not. What the
-    scenario says is stated wrongly is stated so, and nobody knows of a sensor that is upside down. Sensors that sign
-    have to.
+    Loads and pressures are the initial ones. The numbers are those of the new tire, without wear. Values that the
+    scenario misstates are written as misstated. A sensor mounted upside down is not mentioned. Sensors that sign are
+    required to.
     """
     wheels = []
     for wheel, plan in zip(scenario.wheels(), wheel_plans(scenario), strict=True):

@@ -79,7 +79,7 @@ def at(speed_kmh: float) -> GroupConditions:
 
 
 def limited(field: FloatArray) -> FloatArray:
-    """Return curves (..., n) on the model's grid, limited to the orders that are compared."""
+    """Return curves (..., n) on the model's grid, limited to the compared orders."""
     spectrum = np.fft.rfft(field, axis=-1)[..., : FIELD_SIZE // 2 + 1]
     spectrum[..., 111:] = 0.0
     result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=-1) * (FIELD_SIZE / field.shape[-1])

@@ -22,7 +22,7 @@ SETUP = WheelSetup("FL", 0, 0, 0.32)
 def simulated_groups(
     tables: str = "", speeds_kmh: Sequence[float] = (50.0, 80.0), duration_s: float = 20.0, seed: int = 1
 ) -> tuple[Group, ...]:
-    """Return the groups of one recording a speed, of a scenario's tables."""
+    """Return the groups of one recording per speed, of a scenario's tables."""
     groups: list[Group] = []
     for number, speed in enumerate(speeds_kmh):
         text = (

@@ -42,7 +42,7 @@ ALL_AXES = (CIRCUMFERENTIAL, LATERAL, RADIAL)
 
 
 def conditions(speed_kmh: float = 60.0, **others: float | bool) -> GroupConditions:
-    """Return what is declared of a group."""
+    """Return the declared properties of a group."""
     plain = GroupConditions(speed_kmh / 3.6 / RADIUS_M, 0.0, RADIUS_M, LOAD_N, PRESSURE_PA, 25.0, 25.0, 9600.0, 0.0)
     return replace(plain, **others)
 
@@ -55,7 +55,7 @@ TWO_SPEEDS = (conditions(60.0), conditions(30.0))
 
 @lru_cache(maxsize=8)
 def ring(load_n: float = LOAD_N, radius_m: float = RADIUS_M, rs: float = 2.6) -> RingSolution:
-    """Return a tire of other numbers than the closure begins with."""
+    """Return a tire whose numbers differ from the closure's initial ones."""
     tire = RingParameters.from_numbers(
         2.6e-3, 0.21, rs, 2.2, radius_m=radius_m, pressure_pa=PRESSURE_PA, tread_stiffness_npm2=6e7
     )
@@ -63,7 +63,7 @@ def ring(load_n: float = LOAD_N, radius_m: float = RADIUS_M, rs: float = 2.6) ->
 
 
 def signal_of(here: GroupConditions, radius_m: float = RADIUS_M) -> FloatArray:
-    """Return what the sensor reads over the ring's angles, (3, NODES); the lateral axis reads nothing."""
+    """Return the sensor signal over the ring's angles, (3, NODES); the lateral axis is zero."""
     wave, square = ring(here.load_n, radius_m).sensor, here.omega_radps**2
     signal = np.zeros((3, NODES))
     signal[RADIAL] = square * wave.radial_m + G * wave.gravity_radial
@@ -92,12 +92,12 @@ def gain(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatA
 
 
 def drift(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-    """A gain that is right at 25 degC and goes with temperature."""
+    """A gain that is correct at 25 degC and varies with temperature."""
     return signal * np.array([[1.0], [1.0], [1.0 + 5e-4 * (here.temperature_degc - 25.0)]])
 
 
 def fast_clock(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-    """The wheel turns faster than it is timed."""
+    """A wheel that turns faster than its timing says."""
     return signal_of(replace(here, omega_radps=1.008 * here.omega_radps))
 
 
@@ -156,7 +156,12 @@ def campaign_of(
 
 
 def with_blocks(campaign: Campaign, change: Callable[[int, ComplexArray], ComplexArray]) -> Campaign:
-    """Return the campaign with the data of its blocks changed, told the number of the block."""
+    """Return the campaign with the data of its blocks changed.
+
+    Args:
+        campaign: the campaign.
+        change: changed orders from the block's number and its orders.
+    """
     groups = []
     for group in campaign.groups:
         blocks = [replace(b, orders_mps2=change(k, b.orders_mps2)) for k, b in enumerate(group.blocks)]
@@ -165,7 +170,7 @@ def with_blocks(campaign: Campaign, change: Callable[[int, ComplexArray], Comple
 
 
 def with_lateral_means(campaign: Campaign, means_mps2: Sequence[float]) -> Campaign:
-    """Return the campaign with a mean for each block, and nothing else, on the lateral axis: not even noise."""
+    """Return the campaign with only a mean for each block on the lateral axis, without noise."""
     only_mean = (np.arange(3) == LATERAL)[:, None] * (np.arange(ORDERS) == 0)
     lateral = np.repeat((np.arange(3) == LATERAL)[:, None], ORDERS, axis=1)
     return with_blocks(campaign, lambda k, orders: np.where(lateral, means_mps2[k] * only_mean, orders))
@@ -189,7 +194,7 @@ def fitted(campaign: Campaign, *effects: AngleEffect) -> tuple[Fit, Whitened]:
 
 
 class Sideways(SignalEffect):
-    """An effect of the tests: the lateral axis reads too much, by an amount that may go with the conditions."""
+    """A test effect: an offset on the lateral axis that may depend on the conditions."""
 
     equation = "lateral += size_mps2 * (factor of the conditions)"
     source = "these tests"
@@ -208,7 +213,7 @@ class Sideways(SignalEffect):
         bent: float = 0.0,
         high: float = 300.0,
     ) -> None:
-        """Take a name and what the size goes with.
+        """Take a name and the dependence of the size on the conditions.
 
         Args:
             name: of the effect.
@@ -234,7 +239,7 @@ class Sideways(SignalEffect):
 
 
 def sideways(size_mps2: float, goes_with: Callable[[GroupConditions], float] = lambda _: 1.0) -> Plant:
-    """Return a constant on the lateral axis that goes with the conditions."""
+    """Return a constant on the lateral axis that depends on the conditions."""
 
     def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         read = signal.copy()

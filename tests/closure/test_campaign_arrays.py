@@ -129,7 +129,7 @@ class TestOrders:
 
 class TestScatter:
     def orders(self, count, rng, *, jitter=0.0, sigma=0.4, omega=None):
-        """Orders of jittering revolutions, speeds and what each was turned by; white noise of a known variance."""
+        """Orders of jittering revolutions, speeds and rotations, with white noise of known variance."""
         omega = np.full(count, 60.0) if omega is None else omega
         turned = jitter * rng.standard_normal(count)
         waves = []
@@ -147,7 +147,7 @@ class TestScatter:
         smeared = np.abs(orders[:, 2].mean(axis=0) - truth)[high]
         kept = np.abs(settled.orders_mps2[:, 2].mean(axis=0) * np.exp(-1j * ORDER * turned.mean()) - truth)[high]
         assert np.sqrt(np.mean(smeared**2)) > 3 * np.sqrt(np.mean(kept**2))
-        # 0.4 over sqrt(80) in cosine and sine is what noise leaves.
+        # Noise contributes 0.4 / sqrt(80) in cosine and sine.
         assert np.sqrt(np.mean(kept**2)) == pytest.approx(0.4 * math.sqrt(2 / 80), rel=0.3)
         np.testing.assert_allclose(settled.shift_rad, turned - turned.mean(), atol=1.5e-3)
         assert settled.shift_rad.mean() == pytest.approx(0, abs=1e-12)
@@ -161,7 +161,7 @@ class TestScatter:
         mean = np.mean(found, axis=0)
         assert mean[1:].mean() == pytest.approx(0.16, rel=0.06)
         assert mean[0] == pytest.approx(0.08, rel=0.5)
-        # Few revolutions are made up for by neighbouring orders.
+        # Neighbouring orders compensate for few revolutions.
         assert np.std([one[60] for one in found]) < 0.16 * 0.45
 
     def test_speed_dependence_is_no_scatter(self):

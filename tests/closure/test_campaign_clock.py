@@ -74,7 +74,7 @@ def test_recordings_are_weighted():
 
 
 def slotted(error, frame_ms, *, seconds, seed=1):
-    """Frames at even times of the hub that a link hands over at the ends of slots of 10 ms of the host's time."""
+    """Frames at uniform hub times, delivered by a link at the ends of 10 ms slots of host time."""
     rng = np.random.default_rng(seed)
     ticks_ms = np.arange(frame_ms, 1e3 * seconds, frame_ms)
     slots = np.ceil(ticks_ms / (1 + error) / 10.0)
@@ -88,7 +88,7 @@ def slotted(error, frame_ms, *, seconds, seed=1):
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("error", [-1e-3, -1.2e-4, 0.0, 4e-5, 1.2e-4, 3e-4])
 def test_slotted_link_is_limited_by_its_slots(error, seed):
-    # 3.75 ms and 10 ms have 1.25 ms in common: in 8 s, clocks may part by 150 ppm and leave no trace.
+    # 3.75 ms and 10 ms have the common divisor 1.25 ms: in 8 s a clock error of 150 ppm is undetectable.
     found, std = slotted(error, 3.75, seconds=8.0, seed=seed)
     assert abs(found - error) < 2.5 * std
     assert 5e-5 < std < 3e-4

@@ -60,7 +60,7 @@ def both(slow, fast):
 
 
 def revolutions(path):
-    """What the pipeline makes of a recording."""
+    """Return the revolutions that the pipeline finds in a recording."""
     results = []
     reader = RecordingReader(path)
     vehicle = parse_vehicle(reader.vehicle_toml, "test") if reader.vehicle_toml else None
@@ -95,7 +95,7 @@ class TestOneRecording:
         assert 13 < group.blocks[-1].conditions.time_s < 16
 
     def test_mean_matches_the_waveforms(self, campaign, slow):
-        """Direct projection of the mean waveform; alignment moves next to nothing here."""
+        """Direct projection of the mean waveform; alignment is negligible here."""
         (group,) = campaign.groups
         waves = np.mean([one.axes_mps2 for one in revolutions(slow) if not one.faults], axis=0)
         theta = -math.pi + 2 * math.pi * np.arange(1024) / 1024
@@ -124,14 +124,14 @@ class TestOneRecording:
 
     def test_the_hubs_clock_is_known(self, campaign):
         error, std = campaign.clock_error
-        # The link's slots hide what the clocks part by less than their step.
+        # The link's slots hide clock differences below their step.
         assert abs(error) < 3 * std < 1e-3
 
     def test_progress_counts_every_byte_once(self, slow):
-        told = []
-        read_campaign([slow], on_bytes=told.append)
-        assert sum(told) == slow.stat().st_size
-        assert min(told) >= 0
+        progress = []
+        read_campaign([slow], on_bytes=progress.append)
+        assert sum(progress) == slow.stat().st_size
+        assert min(progress) >= 0
 
 
 class TestSeveral:
@@ -148,13 +148,13 @@ class TestSeveral:
         assert both.notes == ()
 
     def test_processes_give_the_same(self, both, slow, fast):
-        told = []
-        again = read_campaign([slow, fast], jobs=2, on_bytes=told.append)
-        assert sum(told) == slow.stat().st_size + fast.stat().st_size
+        progress = []
+        again = read_campaign([slow, fast], jobs=2, on_bytes=progress.append)
+        assert sum(progress) == slow.stat().st_size + fast.stat().st_size
         for one, other in zip(both.groups, again.groups, strict=True):
             assert one.label == other.label
             assert one.conditions == other.conditions
-            # Linear algebra rounds by where arrays lie in memory.
+            # The rounding of linear algebra depends on the alignment of arrays in memory.
             np.testing.assert_allclose(one.variance, other.variance, rtol=1e-7)
             for a, b in zip(one.blocks, other.blocks, strict=True):
                 np.testing.assert_allclose(a.orders_mps2, b.orders_mps2, rtol=1e-7, atol=1e-7)

@@ -35,7 +35,7 @@ from tests.closure.planted_campaign import (
 )
 
 NOISY = 7.0
-# What each pair is judged among: the two, and some that are neither.
+# Candidates for each pair: the two effects and some others.
 SENSOR = among("gain", "gain-temperature drift", "zero-g offset", "pitch tilt", "clipping")
 SIDE = among("roll tilt", "zero-g offset", "yaw tilt", "ply steer", "conicity", "gain")
 SPEED = among("rolling radius", "sample clock error", "pitch tilt", "zero-g offset", "clipping")
@@ -60,7 +60,7 @@ def test_gain_and_its_drift_need_two_temperatures(plant: Plant, name: str, rival
     [(turned(LATERAL, 0.004), "roll tilt", "zero-g offset"), (sideways(4.0), "zero-g offset", "roll tilt")],
 )
 def test_weak_tilt_and_offset_need_two_speeds(plant: Plant, name: str, rival: str) -> None:
-    """So weak that all but the mean of the radial axis is lost in the noise."""
+    """An effect so weak that only the mean of the radial axis exceeds the noise."""
     assert rivals(campaign_of(ONE_SPEED, plant, noise_mps2=NOISY, axes=ALL_AXES), name, SIDE) == (rival,)
     assert rivals(campaign_of(TWO_SPEEDS, plant, noise_mps2=NOISY, axes=ALL_AXES), name, SIDE) == ()
 

@@ -38,7 +38,7 @@ PER_MM = 1e-3 / RADIUS_M
 def wheel(
     count: int, leading_mm: float, trailing_mm: float, seed: int, ahead: float = 0.3
 ) -> tuple[FloatArray, FloatArray]:
-    """Return waveforms (count, 3, n) of a wheel whose edges scatter, as the pipeline cuts them, and the periods.
+    """Return waveforms (count, 3, n) of a wheel with jittering edges, as the pipeline segments them, and the periods.
 
     The pipeline puts angle 0 of contact k at a + ahead (b - a), as early as that is.
     """
@@ -47,7 +47,7 @@ def wheel(
     centre = early[:, 1] + ahead * (early[:, 0] - early[:, 1])
     signal = block_of().signal_mps2
     curve = CubicSpline(np.append(THETA, math.pi), np.append(signal, signal[:, :1], axis=1), axis=1, bc_type="periodic")
-    # Wide enough not to fade where the signal is steep.
+    # Wide enough to be constant where the signal is steep.
     felt = np.clip(np.abs(THETA) / (0.3 * HALF_RAD), 0.0, 1.0) * (np.abs(THETA) < HALF_RAD + 0.3)
     waves = np.empty((count, 3, len(THETA)))
     for at in range(count):
@@ -90,7 +90,7 @@ def test_edges_are_corrected() -> None:
     bent = orders_bent_back(orders, edges.early_rad, HALF_RAD)
     still = waveform_orders(wheel(600, 0.0, 0.0, 2)[0])
     noise, moving, left = (o[:, 2].var(axis=0)[:60].mean() for o in (still, orders, bent))
-    # The wheel's edges take their surroundings along otherwise than the model's do.
+    # The wheel's edges move their surroundings differently from the model's.
     assert left - noise < 0.05 * (moving - noise)
     # The mean is sharp again.
     high = slice(30, 60)
@@ -107,10 +107,10 @@ def test_noise_is_no_jitter(seed: int) -> None:
 
 @pytest.mark.parametrize("hz", [4.3, 11.3, 24.9, 212.0])
 def test_signal_away_from_contact_is_no_jitter(hz: float) -> None:
-    """A tone goes on through the revolutions, and stands still in space as a hub does."""
+    """A tone continues through the revolutions and is fixed in space like a hub."""
     count = 100
     waves, _ = wheel(count, 0.0, 0.0, 3)
-    # In time a revolution runs from angle 0 over pi to 0.
+    # In time, a revolution runs from angle 0 through pi to 0.
     turned = np.where(THETA < 0.0, THETA + 2.0 * math.pi, THETA) + 2.0 * math.pi * np.arange(count)[:, None]
     tone = 5.0 * np.cos(2.0 * math.pi * hz / OMEGA * turned)
     waves[:, 2] += tone * np.cos(THETA)
@@ -183,7 +183,7 @@ def test_steady_acceleration_is_no_jitter() -> None:
     square = regressors(timed, np.zeros(100))[:, 0]
     truth = np.square(true) / np.square(true).mean()
     assert np.std(square - truth) < 0.5 * np.std(np.square(timed) / np.square(timed).mean() - truth)
-    # No bend at the ends.
+    # No distortion at the ends.
     assert regressors(true, np.zeros(100))[:, 0] == pytest.approx(truth, abs=1e-5)
 
 
@@ -250,7 +250,7 @@ def test_jitter_is_found_in_recordings(tmp_path: Path, size: int, seed: int) -> 
     (found,) = edge_findings(campaign.groups)
     assert found.verdict is Verdict.NAMED
     truth = case.tables["road"]["leading_jitter_mm"]
-    # Where the contact is short each edge takes the other along.
+    # In a short contact each edge moves the other.
     assert 0.5 * truth < 1e3 * found.parameters["leading_m"].value < 1.3 * truth
 
 

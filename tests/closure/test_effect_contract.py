@@ -198,9 +198,9 @@ def test_stages_follow_the_rank() -> None:
     assert [effect.rank for effect in ALL.values()] == sorted(effect.rank for effect in ALL.values())
 
 
-def test_order_within_a_stage_is_that_of_the_sensor() -> None:
+def test_order_within_stage_follows_sensor() -> None:
     order = {name: place for place, name in enumerate(ALL)}
-    # Ripple acts on everything that the belt does, but not on the constant of a camber angle.
+    # Ripple acts on the whole motion of the belt, but not on the constant of a camber angle.
     assert order["sample clock error"] < order["torsional ripple"] < order["camber"]
     assert order["yaw tilt"] < order["roll tilt"] < order["pitch tilt"]
     assert order["gain"] < order["zero-g offset"]

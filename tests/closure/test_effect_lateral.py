@@ -112,7 +112,7 @@ def test_side_force_matches_the_lateral_belt() -> None:
 
 
 @pytest.mark.parametrize("load", Load)
-def test_other_belt_is_fitted_by_its_own_load_only(load: Load) -> None:
+def test_other_belt_is_fitted_at_own_load_only(load: Load) -> None:
     """One direction of rotation separates the three: with three stiffnesses free none imitates another."""
     target, size = on_belt(load, OTHER)
     own, found = left_over(target, load, block())

@@ -56,7 +56,7 @@ FASTER = Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
 REVERSED = Reason(Code.RECORD_REVERSED)
 WARMER = Reason(Code.RECORD_WARMER, difference_k=20.0)
 CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
-    # At a quarter of the speed nothing is left of it; where it is true, it is largest at the highest speed.
+    # At a quarter of the speed it vanishes; a true effect is largest at the highest speed.
     (SPEED_SQUARED, SLOWER),
     (lambda here: 1.0 if here.omega_radps != 0.6 * OMEGA else -3.0, Reason(Code.RECORD_AT_SPEED, speed_ratio=0.6)),
     (lambda here: -1.0 if here.reverse else 1.0, REVERSED),
@@ -83,14 +83,14 @@ def test_recording_at_the_condition_that_differs(
 
 @pytest.mark.parametrize(("size_mps2", "recording"), [(20.0, FASTER), (0.7, NOTHING)])
 def test_faster_recording_decides_when_effect_grows(size_mps2: float, recording: Reason) -> None:
-    """And what is weak is not told apart by one recording more, whatever its speed."""
+    """A weak effect is not resolved by one more recording, whatever its speed."""
     growing, constant = Sideways("growing", SPEED_SQUARED), Sideways("constant")
     fit, data = fitted(campaign_of(ONE_SPEED, sideways(size_mps2), noise_mps2=NOISY, axes=ALL_AXES), growing)
     assert deciding_recording(fit, growing, constant, data) == recording
 
 
 def test_most_informative_recording_is_chosen() -> None:
-    """Both a warmer tire and the other direction tell them, the direction better."""
+    """A warmer tire and the other direction both separate them; the direction is better."""
     constant, fit, data = with_constant()
     other = Sideways("other", lambda here: (here.temperature_degc - 5.0) / 20.0 * (-1.0 if here.reverse else 1.0))
     assert deciding_recording(fit, constant, other, data) == REVERSED
@@ -158,7 +158,7 @@ def test_conditions_start_from_the_largest_group() -> None:
 
 
 class Stiffer(Sideways):
-    """What a softer radial sidewall does to the waveform, as if it were the sensor's."""
+    """Change of the waveform by a softer radial sidewall, as if it were a sensor effect."""
 
     def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
         row = np.zeros((1, *here.signal_mps2.shape))
@@ -180,7 +180,7 @@ class TestUndecidable:
         assert deciding_recording(fit, true, twin, data) == NOTHING
 
     def test_another_load_has_its_own_ring_parameters(self) -> None:
-        """They take up whatever looks like a stiffer sidewall there."""
+        """The state's own parameters absorb the change that resembles a stiffer sidewall."""
         true, other = Stiffer("true"), Stiffer("other", lambda here: here.load_n / LOAD_N)
         fit, data = fitted(campaign_of(ONE_SPEED), true)
         place = fit.model.layout.effect("true").start

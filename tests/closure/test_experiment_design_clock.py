@@ -64,7 +64,7 @@ def test_clock_comes_first(
 
     monkeypatch.setattr(findings, "rivals_of", lambda *_: dict.fromkeys(rivals))
     monkeypatch.setattr(findings, "deciding_recording", deciding)
-    monkeypatch.setattr(findings, "_added", lambda *told: told[-1])
+    monkeypatch.setattr(findings, "_added", lambda *arguments: arguments[-1])
     found, _ = findings.findings_of(selection, data, effects)
     assert cast(list[object], found) == [recording]
     assert seen == [f"rolling radius or {asked}"]

@@ -64,7 +64,7 @@ def test_undisturbed_ring_lacks_only_model_terms(model: BaselineModel, lacking: 
     assert {step.effect.name for step in found.steps} == lacking
     assert found.final.misfit < 1.1 * found.data.used
     for name in lacking - {"pressure shape"}:
-        # All or nothing, by physics.
+        # Physics fixes the size: present or absent.
         assert found.final.vector[found.final.model.layout.effect(name)] == pytest.approx(1.0, abs=0.05)
 
 
@@ -74,7 +74,7 @@ def test_large_gain_is_found_alone() -> None:
 
     found = selected(BaselineModel.EXACT, large)
     (step,) = found.steps
-    # Gravity alone would tell them apart, and this noise covers it.
+    # Only gravity would distinguish them, and the noise hides it.
     assert step.effect.name in {"gain", "rolling radius"}
     assert found.final.vector[found.final.model.layout.effect(step.effect.name)] == pytest.approx(0.0201, rel=0.02)
     assert found.final.misfit < 1.1 * found.data.used
@@ -86,7 +86,7 @@ def test_small_tilt_has_a_realistic_trial() -> None:
     trial = try_effect(fit, data, angle_effect("roll tilt"))
     assert trial is not None
     assert trial.vector[trial.model.layout.effect("roll tilt")] == pytest.approx(angle_rad, rel=0.1)
-    # What is promised is what a fit in earnest keeps.
+    # The full fit confirms the prediction of the trial.
     assert trial.misfit == pytest.approx(refit(trial, fit, data).misfit, abs=3.0)
 
 
@@ -150,7 +150,7 @@ def test_wave_has_at_least_one_wavelength(decay: float, may_be: bool) -> None:
     effect = angle_effect("tire-locked edge waves")
     values = np.array([0.1, 0.1, 60.0, decay, 0.1, 0.1, 52.0, 1.4])
     assert (effect.reason_against(values, np.full(8, 0.01)) is None) is may_be
-    # What is not told from nothing is no wave that could be wrong.
+    # A wave that is indistinguishable from zero cannot be wrong.
     assert effect.reason_against(values, np.full(8, 0.1)) is None
 
 
@@ -163,7 +163,7 @@ def test_travelling_waves_have_a_pitch(pitch: float, std: float, may_be: bool) -
 
 def test_large_residual_determines_no_estimate() -> None:
     def bent(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-        # Nothing in the catalogue swells with the fifth power of the speed.
+        # No effect of the catalogue grows with the fifth power of the speed.
         bump = np.exp(-0.5 * np.square((theta - 1.9) / 0.08))
         return signal + 60.0 * (here.omega_radps / 55.0) ** 5 * bump
 
@@ -182,7 +182,7 @@ def test_ablation_matches_a_fit_without_the_effect() -> None:
     linear = taken_out(fit, effect)
     assert linear.held_out == pytest.approx(without.held_out(), abs=0.5)
     assert linear.fall == pytest.approx(without.misfit - fit.misfit, abs=0.5)
-    # One that is not there lowers nothing.
+    # An absent effect lowers nothing.
     assert acceptance.useless(
         effect, linear.fall, linear.held_out - fit.held_out(), acceptance.overdispersion(fit, data)
     )

@@ -39,12 +39,12 @@ ROLL_RAD = 0.03
 NOISE_MPS2 = 1.0
 ROLL = turned(LATERAL, ROLL_RAD)
 WITHOUT = frozenset(catalogue()) - {"roll tilt", "gain", "zero-g offset", "clipping"}
-# Mean square of a curve by the squares of its orders.
+# Mean square of a curve from the squares of its orders.
 POWER = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 
 def bump(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-    """Something on the belt that the catalogue does not have."""
+    """A bump on the belt that no effect of the catalogue describes."""
     read = signal.copy()
     read[RADIAL] += 60.0 * np.exp(-np.square((theta - 1.5) / 0.05))
     return read
@@ -56,7 +56,7 @@ def rolled(groups: Sequence[GroupConditions] = ONE_SPEED, plant: Plant = ROLL) -
 
 @cache
 def start(groups: tuple[GroupConditions, ...] = ONE_SPEED) -> FloatArray:
-    """Return where searches begin: other data of the same tire, with nothing planted."""
+    """Return the initial vector of searches, from other data of the same tire without effects."""
     fit, _ = fitted(campaign_of(groups, nothing, noise_mps2=NOISE_MPS2, axes=ALL_AXES, seed=2))
     return fit.vector
 
@@ -113,7 +113,7 @@ class TestLeakage:
         alone = held_out(mixed, start())
         assert alone.effects == ()
         assert alone.after == alone.before > 2.0 * alone.noise
-        # Nor is it learnt as what stands out.
+        # The empirical correction does not learn it either.
         assert alone.empirical > 0.9 * alone.before
 
     def test_start_has_no_influence(self) -> None:
@@ -126,7 +126,7 @@ class TestLeakage:
 
 
 class TestErrors:
-    """Of a fold against what was planted, by sums written out here."""
+    """Error of a fold against the planted signal, by explicit sums."""
 
     def test_error_is_planted_plus_noise(self) -> None:
         campaign = rolled(TWO_SPEEDS)
@@ -145,7 +145,7 @@ class TestErrors:
         assert error.before - error.after == pytest.approx(planted, rel=0.05)
 
     def test_error_by_tire_state(self) -> None:
-        """What stands out under one load only is the error of that state, however many good ones there are."""
+        """A deviation at one load counts as an error of that state, however many good states there are."""
         loads = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
 
         def heavy(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
@@ -181,27 +181,27 @@ class TestErrors:
         error = held_out(campaign, start())
         assert error.effects == ()
         assert error.before == error.after > 3.0 * error.noise
-        # The mean of four folds has a quarter of a fold's noise: it is taken off where it stands out only.
+        # The mean of four folds has a quarter of a fold's noise, so it is subtracted only where it is significant.
         assert 0.85 * error.noise < error.empirical < 1.15 * error.noise
 
 
 class TestFolds:
     def test_processes_give_the_same_result(self) -> None:
-        """Of two effects that are there one may be found."""
+        """Of two present effects, one may be found."""
         without = frozenset(catalogue()) - {"roll tilt", "gain"}
         campaign = rolled(plant=lambda *of: turned(CIRCUMFERENTIAL, 0.005)(ROLL(*of), *of[1:]))
-        # What the time-locked part has beside it plays no part.
+        # The data of the time-locked part are irrelevant.
         loaded = replace(campaign.groups[0], deviations_mps2=(np.ones((3, 8)),), deviation_rate_hz=100.0)
         campaign = replace(campaign, groups=(loaded,))
-        told: dict[int, list[int]] = {1: [], 2: []}
+        finished: dict[int, list[int]] = {1: [], 2: []}
         folds = (4, 0, 1)
         one, two = (
             hold_out(
-                campaign, BaselineModel.EXACT, start(), folds, without=without, jobs=jobs, on_fold=told[jobs].append
+                campaign, BaselineModel.EXACT, start(), folds, without=without, jobs=jobs, on_fold=finished[jobs].append
             )
             for jobs in (1, 2)
         )
-        assert told == {1: [1, 2, 3], 2: [1, 2, 3]}
+        assert finished == {1: [1, 2, 3], 2: [1, 2, 3]}
         for fold, here, there in zip(folds, one, two, strict=True):
             alone = hold_out_fold(campaign, BaselineModel.EXACT, start(), fold, without)
             assert alone is not None
@@ -223,7 +223,7 @@ class TestFolds:
         solves = {name: getattr(ExactCore, name) for name in ("shape", "refine")}
         done = 0
 
-        # Whichever end it begins at, fold 1 comes second.
+        # Fold 1 comes second from either end.
         def counted(count: int) -> None:
             nonlocal done
             done = count

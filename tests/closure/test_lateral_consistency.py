@@ -49,7 +49,7 @@ def test_conicity_on_another_belt_is_refused(cone: LateralBelt, same: bool) -> N
 @pytest.mark.parametrize(
     ("difference", "std", "same"),
     [
-        # What equations are good to is forgiven, whatever the errors.
+        # Differences within the accuracy of the equations are accepted, however small the errors.
         ((0.15, -0.15, 0.15), 0.01, True),
         ((0.0, 0.0, 1.4), 0.01, False),
         ((0.0, 0.0, 1.4), 0.4, True),
@@ -62,7 +62,7 @@ def test_stiffnesses_agree_within_errors(difference: tuple[float, ...], std: flo
 
 
 def test_unknown_stiffnesses_may_differ() -> None:
-    """Where all three grow together an effect hardly answers: that direction is open, the others are not."""
+    """An effect hardly constrains common growth of all three: that direction is open, the others are not."""
     open_one = np.full((3, 3), 0.6**2) + 0.02**2 * np.eye(3)
     covariance = np.block([[open_one, np.zeros((3, 3))], [np.zeros((3, 3)), open_one]])
     assert agree(np.array([1.0, 1.0, 1.0, -0.5, -0.5, -0.5]), covariance)
@@ -70,20 +70,20 @@ def test_unknown_stiffnesses_may_differ() -> None:
 
 
 def posterior(information: FloatArray, data: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what two sets with a prior each come to, and their covariance."""
+    """Return the estimates of two sets with a prior each, and their covariance."""
     covariance = np.linalg.inv(information + np.diag(np.tile(PRIOR, 2) ** -2.0))
     return covariance @ information @ data, covariance
 
 
 def test_one_belt_has_one_prior() -> None:
-    """Two estimates with a prior each, correlated or not, make what both data make with one prior."""
+    """Two estimates with a prior each, correlated or not, combine to that of all data with one prior."""
     rng = np.random.default_rng(3)
     root, data = rng.normal(size=(6, 6)), rng.normal(size=6)
     information = root @ root.T
     both = np.vstack([np.eye(3), np.eye(3)])
-    told = both.T @ information @ both
+    combined = both.T @ information @ both
     belt, _ = common(*posterior(information, data), PRIOR)
-    assert belt == pytest.approx(np.linalg.inv(told + np.diag(PRIOR**-2.0)) @ both.T @ information @ data)
+    assert belt == pytest.approx(np.linalg.inv(combined + np.diag(PRIOR**-2.0)) @ both.T @ information @ data)
 
 
 def test_prior_belts_are_rare_by_chance_only() -> None:
@@ -100,7 +100,7 @@ def test_prior_belts_are_rare_by_chance_only() -> None:
 
 @pytest.mark.parametrize(("bending_ln", "is_rare"), [(0.5, False), (1.3, True)])
 def test_common_pull_exceeds_each_pull(bending_ln: float, is_rare: bool) -> None:
-    """Each of them by itself is within what a car tire's belt may be, and they agree."""
+    """Each one alone is plausible for a car tire's belt, and they agree."""
     values, covariance = np.array([bending_ln, 0.0, 0.0, bending_ln, 0.0, 0.0]), 0.5**2 * np.eye(6)
     assert bending_ln < STIFFNESSES[0].high
     assert agree(values, covariance)

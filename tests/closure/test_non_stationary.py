@@ -40,7 +40,7 @@ def test_scatter_alone_is_no_change(groups):
 
 
 def test_single_revolution_blocks_are_skipped():
-    """Where every block is one revolution, how blocks differ is the scatter itself."""
+    """With one revolution per block, the differences between blocks are the scatter itself."""
     still = campaign_of(ONE_SPEED, axes=ALL_AXES)
     group = still.groups[0]
     few = replace(group, blocks=tuple(replace(block, count=1) for block in group.blocks[:4]))
@@ -76,7 +76,7 @@ def test_orders_of_a_change_are_listed_once():
 
 
 def test_residual_seen_only_together_has_mean_size(monkeypatch):
-    """No single recording shows it with certainty."""
+    """No single recording shows it significantly."""
     order_2 = (np.arange(3) == 1)[:, None] * (np.arange(111) == 2)
     # A size of 1 and a scatter of 1: as in every one of forty recordings, two standard errors of noise.
     one = residual.GroupResidual(2.0 * order_2.astype(np.complex128), order_2.astype(np.float64))

@@ -58,20 +58,20 @@ def test_given_configuration_is_stated(recording: Path) -> None:
 
 def test_unmeasured_pressure_is_the_stated_one(recording: Path) -> None:
     vehicle = parse_vehicle(RecordingReader(recording).vehicle_toml or "", "test")
-    told = stated_conditions(
+    stated = stated_conditions(
         vehicle, vehicle.wheel[0], read_campaign([recording]).groups, Code.FROM_CONFIGURATION, pressure_measured=False
     )
-    assert "pressure 210 kPa (--config)" in words(told)
+    assert "pressure 210 kPa (--config)" in words(stated)
 
 
 def test_differing_values_name_their_recording(recording: Path, tmp_path: Path) -> None:
     other = write_recording(
         tmp_path / "other.mcap", AT_60, wheels=("load_n = 3500.0",), duration_s=3.0, start_ns=START_NS + 10**11
     )
-    told = words(read_campaign([recording, other], jobs=1).stated)
-    assert f"belt radius 320 mm {RECORDED}" in told
-    assert f"load 4300 N {RECORDED}: rec.mcap" in told
-    assert f"load 3500 N {RECORDED}: other.mcap" in told
+    stated = words(read_campaign([recording, other], jobs=1).stated)
+    assert f"belt radius 320 mm {RECORDED}" in stated
+    assert f"load 4300 N {RECORDED}: rec.mcap" in stated
+    assert f"load 3500 N {RECORDED}: other.mcap" in stated
 
 
 def test_assumed_configuration_value_is_not_stated(recording: Path) -> None:

@@ -1,4 +1,4 @@
-"""Why a diagnosis has no correction for estimators to subtract."""
+"""Reasons why a diagnosis has no correction for the estimators to subtract."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The blind rig: same case from the same seed, readable recordings, a null that is null, labels that stay closed."""
+"""The blind rig: reproducible cases, readable recordings, a null case without effects, and sealed labels."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def quiet(case: Case) -> Case:
     return replace(case, bench=replace(case.bench, noise_mg_rthz=(0.0, 0.0, 0.0)))
 
 
-def test_a_seed_determines_the_case() -> None:
+def test_seed_determines_case() -> None:
     order = Order(Kind.PAIR, 4, ("roll tilt", "torsional ripple"))
     assert draw(order).label == draw(order).label
     assert draw(order).label != draw(replace(order, seed=5)).label
@@ -50,7 +50,7 @@ def test_a_seed_determines_the_case() -> None:
     assert blind(7) == blind(7)
 
 
-def test_recordings_are_the_same_bytes_and_can_be_read(tmp_path: Path) -> None:
+def test_recordings_are_reproducible_and_readable(tmp_path: Path) -> None:
     found = []
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
@@ -67,7 +67,7 @@ def test_recordings_are_the_same_bytes_and_can_be_read(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "first" / "declared.json").read_text())["reverse"] == ["run-7.mcap"]
 
 
-def test_the_null_rig_is_the_exact_start_model() -> None:
+def test_null_case_is_exact_baseline_model() -> None:
     """No effect: an inextensible, undamped ring on a flat road, and nothing on the lateral axis but noise."""
     case = quiet(draw(NULL))
     bench, run = case.bench, case.bench.runs[2]
@@ -97,23 +97,23 @@ def test_the_null_rig_is_the_exact_start_model() -> None:
         assert np.sqrt(np.mean((measured[:, axis] - expected) ** 2)) < 2e-3 * bench.highest_baseline_mps2
 
 
-def test_every_cause_is_of_the_catalogue_and_changes_the_signal() -> None:
+def test_every_cause_is_catalogued_and_changes_signal() -> None:
     missing = {entry.name for entry in CAUSES} - set(catalogue())
     assert not missing
     assert all(len(entry.sizes) == len(SIZES) for entry in (*CAUSES, *STRANGERS))
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in CAUSES if entry.name != "AC coupling"])
-def test_a_cause_is_felt_and_grows_with_its_size(name: str) -> None:
+def test_signal_change_grows_with_cause_size(name: str) -> None:
     run = 5 if name == "gain-temperature drift" else 3
     changes = []
     for size in (0, 2):
         case = quiet(draw(Order(Kind.EFFECT, 2, (name,), size)))
         plain = replace(case, tables={}, mirrored=(), per_load=(), bend=None)
         if name == "rolling radius":
-            told = parse_vehicle(declared(scenario_of(case, case.bench.runs[run], 5, 1.0)), "rig").wheel[0].tire
-            assert told.radius_mm is not None
-            changes.append(abs(told.radius_mm - case.bench.radius_mm))
+            stated = parse_vehicle(declared(scenario_of(case, case.bench.runs[run], 5, 1.0)), "rig").wheel[0].tire
+            assert stated.radius_mm is not None
+            changes.append(abs(stated.radius_mm - case.bench.radius_mm))
             continue
         with_it, without = samples(case, run, 0.5), samples(plain, run, 0.5)
         length = min(len(with_it), len(without))
@@ -123,7 +123,7 @@ def test_a_cause_is_felt_and_grows_with_its_size(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in STRANGERS])
-def test_what_is_outside_the_catalogue_is_felt_and_not_told(name: str) -> None:
+def test_effect_outside_catalogue_changes_signal_undeclared(name: str) -> None:
     case = draw(Order(Kind.OUTSIDE, 2, (name,), 2))
     assert case.label["truth"] == []
     assert case.label["outside"] == name
@@ -131,7 +131,7 @@ def test_what_is_outside_the_catalogue_is_felt_and_not_told(name: str) -> None:
     assert np.abs(samples(quiet(case), 1) - samples(plain, 1)).max() > 0.5
 
 
-def test_a_coupling_has_settled_before_the_recording_begins(tmp_path: Path) -> None:
+def test_coupling_settles_before_recording(tmp_path: Path) -> None:
     case = quiet(draw(Order(Kind.EFFECT, 3, ("AC coupling",), 2)))
     record(replace(case, bench=replace(case.bench, runs=case.bench.runs[:1])), tmp_path, seconds=2.0)
     decoder = FrameDecoder()
@@ -146,13 +146,13 @@ def test_a_coupling_has_settled_before_the_recording_begins(tmp_path: Path) -> N
     assert abs(second.mean() - first.mean()) < 0.05 * np.abs(radial).max()
 
 
-def test_what_is_declared_holds_no_number_of_the_tire_and_no_truth() -> None:
+def test_declaration_reveals_no_tire_parameters_or_truth() -> None:
     case = draw(Order(Kind.EFFECT, 9, ("mounting offset",), 2))
     text = declared(scenario_of(case, case.bench.runs[0], 5, 1.0))
     assert "Bs" not in text
     assert "offset_mm" in text
-    told = parse_vehicle(text, "rig").wheel[0]
-    assert told.mounting.offset_mm == pytest.approx(case.bench.offset_mm)
+    stated = parse_vehicle(text, "rig").wheel[0]
+    assert stated.mounting.offset_mm == pytest.approx(case.bench.offset_mm)
     assert case.tables["sensor"]["offset_mm"] != pytest.approx(case.bench.offset_mm)
 
 
@@ -162,7 +162,7 @@ def test_pairs_can_all_be_drawn() -> None:
         assert len(draw(Order(Kind.PAIR, seed, pair(rng))).label["truth"]) == 2
 
 
-def test_a_label_stays_sealed_until_the_diagnosis_is_there(tmp_path: Path) -> None:
+def test_label_stays_sealed_until_diagnosis(tmp_path: Path) -> None:
     label, path, diagnosis = draw(NULL).label, tmp_path / "label", tmp_path / "diagnosis.json"
     digest = seal(label, path)
     assert "nothing" not in path.read_text()

@@ -74,7 +74,7 @@ def test_outcomes(label: dict[str, Any], found: dict[str, Any], outcome: Outcome
     assert judged.ratio == pytest.approx(1.05)
 
 
-def test_the_paper_model_lacks_the_corrections_whatever_is_wrong() -> None:
+def test_paper_model_always_lacks_corrections() -> None:
     always = [finding(name) for name in ALWAYS["paper"] - {"speed drift"}]
     assert judge(diagnosis(*always, model="paper"), NOTHING).outcome is Outcome.NOTHING
     assert judge(diagnosis(*always[1:], model="paper"), NOTHING).outcome is Outcome.MISSED
@@ -82,7 +82,7 @@ def test_the_paper_model_lacks_the_corrections_whatever_is_wrong() -> None:
     assert judge(diagnosis(*always, finding("gain"), model="paper"), NOTHING).outcome is Outcome.FALSE_ALARM
 
 
-def test_names_are_those_of_the_catalogue() -> None:
+def test_names_match_the_catalogue() -> None:
     known = set(catalogue())
     for names in (*CANNOT_TELL, *ALWAYS.values()):
         assert names <= known, names - known

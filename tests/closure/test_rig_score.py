@@ -1,4 +1,4 @@
-"""What the bench prints and draws: counts by hand, and a figure of the same bytes."""
+"""Output of the bench: hand-checked counts and a reproducible figure."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_summary_counts_by_kind_and_size() -> None:
     assert "83.3 % of 6" in lines[-1]
 
 
-def test_the_smallest_size_found() -> None:
+def test_smallest_size_found() -> None:
     gain = next(line for line in by_effect(ALL) if line.startswith("gain"))
     assert " 0/2   2/2   0/0  from 0.03 %" in gain
     assert "also named: run-out 1, yaw tilt 1" in gain or "also named: yaw tilt 1, run-out 1" in gain
@@ -66,7 +66,7 @@ def test_confusion_is_a_share_of_cases() -> None:
     assert share[truths.index("gain"), says.index("no such effect")] == 1.0
 
 
-def test_the_figure_is_deterministic(tmp_path: Path) -> None:
+def test_figure_is_deterministic(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     draw_confusion(ALL, tmp_path / "a.svg")
     draw_confusion(ALL, tmp_path / "b.svg")
@@ -75,7 +75,7 @@ def test_the_figure_is_deterministic(tmp_path: Path) -> None:
     assert "stiff splice" in text
 
 
-def test_a_diagnosis_sees_the_recordings_and_a_fault_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_diagnosis_gets_recordings_and_failure_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[list[str]] = []
 
     def refuse(given: rig_run.Recorded, model: str) -> str:
@@ -91,12 +91,12 @@ def test_a_diagnosis_sees_the_recordings_and_a_fault_is_told(monkeypatch: pytest
     assert np.isnan(trial.judgement.ratio)
 
 
-def test_brackets_of_a_name_are_not_those_of_an_outsider() -> None:
+def test_bracketed_name_is_not_an_outsider() -> None:
     right = replace(RIGHT, truth=("tread damping (shifted pressure)",), named=("tread damping (shifted pressure)",))
     assert by_effect([right])[0].split()[:4] == ["tread", "damping", "(shifted", "pressure)"]
 
 
-def test_what_was_kept_is_judged_as_when_it_was_run(tmp_path: Path) -> None:
+def test_saved_diagnosis_is_judged_like_the_original(tmp_path: Path) -> None:
     label = {"kind": "effect", "truth": ["gain"], "outside": "", "sizes": {"gain": {"size": "middle"}}, "seed": 3}
     said = {
         "model": "exact",

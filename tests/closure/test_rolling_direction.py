@@ -28,7 +28,7 @@ BACKWARDS = conditions(40.0, reverse=True)
 
 
 def offset(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
-    """A sensor 5 mm below where it is said to be: the belt's turning moves it along the circumference."""
+    """A sensor 5 mm below its stated depth: the belt's turning moves it along the circumference."""
     depth_m = 0.005
     wave = ring(here.load_n).sensor.radial_m
     slope = np.gradient(wave, 2.0 * math.pi / len(wave))

@@ -29,7 +29,7 @@ def conditions(load_n: float = 5000.0, radius_m: float = RADIUS_M) -> GroupCondi
 
 
 def table_3_at(load_n: float) -> FloatArray:
-    """Parameters of Table 3's very numbers at another load."""
+    """Parameters of Table 3's numbers at another load."""
     return np.full(4, math.log(5000.0 / load_n))
 
 
@@ -92,9 +92,9 @@ def test_shape_is_independent_of_load_and_size() -> None:
 def test_fifth_parameter_is_the_contact_half_angle() -> None:
     core = SeriesCore(BaselineModel.SERIES)
     wider = core.shape(np.array([0.0, 0.0, 0.0, 0.0, math.log(1.02)]), conditions(), PLAIN, 0.24)
-    told = core.shape(np.zeros(5), conditions(), PLAIN, 0.24 * 1.02)
-    assert wider.trailing_edge_rad == pytest.approx(told.trailing_edge_rad)
-    assert wider.waveform.radial_m == pytest.approx(told.waveform.radial_m, abs=1e-12)
+    expected = core.shape(np.zeros(5), conditions(), PLAIN, 0.24 * 1.02)
+    assert wider.trailing_edge_rad == pytest.approx(expected.trailing_edge_rad)
+    assert wider.waveform.radial_m == pytest.approx(expected.waveform.radial_m, abs=1e-12)
 
 
 def test_pressure_shape_matches_contact_pressure() -> None:

@@ -65,7 +65,7 @@ def test_similar_loads_need_no_effect() -> None:
 
 
 def test_drifting_load_is_predicted_by_block() -> None:
-    """A block's waveform goes with its own load: what the group's mean says is off by the drift."""
+    """A block's waveform follows its own load: the prediction by the group's mean is off by the drift."""
     here = conditions(load_n=LOAD_N)
     core = make_core(BaselineModel.EXACT)
     steady = campaign_of((here,), axes=PLANE)

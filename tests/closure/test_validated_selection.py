@@ -53,7 +53,7 @@ def finding(result: Closed, name: str) -> Finding:
 
 
 def has(monkeypatch: pytest.MonkeyPatch, *effects: AngleEffect) -> None:
-    """Let the catalogue have these effects only."""
+    """Restrict the catalogue to these effects."""
     monkeypatch.setattr(CATALOGUE, lambda: {effect.name: effect for effect in effects})
 
 
@@ -63,11 +63,11 @@ def lateral_means(in_std: tuple[float, ...], *, pitch_rad: float = 0.01) -> Camp
     return with_lateral_means(campaign, [mean * STD for mean in in_std])
 
 
-def goes_on(told: list[tuple[float, str]]) -> bool:
-    """Return whether progress, share and text, only ever grows."""
-    shares = [share for share, text in told if text]
+def goes_on(notices: list[tuple[float, str]]) -> bool:
+    """Return whether the progress (share, text) never decreases."""
+    shares = [share for share, text in notices if text]
     onwards = all(earlier <= later for earlier, later in itertools.pairwise(shares))
-    return onwards and len(shares) == len(told) and 0.0 <= shares[0] < shares[-1] <= 1.0
+    return onwards and len(shares) == len(notices) and 0.0 <= shares[0] < shares[-1] <= 1.0
 
 
 def test_effect_found_in_few_folds_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,7 +83,7 @@ def test_effect_found_in_few_folds_is_refused(monkeypatch: pytest.MonkeyPatch) -
     assert out.parameters["size_mps2"].value == pytest.approx(mean, rel=0.01)
     assert out.parameters["size_mps2"].std == pytest.approx(STD / 5**0.5, rel=0.01)
     assert out.rms_mps2 == pytest.approx(mean, rel=0.01)
-    # The folds' errors are of selections that could not take it either.
+    # The folds' errors come from selections without it as well.
     assert [error.effects for error in result.errors] == [("pitch tilt",)] * 5
 
 
@@ -134,20 +134,20 @@ def test_confounders_are_searched_among_all_effects(monkeypatch: pytest.MonkeyPa
 
 def test_exact_ring_gives_no_findings() -> None:
     """The whole catalogue on an exact ring's noise, one group of three axes."""
-    told: list[tuple[float, str]] = []
-    result = closed(campaign_of(ONE_SPEED, nothing, axes=ALL_AXES), lambda *step: told.append(step))
+    notices: list[tuple[float, str]] = []
+    result = closed(campaign_of(ONE_SPEED, nothing, axes=ALL_AXES), lambda *step: notices.append(step))
     assert result.findings == []
     assert result.selection.steps == []
     assert [error.effects for error in result.errors] == [()] * 5
     assert all(error.before == error.after for error in result.errors)
-    assert goes_on(told)
+    assert goes_on(notices)
 
 
 def test_progress_never_decreases(monkeypatch: pytest.MonkeyPatch) -> None:
     has(monkeypatch, Sideways("constant"))
-    told: list[tuple[float, str]] = []
-    closed(lateral_means(TWO_FOLDS, pitch_rad=0.0), lambda *step: told.append(step))
-    assert goes_on(told)
+    notices: list[tuple[float, str]] = []
+    closed(lateral_means(TWO_FOLDS, pitch_rad=0.0), lambda *step: notices.append(step))
+    assert goes_on(notices)
 
 
 def test_unfittable_model_has_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -74,7 +74,7 @@ def faults_of(text: str) -> list[str]:
     return str(caught.value).splitlines()
 
 
-def test_setups_are_in_si_with_overrides_and_axle_weights() -> None:
+def test_setups_use_si_overrides_and_axle_weights() -> None:
     config = parse_vehicle(EXAMPLE, "car.toml")
     front_left, front_right, rear_left = config.wheel_setups()
     assert (front_left.position, front_left.hub, front_left.wheel) == ("FL", 0, 0)

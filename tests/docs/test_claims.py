@@ -62,7 +62,7 @@ def test_the_architecture_page_draws_the_import_rules():
     assert all(f"`{module}`" in page for module in FOUNDATION)
 
 
-def test_the_picture_of_the_layers_puts_each_above_what_it_imports():
+def test_layer_diagram_follows_import_order():
     page = (ROOT / "docs" / "contributing" / "architecture.md").read_text("utf-8")
     rows = re.findall(r"^ (\d) {2}(.*)$", page, re.MULTILINE)
     level = {name: int(number) for number, names in rows for name in names.split()}

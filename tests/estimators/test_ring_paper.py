@@ -66,7 +66,7 @@ def test_contact_centre_does_not_change_the_numbers() -> None:
     np.testing.assert_allclose(values(estimates), TABLE_3_NUMBERS, rtol=1e-3)
 
 
-def test_model_error_on_the_exact_ring_is_as_documented() -> None:
+def test_model_error_on_exact_ring_is_documented() -> None:
     """With true half angle and load and no noise, the model error is tens of percent."""
     ring = solution(5000.0)
     fit = fit_ring_numbers(

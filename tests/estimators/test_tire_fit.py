@@ -47,7 +47,7 @@ def test_left_out_error_predicts_new_loads() -> None:
     assert fit.left_out[2] == pytest.approx(expected, abs=1e-9)
 
 
-def test_one_recording_gives_the_scale_with_a_large_error() -> None:
+def test_one_recording_gives_uncertain_scale() -> None:
     fit = fit_load_calibration([point(5500.0, 2.1e5)])
     assert np.isnan(fit.left_out).all()
     assert fit.calibration.relative_std > 0.05

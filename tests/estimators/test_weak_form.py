@@ -93,7 +93,7 @@ def test_drums_and_torque_change_the_numbers_little(options: dict[str, float]) -
     assert (np.abs(errors_of(ring) - BASE_ERRORS) < [7e-3, 6e-3, 8e-3, 0.02]).all()
 
 
-def test_gain_speed_and_centre_do_not_change_the_numbers() -> None:
+def test_gain_speed_and_centre_leave_numbers_unchanged() -> None:
     wave = exact_wave(solution())
     shifted = np.fft.irfft(np.fft.rfft(wave) * np.exp(-1j * np.arange(513) * 0.013), n=1024)
     for other in (0.95 * wave, 1.05 * wave, shifted):
@@ -150,7 +150,7 @@ def test_known_belt_width_gives_the_load() -> None:
         assert 0.0 < std[0] < 0.01 * load
 
 
-def test_scatter_matches_the_error_and_is_near_the_bound() -> None:
+def test_scatter_matches_error_and_approaches_bound() -> None:
     """The Cramer-Rao bound with unknown tread stiffness is 0.39, 1.40, 0.98, 6.0 % for one revolution."""
     rng = np.random.default_rng(4)
     clean = on_grid(solution().sensor.radial_m)

@@ -1,4 +1,4 @@
-"""What the batch decoder hands out beside frames, and how either is fed."""
+"""Batch decoder: outputs other than frames, and ways to feed it."""
 
 import numpy as np
 import pytest

@@ -86,7 +86,7 @@ def test_rejected_frames_do_not_touch_the_source_counters() -> None:
         assert (counters.lost, counters.duplicates, counters.restarts, counters.reordered) == (0, 0, 0, 0)
 
 
-def test_a_frame_too_short_for_its_tag_is_not_decoded() -> None:
+def test_frame_too_short_for_tag_is_rejected() -> None:
     for length in range(9):
         for axes_n in (b"\x08\x01", b"\x07\x00"):
             data = encode_raw(2, (bytes(4) + axes_n + bytes(3))[:length], 0, 0, 0, 0, flags=1)

@@ -35,7 +35,7 @@ def test_a_reboot_after_few_frames_loses_no_frame() -> None:
     assert (counters.frames, counters.duplicates, counters.lost, counters.restarts) == (8, 0, 0, 1)
 
 
-def test_a_reboot_restarts_every_source_of_its_hub_only() -> None:
+def test_reboot_restarts_only_its_hubs_sources() -> None:
     counters = counted(
         hello(1, 0)
         + samples(0, 1, wheel=1)

@@ -85,7 +85,7 @@ def test_text_and_json_agree_and_are_clean(recording):
     assert data["finished"]
 
 
-def test_cut_off_recording_is_shown_up_to_the_cut(recording, tmp_path):
+def test_truncated_recording_is_shown_to_its_end(recording, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
     found = inspect_recording(cut)

@@ -153,7 +153,7 @@ def test_deleted_folder_is_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("half_written", [0, 1, 40, 1000])
-def test_full_disk_is_reported_and_the_file_stays_valid(
+def test_full_disk_is_reported_and_file_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, half_written: int
 ) -> None:
     items = some_items()

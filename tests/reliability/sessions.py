@@ -38,7 +38,7 @@ class Items:
 
 
 class SlowWriter:
-    """A recorder whose disk takes nothing until `gate` is set."""
+    """A recorder whose disk accepts no data until `gate` is set."""
 
     path = Path("slow.mcap")
 
@@ -76,7 +76,7 @@ class SlowWriter:
 def prepare(
     source: Items, vehicle: VehicleConfig, recorder: Recorder | None = None, *, patient: bool = True
 ) -> LiveSession:
-    """Return a session that is not started yet."""
+    """Return a session that has not started."""
     return LiveSession([source], vehicle, SystemClock(), patient=[patient], summary=ResultSummary(), recorder=recorder)
 
 

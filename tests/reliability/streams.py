@@ -54,6 +54,6 @@ def notices_of(core: SessionCore, items: Iterable[LinkItem]) -> list[Notice]:
 
 
 def decodes(data: bytes) -> int:
-    """Return how many frames are in bytes."""
+    """Return the number of frames in bytes."""
     decoder = FrameDecoder()
     return len(decoder.feed(data)) + len(decoder.finish())

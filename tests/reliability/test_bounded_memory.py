@@ -105,7 +105,7 @@ def test_chunks_are_a_tenth_of_a_second_long(tmp_path, speed, apart_s, lag_s) ->
     writer.close()
 
 
-def test_items_reach_the_file_within_a_chunk_and_a_poll(tmp_path) -> None:
+def test_items_are_written_within_chunk_and_poll(tmp_path) -> None:
     """As in the recording thread: a poll every 20 ms, first waiting items, then the clock; arrivals in bursts."""
     rng = np.random.default_rng(1)
     writer = RecordingWriter(tmp_path / "r.mcap", start_ns=0)

@@ -92,7 +92,7 @@ def test_targets_run_on_good_input() -> None:
             target.run(seed)
 
 
-def test_errors_have_words_and_are_escaped() -> None:
+def test_error_messages_are_present_and_escaped() -> None:
     from gateway.errors import TreadlinkError
     from tools.reliability import fuzz_targets
 

@@ -110,7 +110,7 @@ def test_damaged_frames_are_not_a_wrong_rate(hub) -> None:
     assert content_of(notice).code is Code.LINE_ALL_FRAMES_DAMAGED
 
 
-def test_tcp_address_gets_no_advice_on_baud_rates() -> None:
+def test_tcp_link_gets_no_baud_rate_advice() -> None:
     content = identify_content("tcp:host:9000", np.random.default_rng(1).bytes(5000))
     assert content == Reason(Code.LINE_NOT_A_HUB, remedy=Reason(Code.CHECK_SOURCE_ADDRESS))
 
@@ -183,7 +183,7 @@ def test_open_but_silent_link() -> None:
     assert codes(core.take_notices()) == [Code.LINK_RESUMED]
 
 
-def test_repeated_restarts_of_a_hub_are_summed_up() -> None:
+def test_repeated_hub_restarts_are_summarised() -> None:
     items, toml = simulated("sim:lab?speed=max&duration=40&seed=4&fault=reboot:at=6,every=6,gap=1")
     found = codes(of_links(SessionCore(parse_vehicle(toml, "lab")), chunks_of(items)))
     assert found == 3 * [Code.HUB_RESTARTED] + [Code.HUB_RESTARTS_REPEATEDLY]
@@ -209,7 +209,7 @@ def test_findings_are_repeated_after_reconnection_and_recorded(tmp_path) -> None
     assert "wrong baud rate" in logged[0]["text"]
 
 
-def test_findings_do_not_depend_on_chunk_boundaries() -> None:
+def test_findings_are_independent_of_chunk_boundaries() -> None:
     noise = np.random.default_rng(2).bytes(30_000)
     whole = [Chunk(LINK, START_NS + i * SECOND_NS, noise[i * 3000 : (i + 1) * 3000]) for i in range(10)]
     fine = [

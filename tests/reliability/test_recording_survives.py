@@ -191,7 +191,7 @@ def test_clock_ignores_steps_of_the_system_clock(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, -0.5, 7200.0])
-def test_jumping_arrival_times_lose_nothing(tmp_path: Path, lab, step_s: float) -> None:
+def test_jumping_arrival_times_lose_no_data(tmp_path: Path, lab, step_s: float) -> None:
     items, vehicle = lab
     middle = items[len(items) // 2].host_ns
     jumped = [

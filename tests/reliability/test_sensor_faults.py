@@ -231,7 +231,7 @@ def test_tilt_is_reported_from_20_degrees(angle_deg: float) -> None:
         assert math.degrees(found[1]) == pytest.approx(folded)
 
 
-def test_measured_tire_does_not_ring(tmp_path: Path) -> None:
+def test_measured_tire_shows_no_ringing(tmp_path: Path) -> None:
     measured = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
     if not measured.exists():
         pytest.skip(f"the measured recording is not at {measured}")

@@ -104,7 +104,7 @@ def test_slow_estimates_do_not_affect_the_recording(lab, tmp_path, monkeypatch) 
     assert link_bytes(RecordingReader(path).items()) == link_bytes(items)
 
 
-def test_view_that_fetches_nothing(lab, monkeypatch) -> None:
+def test_idle_view_keeps_latest_results(lab, monkeypatch) -> None:
     items, vehicle = lab
     monkeypatch.setattr(live_module, "_RESULT_ITEMS", 10)
     live = start(Items(items), vehicle)
@@ -123,7 +123,7 @@ def test_blocked_terminal_does_not_delay_the_session(lab) -> None:
     printed: list[str] = []
 
     def terminal(line: str) -> None:
-        # Control-S was pressed: the first line is written when everything else has ended.
+        # As after Control-S: the first line is written after everything else has ended.
         assert live.wait(TIMEOUT_S)
         printed.append(line)
 
@@ -167,7 +167,7 @@ def test_error_of_the_core_leaves_a_finished_recording(lab, tmp_path) -> None:
     assert reader.info.finished
 
 
-def test_hanging_disk_is_reported_not_waited_for(lab, monkeypatch) -> None:
+def test_hanging_disk_is_reported_without_waiting(lab, monkeypatch) -> None:
     items, vehicle = lab
     monkeypatch.setattr(recording_stage, "_STUCK_S", 0.2)
     writer = SlowWriter()
@@ -210,7 +210,7 @@ def test_buffer_is_bounded_in_bytes_and_items() -> None:
     assert Buffer(1, 1).put(b"one always fits", 10_000)
 
 
-def test_patient_producer_waits_for_room() -> None:
+def test_producer_with_timeout_waits_for_room() -> None:
     buffer: Buffer[int] = Buffer(1, 1 << 20)
     assert buffer.put(1, 1)
     assert not buffer.put(2, 1, timeout_s=0.01)

@@ -126,7 +126,7 @@ def test_restart_is_followed_without_its_hello() -> None:
     assert not gate(Sender(20).hello())
 
 
-def test_counters_outlive_the_session(tmp_path: Path) -> None:
+def test_counters_persist_after_session(tmp_path: Path) -> None:
     path = tmp_path / "counters"
     sender = Sender()
     heard = [sender.hello(), *(sender.samples() for _ in range(100))]
@@ -231,7 +231,7 @@ def test_missing_keys_are_reported_at_the_start() -> None:
     assert watching.take_notices() == []
 
 
-def test_flood_of_identities_grows_nothing() -> None:
+def test_identity_flood_keeps_state_bounded() -> None:
     import numpy as np
 
     rng = np.random.default_rng(3)
@@ -249,7 +249,7 @@ def test_flood_of_identities_grows_nothing() -> None:
     assert gate(sender.samples())
 
 
-def test_forged_frames_displace_no_genuine_one() -> None:
+def test_forged_frames_do_not_displace_genuine_ones() -> None:
     import numpy as np
 
     rng = np.random.default_rng(4)
@@ -271,7 +271,7 @@ def test_forged_frames_displace_no_genuine_one() -> None:
         assert (counters.lost, counters.duplicates, counters.reordered, counters.restarts) == (0, 0, 0, 0)
 
 
-def test_hello_of_the_hub_introduces_no_sender() -> None:
+def test_hub_hello_admits_no_sensor() -> None:
     sender, gate = Sender(), guard().gate("link")
     gate(sender.hello())
     assert not gate(with_crc(sender.send(HUB_ITSELF, hello(SENSORS[0], 7))[:-12] + bytes(12)))

@@ -151,7 +151,7 @@ def test_identities_are_serial_numbers(identity: str) -> None:
 
 
 @pytest.mark.parametrize("size", [0, 1, 15, 16, 17, 31, 32, 33, 64, 252])
-def test_package_agrees_with_plain_reference(size: int) -> None:
+def test_mac_matches_reference(size: int) -> None:
     key, data = bytes.fromhex(SECRET), bytes(range(size % 251)) + bytes(max(0, size - 251))
     assert mac(Key(key), data) == aes_cmac(key, data)
 

@@ -40,7 +40,7 @@ def key_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def signed(key_file: Path) -> tuple[list[Chunk], str]:
-    """Four signed wheels, and the configuration that goes with them."""
+    """Four signed wheels and their configuration."""
     source = open_source(f"sim:demo?speed=max&duration=3&seed=3&keys={key_file}", ManualClock())
     return [item for item in source.items(threading.Event()) if isinstance(item, Chunk)], source.vehicle_toml or ""
 

@@ -1,4 +1,4 @@
-"""Scenario files: the built-in ones, faults listed at once, and the vehicle that comes along."""
+"""Scenario files: the built-in ones, all faults listed together, and the vehicle file."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ speed_kmh = [[0, 10], [5, 20]]
     assert second.motion.speed_kmh.at(3.0) == pytest.approx(16.0)
 
 
-def test_every_fault_is_listed_with_key_value_and_range() -> None:
+def test_faults_are_listed_with_key_value_range() -> None:
     text = """
 [scenario]
 seed = -1
@@ -89,7 +89,7 @@ drum_radius_mm = -100.0
 """
     with pytest.raises(ConfigError) as caught:
         parse_scenario(text, "my.toml")
-    told = str(caught.value)
+    message = str(caught.value)
     for expected in (
         "scenario.seed: -1 found",
         "flip: rate = 0 to 1",
@@ -105,8 +105,8 @@ drum_radius_mm = -100.0
         "another wheel has the same",
         "drum_radius_mm: -100.0 found",
     ):
-        assert expected in told, expected
-    assert all(line.startswith("my.toml: ") for line in told.splitlines())
+        assert expected in message, expected
+    assert all(line.startswith("my.toml: ") for line in message.splitlines())
     assert "faults in my.toml" in caught.value.remedy
 
 

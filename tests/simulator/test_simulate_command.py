@@ -34,7 +34,7 @@ def pty() -> PtyPort:
     return PtyPort()
 
 
-def test_bin_and_mcap_hold_the_same_bytes_as_the_source(tmp_path: Path) -> None:
+def test_bin_and_mcap_hold_the_source_bytes(tmp_path: Path) -> None:
     raw, recording = tmp_path / "a.bin", tmp_path / "a.mcap"
     options = ("--duration", "0.5", "--seed", "3", "--fault", "flip:rate=0.1")
     output = run("demo", "--out", str(raw), *options)
@@ -127,7 +127,7 @@ def test_pty_without_a_reader_discards_bytes(pty: PtyPort) -> None:
         pty.write(bytes(2600))
     assert not pty.connected
     assert pty.unread == 260_000
-    # A late reader gets what comes from now on, not what was said to nobody.
+    # A late reader gets later bytes only, not those sent before it connected.
     reader = os.open(pty.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     pty.write(b"now")
     assert _read_all(reader) == b"now"
@@ -158,5 +158,5 @@ def test_pty_drops_whole_chunks_for_a_slow_reader(pty: PtyPort) -> None:
     assert len(received) == pty.sent == written - pty.dropped >= BACKLOG_BYTES
     decoder = FrameDecoder()
     decoder.feed(received)
-    # What arrives is whole frames: a slow reader costs frames, told by their counters, but breaks none.
+    # Only whole frames arrive. A slow reader loses frames, as their counters show, but none is damaged.
     assert decoder.counters.crc_errors == decoder.counters.noise_bytes == 0

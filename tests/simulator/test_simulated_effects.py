@@ -74,7 +74,7 @@ def test_ripple_angle_and_time_are_inverse() -> None:
     assert rotation.times_at(turning.angle_rad[::500]) == pytest.approx(time[::500], abs=1e-9)
 
 
-def test_ripple_of_a_whole_order_repeats_and_keeps_the_period() -> None:
+def test_integer_order_ripple_repeats_and_keeps_period() -> None:
     plan = plan_of("[wheel.vibration]\nripple_percent = 2.0\nripple_order = 12.0")
     truth, plain = WheelTruth(plan, 0.3), WheelTruth(plan_of(), 0.3)
     bottoms = truth.bottom_times_s(0.0, 3.0)
@@ -83,7 +83,7 @@ def test_ripple_of_a_whole_order_repeats_and_keeps_the_period() -> None:
     assert np.cos(truth.angle_rad(bottoms)) == pytest.approx(1.0)
 
 
-def test_ripple_in_samples_is_the_shape_at_the_rippled_speed() -> None:
+def test_ripple_samples_equal_shape_at_rippled_speed() -> None:
     wheel = "[wheel.vibration]\nripple_percent = 1.0\nripple_order = 2.0"
     measured, plan = run(wheel), plan_of(wheel)
     turning, shape = plan.rotation(0.0).at(np.arange(len(measured)) / RATE), shapes(plan, len(measured))
@@ -104,7 +104,7 @@ def test_imbalance_is_order_one_and_quadratic_in_speed(speed: float, factor: flo
     assert np.abs(shaken[:, 1]).max() < 0.7
 
 
-def test_hub_bounces_with_its_size_in_its_band() -> None:
+def test_hub_bounce_has_stated_size_and_band() -> None:
     wheel = "[wheel.vibration]\nhub_rms_mps2 = 20.0\nhub_hz = 100.0\nhub_bandwidth_hz = 60.0"
     bounced = run(wheel, until_s=8.0) - run(until_s=8.0)
     # The two axes in the wheel's plane share a vertical acceleration.
@@ -112,7 +112,7 @@ def test_hub_bounces_with_its_size_in_its_band() -> None:
     assert run(wheel, speed="0.0").std(axis=0).max() < 0.1
 
 
-def test_cavity_is_a_line_of_its_own_frequency_on_the_radial_axis() -> None:
+def test_cavity_is_a_radial_line_at_its_frequency() -> None:
     wheel = "[wheel.vibration]\ncavity_rms_mps2 = 25.0\ncavity_hz = 230.0\ncavity_bandwidth_hz = 8.0"
     line = (run(wheel, until_s=16.0) - run(until_s=16.0))[:, 2]
     assert line.std() == pytest.approx(25.0, rel=0.1)
@@ -137,7 +137,7 @@ def test_resonances_have_their_gain() -> None:
     assert noise.std() == pytest.approx(band_noise_gain(300.0, 20.0, RATE), rel=0.05)
 
 
-def test_a_stone_strikes_once_a_revolution_and_rings() -> None:
+def test_stone_strikes_once_per_revolution_and_rings() -> None:
     table = "[wheel.impact]\namplitude_mps2 = 300.0\nat_deg = 100.0\nfrequency_hz = 700.0\ndecay_ms = 3.0"
     ringing = (run(table) - run())[:, 2]
     time, period = np.arange(len(ringing)) / RATE, 2 * math.pi / OMEGA
@@ -152,7 +152,7 @@ def test_a_stone_strikes_once_a_revolution_and_rings() -> None:
 
 @settings(max_examples=12, deadline=None)
 @given(st.floats(0.001, 0.02), st.floats(0.0, 0.02), st.integers(1, 5))
-def test_jitter_moves_edges_by_its_deviation_and_nothing_far_from_them(lead: float, trail: float, parts: int) -> None:
+def test_jitter_moves_only_the_contact_edges(lead: float, trail: float, parts: int) -> None:
     angle = np.linspace(0.0, 2 * math.pi * 300, 300 * 800, endpoint=False)
     jitter = EdgeJitter(lead, trail, np.random.default_rng(3))
     moved = np.concatenate([jitter.place(piece, (-0.25, 0.25)) for piece in np.array_split(angle, parts)])
@@ -164,7 +164,7 @@ def test_jitter_moves_edges_by_its_deviation_and_nothing_far_from_them(lead: flo
     assert (np.diff(moved) > 0.0).all()
 
 
-def test_jitter_of_a_scenario_moves_the_leading_edge_alone() -> None:
+def test_scenario_jitter_moves_leading_edge_only() -> None:
     moved = (run("[wheel.road]\nleading_jitter_mm = 4.0", until_s=2.0) - run(until_s=2.0))[:, 2]
     angle = plan_of().rotation(0.0).at(np.arange(len(moved)) / RATE).angle_rad
     within = np.mod(angle + math.pi, 2 * math.pi) - math.pi
@@ -173,7 +173,7 @@ def test_jitter_of_a_scenario_moves_the_leading_edge_alone() -> None:
     assert moved[trailing].std() < 1.0
 
 
-def test_a_high_spot_meets_the_road_under_more_load() -> None:
+def test_high_spot_raises_contact_load() -> None:
     round_plan, plan = plan_of(), plan_of("[wheel.tire]\nrunout_mm = 1.0\nrunout_deg = 0.0")
     tire = round_plan.tire
     height = [tire.solve(load, 2.1e5, OMEGA).axle_height_m for load in (5000.0, 5100.0)]
@@ -197,7 +197,7 @@ def test_a_high_spot_meets_the_road_under_more_load() -> None:
     assert wider[0] == pytest.approx(-wider[1], rel=1e-3)
 
 
-def test_driving_torque_reaches_the_ring() -> None:
+def test_driving_torque_acts_on_ring() -> None:
     tire = plan_of("[wheel.tire]\naxle_torque_nm = 200.0").tire
     driven = tire.solve(5000.0, 2.1e5, OMEGA)
     assert driven.axle_torque_nm == pytest.approx(200.0, rel=1e-6)
@@ -219,7 +219,7 @@ def test_gain_and_offset_drift_with_temperature() -> None:
     assert warm[:, 1] == pytest.approx(cold[:, 1] + 5.0 * G, abs=0.7)
 
 
-def test_a_loose_sensor_rings_on_its_mounting() -> None:
+def test_loose_sensor_rings_on_its_mounting() -> None:
     loose, firm = run('[wheel.defect]\naxes = ["radial"]\nloose_hz = 250.0\nloose_q = 20.0'), run()
     assert loose[:, :2] == pytest.approx(firm[:, :2], abs=1e-9)
     expected = loose_mass(250.0, 20.0, RATE)(firm[:, 2:])[:, 0]
@@ -227,13 +227,13 @@ def test_a_loose_sensor_rings_on_its_mounting() -> None:
     assert np.abs(loose - firm)[:, 2].max() > 50.0
 
 
-def test_an_element_saturates_below_the_declared_range() -> None:
+def test_element_saturates_below_declared_range() -> None:
     clipped = run('[wheel.defect]\naxes = ["radial"]\nclip_g = 110.0')
     assert clipped == pytest.approx(np.minimum(run(), [1e9, 1e9, 110.0 * G]), abs=0.4)
     assert clipped[:, 2].max() == pytest.approx(110.0 * G, abs=0.4)
 
 
-def test_stuck_and_dead_channels_from_their_time_on() -> None:
+def test_channels_stick_or_die_at_stated_time() -> None:
     plain = run(until_s=1.0)
     stuck = run('[wheel.defect]\naxes = ["radial"]\nstuck_from_s = 0.4')
     at = math.ceil(0.4 * RATE)
@@ -247,7 +247,7 @@ def test_stuck_and_dead_channels_from_their_time_on() -> None:
     assert dead[: math.ceil(0.3 * RATE)] == pytest.approx(plain[: math.ceil(0.3 * RATE)])
 
 
-def test_silent_wheel_and_stuck_pressure_reach_the_host() -> None:
+def test_silent_wheel_and_stuck_pressure_are_transmitted() -> None:
     other = '[[wheel]]\nposition = "X"\nwheel = 1\n'
     wheel = "pressure_kpa = [[0, 200], [10, 300]]\n[wheel.defect]\nsilent_from_s = 6.0\npressure_stuck_from_s = 2.0\n"
     simulation = simulate(scenario_of(wheel + other), duration_s=8.0)
@@ -259,8 +259,8 @@ def test_silent_wheel_and_stuck_pressure_reach_the_host() -> None:
     assert max(frame.tick_us for frame in frames if frame.wheel == 1) > 7.9e6
     assert any(isinstance(f.message, HubStatus) and f.tick_us > 6.5e6 for f in frames)
     assert sum(isinstance(f.message, SampleBlock) for f in ours) == pytest.approx(6.0 * RATE / 36, abs=2)
-    told = {f.tick_us * 1e-6: f.message.pressure_pa for f in ours if isinstance(f.message, Environment)}
-    for time_s, pressure in told.items():
+    reported = {f.tick_us * 1e-6: f.message.pressure_pa for f in ours if isinstance(f.message, Environment)}
+    for time_s, pressure in reported.items():
         assert pressure == pytest.approx(200e3 + 10e3 * min(time_s, 2.0), abs=200.0)
     assert simulation.truth["W"].pressure_pa(5.0) == pytest.approx(250e3)
     assert decoder.counters.sources[(0, 0)].lost == 0
@@ -277,7 +277,7 @@ def test_misstatements_change_the_vehicle_file_only() -> None:
     assert "roll_deg = 2.0" in vehicle_toml(scenario_of("", sensor))
 
 
-def test_a_reversed_sensor_is_not_in_the_vehicle_file() -> None:
+def test_vehicle_file_omits_reversed_sensor() -> None:
     upside_down = "roll_deg = 180.0\nyaw_deg = 90.0"
     parse_vehicle(vehicle_toml(scenario_of("", upside_down)), "test")
     assert "roll_deg = 0.0" in vehicle_toml(scenario_of("", upside_down))
@@ -289,14 +289,14 @@ def test_a_reversed_sensor_is_not_in_the_vehicle_file() -> None:
     assert matrix @ matrix.T == pytest.approx(np.eye(3))
 
 
-def test_a_fast_sample_clock_takes_more_samples_of_the_same_wave() -> None:
+def test_fast_sample_clock_takes_more_samples() -> None:
     fast, plain = run(sensor="rate_error_ppm = 10000.0"), run()
     assert len(fast) == pytest.approx(1.01 * len(plain), abs=1)
     at = np.arange(len(plain) - 1) * 1.01
     assert np.interp(at, np.arange(len(fast)), fast[:, 2]) == pytest.approx(plain[:-1, 2], abs=15.0)
 
 
-def test_effects_do_not_change_the_noise_of_each_other() -> None:
+def test_effects_do_not_change_each_others_noise() -> None:
     noisy = "noise_mg_rthz = 20.0\nrange_g = 1000.0"
     text = f"[sensor]\n{noisy}\n[[wheel]]\nposition = 'W'\nwheel = 0\n"
 

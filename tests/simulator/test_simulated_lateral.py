@@ -1,4 +1,4 @@
-"""The lateral axis of the simulator: belt, slip, camber, directions, and the truth that goes with them."""
+"""The lateral axis of the simulator: belt, slip, camber, directions, and the matching truth."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ def test_wide_and_narrow_sweeps_agree() -> None:
     assert np.std(waves[1] - waves[0]) < 0.03 * waves[0].std()
 
 
-def test_a_belt_without_crossed_plies_does_not_steer() -> None:
+def test_belt_without_crossed_plies_does_not_steer() -> None:
     assert np.abs(run("[wheel.tire]\ncord_angle_deg = 0.0")[:, 1]).max() < 0.1
     assert np.abs(run()[:, 1]).max() > 20.0
     mirrored = run("[wheel.tire]\ncord_angle_deg = 26.0")
     assert mirrored[:, 1] == pytest.approx(-run()[:, 1], abs=0.7)
 
 
-def test_ply_steer_turns_with_the_rotation_and_conicity_with_the_side() -> None:
+def test_ply_steer_follows_rotation_and_conicity_follows_side() -> None:
     tire = "[wheel.tire]\nconicity_deg = 0.6"
     right = f'side = "right"\n{tire}'
     reverse = '[motion]\ndirection = "reverse"'
@@ -88,7 +88,7 @@ def test_reverse_rolling_flips_the_circumferential_axis() -> None:
     assert back[:, 1:] == pytest.approx(ahead[:, 1:], abs=1e-9)
 
 
-def test_camber_over_time_is_gravity_over_time() -> None:
+def test_camber_ramp_rotates_gravity() -> None:
     text = "camber_deg = [[0, 0], [2, 20]]\n[wheel.tire]\ncord_angle_deg = 0.0\n[wheel.motion]\nspeed_kmh = 0.0"
     measured = run(text, until_s=2.0)
     camber = np.radians(10.0 * np.arange(len(measured)) / 9600.0)
@@ -97,7 +97,7 @@ def test_camber_over_time_is_gravity_over_time() -> None:
     assert truth_of(text).camber_rad(1.5) == pytest.approx(math.radians(15.0))
 
 
-def test_slip_reaches_the_lateral_axis_only() -> None:
+def test_slip_changes_lateral_axis_only() -> None:
     swept, straight = run("slip_angle_deg = [[0, 0], [1, 1]]", until_s=1.5), run(until_s=1.5)
     held = run("slip_angle_deg = 1.0", until_s=1.5)
     assert swept[:, [0, 2]] == pytest.approx(straight[:, [0, 2]], abs=1e-9)
@@ -147,6 +147,6 @@ def test_ply_steer_estimates_match_the_truth() -> None:
         assert abs(estimate.value - value) < 4.0 * estimate.std, name
 
 
-def test_a_fully_sliding_tread_is_simulated() -> None:
+def test_fully_sliding_tread_is_simulated() -> None:
     measured = run("slip_angle_deg = 12.0")
     assert np.isfinite(measured).all()

@@ -59,7 +59,7 @@ def test_bytes_depend_on_the_seed_only() -> None:
     assert longer.startswith(b"".join(chunk.data for chunk in chunks_of(uri))[:100_000])
 
 
-def test_frames_are_intact_numbered_and_of_the_right_size() -> None:
+def test_frames_are_intact_numbered_and_sized() -> None:
     frames, decoder = decode(chunks_of("sim:demo?speed=max&duration=4.2"))
     counters = decoder.counters
     assert counters.noise_bytes == counters.lost == counters.crc_errors == counters.skipped == 0
@@ -76,14 +76,14 @@ def test_frames_are_intact_numbered_and_of_the_right_size() -> None:
         assert all(block.counts.shape == (36, 3) for block in blocks)
         if source[1] != HUB_ITSELF:
             assert isinstance(of_source[0].message, Hello)
-            # Only what does not fill a frame at the end is missing.
+            # Only an incomplete frame at the end is missing.
             assert 0 <= 4.2 * 9600 - 36 * len(blocks) < 37
     texts = [frame.message.text for frame in frames if isinstance(frame.message, LogText)]
     assert texts == ["treadlink simulator: Demo car, seed 1"]
 
 
 @pytest.mark.parametrize(("axes", "size"), [('["radial"]', 109), ('["radial", "lateral"]', 54)])
-def test_fewer_axes_fill_the_frames_too(axes: str, size: int) -> None:
+def test_fewer_axes_fill_frames(axes: str, size: int) -> None:
     chunks, _ = scenario(f"[sensor]\naxes = {axes}\n{WHEEL}", duration_s=0.2)
     blocks = [frame.message for frame in decode(chunks)[0] if isinstance(frame.message, SampleBlock)]
     assert {len(block.counts) for block in blocks} == {size}
@@ -120,7 +120,7 @@ def test_hub_clock_runs_fast_and_wraps() -> None:
     assert truth.hub_s(2.0) == pytest.approx(4296.001)
 
 
-def test_chunks_come_every_10_ms_and_never_before_their_samples() -> None:
+def test_chunks_arrive_every_10_ms_after_their_samples() -> None:
     chunks = chunks_of("sim:lab?speed=max&duration=2")
     times = np.array([chunk.host_ns - START_NS for chunk in chunks]) * 1e-9
     assert (np.diff(times) >= 0).all()
@@ -191,7 +191,7 @@ def test_source_connects_paces_and_ends() -> None:
         assert (clock.now_ns() - START_NS) * 1e-9 == pytest.approx(elapsed_s, abs=0.02)
 
 
-def test_pace_does_not_drift_when_the_reader_is_slow() -> None:
+def test_pace_does_not_drift_with_slow_reader() -> None:
     clock = ManualClock(START_NS)
     source = open_source("sim:lab?speed=1&duration=1", clock)
     for number, item in enumerate(source.items(threading.Event())):
@@ -217,7 +217,7 @@ def test_stop_and_close_end_an_endless_source() -> None:
     assert number == 20
 
 
-def test_faults_of_a_uri_and_of_a_scenario_add_up() -> None:
+def test_uri_and_scenario_faults_are_combined() -> None:
     source = open_source("sim:lab?speed=max&duration=2&fault=drop:rate=0.05;flip:rate=0.05", ManualClock(START_NS))
     assert isinstance(source, SimulatorSource)
     chunks = [item for item in source.items(threading.Event()) if isinstance(item, Chunk)]
@@ -250,7 +250,7 @@ def test_invalid_options_are_reported(options: str, message: str) -> None:
     assert caught.value.remedy
 
 
-def test_an_unsolvable_tire_is_reported() -> None:
+def test_unsolvable_tire_is_reported() -> None:
     text = f"{WHEEL}load_n = 50000.0\npressure_kpa = 20.0\n[wheel.tire]\nradius_mm = 120.0\n"
     with pytest.raises(ConfigError, match="wheel W: its tire cannot be solved"):
         simulate(parse_scenario(text, "test"))

@@ -1,4 +1,4 @@
-"""Link faults: each kind by itself, all of them together, and against the decoder's counters."""
+"""Link faults: each kind alone, all together, and against the decoder's counters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HELLO = Hello(1, 0, 7, 0xA001, (1, 0, 0), 3, 9600.0, 7, Coupling.DC, 0.0, (1e3,)
 
 
 def stream(frames: int = 300, per_chunk: int = 7, wheels: int = 2) -> list[Chunk]:
-    """Chunks of whole frames: a hello a wheel, then sample blocks of the wheels in turn, 3.75 ms apart."""
+    """Chunks of whole frames: a hello for each wheel, then sample blocks of the wheels in turn, 3.75 ms apart."""
     encoded = [encode_frame(Frame(MessageType.HELLO, 0, wheel, 0, 0, HELLO)) for wheel in range(wheels)]
     for number in range(frames):
         wheel, index = number % wheels, number // wheels
@@ -74,7 +74,7 @@ def test_every_kind_runs_counts_and_repeats(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in FAULTS if "rate" in FAULTS[kind].options])
-def test_rate_zero_changes_no_byte(kind: str) -> None:
+def test_zero_rate_changes_no_byte(kind: str) -> None:
     fault = parse_fault(f"{kind}:rate=0")
     assert data_of(fault(stream())) == data_of(stream())
     assert fault.counts.frames_hit == fault.counts.chunks_hit == 0
@@ -87,7 +87,7 @@ def test_frame_faults_do_not_depend_on_the_chunks(kind: str) -> None:
     assert whole.counts == cut_up.counts
 
 
-def test_flip_and_drop_are_all_counted_by_the_decoder() -> None:
+def test_decoder_counts_all_flips_and_drops() -> None:
     faults = parse_faults(["flip:rate=0.05", "drop:rate=0.05"], seed=4)
     sent, _ = decode(stream(frames=2000))
     received, decoder = decode(apply_faults(faults, stream(frames=2000)))
@@ -106,7 +106,7 @@ def test_flip_and_drop_are_all_counted_by_the_decoder() -> None:
     assert decoder.counters.crc_errors >= 1
 
 
-def test_duplicates_and_late_frames_are_counted_and_nothing_is_lost() -> None:
+def test_duplicates_and_late_frames_are_counted_without_loss() -> None:
     faults = parse_faults(["duplicate:rate=0.1", "reorder:rate=0.1,depth=5"], seed=1)
     sent, _ = decode(stream())
     received, decoder = decode(apply_faults(faults, stream()))
@@ -116,14 +116,14 @@ def test_duplicates_and_late_frames_are_counted_and_nothing_is_lost() -> None:
     assert decoder.counters.lost == 0
 
 
-def test_drop_of_bytes_takes_that_many() -> None:
+def test_drop_removes_stated_number_of_bytes() -> None:
     fault = parse_fault("drop:rate=0.1,bytes=3", 1)
     left = data_of(fault(stream()))
     assert fault.counts.bytes_dropped == 3 * fault.counts.frames_hit > 0
     assert len(left) == len(data_of(stream())) - fault.counts.bytes_dropped
 
 
-def test_flip_changes_as_many_bits_as_asked() -> None:
+def test_flip_changes_stated_number_of_bits() -> None:
     fault = parse_fault("flip:rate=1,bits=5", 1)
     before, after = data_of(stream()), data_of(fault(stream()))
     differing = int.from_bytes(before, "big") ^ int.from_bytes(after, "big")
@@ -193,7 +193,7 @@ def test_foreign_bytes_pass_a_reboot_unchanged() -> None:
     st.floats(0.0, 1.0),
     st.binary(max_size=60),
 )
-def test_any_mixture_of_faults_keeps_time_ordered(kinds: list[str], seed: int, rate: float, junk: bytes) -> None:
+def test_mixed_faults_keep_time_order(kinds: list[str], seed: int, rate: float, junk: bytes) -> None:
     texts = [kind + ("" if kind == "reboot" else f":rate={rate}") for kind in kinds]
     chunks = [*stream(40), *([Chunk(LINK, START_NS + 10**9, junk)] if junk else [])]
     result = list(apply_faults(parse_faults(texts, seed), chunks))
@@ -236,7 +236,7 @@ def test_invalid_faults_name_the_allowed_values(text: str, message: str) -> None
     assert "flip:rate=0.01" in caught.value.remedy
 
 
-def test_text_of_a_fault_reads_back() -> None:
+def test_fault_text_round_trips() -> None:
     fault = parse_fault(" drop:rate=0.5, bytes=2 ")
     assert isinstance(fault, Fault)
     assert parse_fault(str(fault)).options == fault.options == {"rate": 0.5, "bytes": 2}

@@ -43,7 +43,7 @@ phase_deg = 0.0
 
 
 def run(wheel: WheelSimulator, until_s: float) -> np.ndarray:
-    """Samples in m/s^2 by the scale that the hello tells, block by block."""
+    """Samples in m/s^2, scaled as the hello states, block by block."""
     blocks = [wheel.advance(end).counts for end in np.arange(0.25, until_s + 1e-9, 0.25)]
     scale = [scale for scale in wheel.chain.scale_mps2 if scale]
     return np.concatenate(blocks) * np.array(scale)
@@ -84,7 +84,7 @@ def test_time_at_distance_is_the_inverse(steps: list[tuple[float, float]], time_
     assert profile.at(found).distance_m == pytest.approx(distance, abs=1e-6)
 
 
-def test_time_at_distance_is_the_start_of_a_standstill() -> None:
+def test_time_at_distance_is_start_of_standstill() -> None:
     profile = MotionProfile(Series(((0, 36), (1, 0), (4, 0), (5, 36), (6, 36), (7, 0), (8, 36))), repeat=True)
     assert profile.time_at(np.array([5.0, 5.0 + 1e-9])) == pytest.approx([1.0, 4.0], abs=1e-3)
     ends_standing = MotionProfile(Series(((0, 0), (1, 36), (2, 0), (5, 0))), repeat=True)
@@ -105,7 +105,7 @@ def test_filters_are_3_db_down_at_their_corner(make) -> None:  # type: ignore[no
         assert math.sqrt(2 * np.mean(settled**2)) == pytest.approx(loss, rel=1e-3)
 
 
-def test_lowpass_rolls_off_with_two_poles_and_passes_steady_values() -> None:
+def test_lowpass_has_two_poles_and_unit_dc_gain() -> None:
     rate = 20000.0
     time = np.arange(40000) / rate
     far = lowpass(100.0, rate)(np.sin(2 * math.pi * 1000.0 * time)[:, None])[20000:]
@@ -162,13 +162,13 @@ def test_tire_table_without_damping_does_not_depend_on_speed(table: TireTable) -
     assert leading + trailing < -0.005
 
 
-def test_look_up_wraps_around_the_revolution(table: TireTable) -> None:
+def test_lookup_wraps_around_revolution(table: TireTable) -> None:
     wave = table.waveform(5000, 2.1e5, 50.0)
     angles = np.array([-math.pi, math.pi, 3 * math.pi, math.pi - 1e-15, -math.pi - 1e-12])
     assert look_up(wave, angles) == pytest.approx(np.tile(wave[0], (5, 1)), abs=1e-6)
 
 
-def test_samples_of_a_steady_wheel_are_the_rings_specific_force() -> None:
+def test_steady_wheel_samples_equal_ring_specific_force() -> None:
     wheel = wheel_of()
     measured = run(wheel, 0.5)
     omega = 65 / 3.6 / 0.32
@@ -185,7 +185,7 @@ def test_samples_of_a_steady_wheel_are_the_rings_specific_force() -> None:
     assert measured[:, 2].max() / (0.32 * omega**2) == pytest.approx(1.5, abs=0.02)
 
 
-def test_closure_identity_holds_over_whole_revolutions_at_any_acceleration() -> None:
+def test_closure_identity_holds_at_any_acceleration() -> None:
     wheel = wheel_of(speed="[[0, 50], [10, 86]]")
     measured, rate = run(wheel, 4.0)[:, 2], 9600.0
     motion = wheel.plan.motion.at(np.arange(len(measured)) / rate)
@@ -204,14 +204,14 @@ def test_standing_wheel_reads_gravity_only() -> None:
     assert measured[:, 1] == pytest.approx(STANDARD_GRAVITY_MPS2 * math.sin(camber), abs=0.2)
 
 
-def test_road_noise_has_its_rms_and_none_at_standstill() -> None:
+def test_road_noise_has_stated_rms_while_rolling() -> None:
     toml = "[wheel.road]\nrms_mps2 = 20.0\nbandwidth_hz = 300.0\n"
     shaken, still = run(wheel_of(toml), 4.0), run(wheel_of(), 4.0)
     assert (shaken - still).std(axis=0) == pytest.approx(20.0, rel=0.1)
     assert run(wheel_of(toml, speed="0.0"), 0.5).std(axis=0).max() < 0.1
 
 
-def test_noise_has_the_density_of_the_data_sheet() -> None:
+def test_noise_has_data_sheet_density() -> None:
     noisy = run(wheel_of(sensor="noise_mg_rthz = [1.0, 5.0, 20.0]\nrange_g = 500.0\n", speed="0.0"), 4.0)
     density = noisy.std(axis=0) / math.sqrt(4800.0) / (1e-3 * STANDARD_GRAVITY_MPS2)
     assert density == pytest.approx([1.0, 5.0, 20.0], rel=0.03)
@@ -275,7 +275,7 @@ def test_changing_pressure_and_load_fade_without_steps() -> None:
         assert inside * 2 * math.pi == pytest.approx(trailing - leading, rel=0.35)
 
 
-def test_edge_waves_leave_both_edges_and_keep_the_belt_closed() -> None:
+def test_edge_waves_start_at_edges_and_close_belt() -> None:
     theta = -math.pi + 2 * math.pi * np.arange(2048) / 2048
     wave = EdgeWaves(0.1, order_before=30.0, order_after=50.0, decay_rad=0.8).radial(theta, -0.24, 0.23)
     spectrum = np.abs(np.fft.rfft(wave))
@@ -288,7 +288,7 @@ def test_edge_waves_leave_both_edges_and_keep_the_belt_closed() -> None:
     assert np.abs(wave).max() == pytest.approx(0.1, rel=0.2)
 
 
-def test_edge_waves_of_a_scenario_reach_the_samples() -> None:
+def test_scenario_edge_waves_change_samples() -> None:
     waved, plain = run(wheel_of("[wheel.edge_waves]\namplitude_percent = 10.0"), 0.5), run(wheel_of(), 0.5)
     scale = 0.32 * (65 / 3.6 / 0.32) ** 2
     assert 0.05 < np.abs(waved - plain)[:, 2].max() / scale < 0.15

@@ -1,4 +1,4 @@
-"""Blocks of the tread, an AC coupling that nobody told of, and a belt that does not stretch."""
+"""Tread pitch, an undeclared AC coupling, and an inextensible belt."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_blocks_fill_the_contact_and_fade_beyond_it() -> None:
 
 
 @pytest.mark.parametrize(("direction", "sign"), [("forward", 1.0), ("reverse", -1.0)])
-def test_blocks_of_a_scenario_reach_the_samples(direction: str, sign: float) -> None:
+def test_scenario_tread_blocks_change_samples(direction: str, sign: float) -> None:
     wheel = wheel_of(PATTERN, direction=direction)
     added = read(wheel)[:, 2] - read(wheel_of(direction=direction))[:, 2]
     theta = np.mod(OMEGA * np.arange(len(added)) / 9600.0, 2 * math.pi) - math.pi
@@ -56,18 +56,18 @@ def test_blocks_tilt_an_offset_sensor() -> None:
     assert np.abs(along).max() == pytest.approx(0.005 / 0.32 * 60.0 * 0.05 * 0.32 * OMEGA**2, rel=0.1)
 
 
-def test_an_undeclared_ac_coupling_is_simulated() -> None:
+def test_undeclared_ac_coupling_is_simulated() -> None:
     hidden = wheel_of(sensor='coupling = "ac"\nhighpass_hz = 2.0\ncoupling_declared = false')
     assert hidden.chain.coupling == Coupling.DC
     assert hidden.chain.highpass_hz == 0.0
-    told = wheel_of(sensor='coupling = "ac"\nhighpass_hz = 2.0')
-    assert told.chain.coupling == Coupling.AC
+    stated = wheel_of(sensor='coupling = "ac"\nhighpass_hz = 2.0')
+    assert stated.chain.coupling == Coupling.AC
     coupled = read(hidden, 3.0)
-    assert coupled == pytest.approx(read(told, 3.0))
+    assert coupled == pytest.approx(read(stated, 3.0))
     assert abs(coupled[-4800:, 2].mean()) < 15.0
 
 
-def test_an_inextensible_belt_closes_to_its_mean() -> None:
+def test_inextensible_belt_closes_to_its_mean() -> None:
     radial = read(wheel_of(tire="extension_stiffness_mn = 20000.0"), 0.11138)[:, 2]
     per_turn = 2 * math.pi / OMEGA * 9600.0
     assert len(radial) == math.ceil(per_turn)

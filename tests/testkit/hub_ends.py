@@ -17,7 +17,7 @@ TIMEOUT_S = 10.0
 
 
 class PtyPort:
-    """A port to unplug and replug: `path` is a symlink to a pseudo-terminal, the rest is the hub's end."""
+    """A port for unplugging and replugging: `path` is a symlink to a pseudo-terminal, the rest is the hub's end."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -44,7 +44,7 @@ class PtyPort:
             view = view[os.write(self._master, view[:2048]) :]
 
     def hang_up(self) -> None:
-        """End a `send` that another thread is in: a descriptor closed under it could be another file's by then."""
+        """End a `send` in another thread; a descriptor closed meanwhile could already belong to another file."""
         os.write(self._hang_up, b"x")
 
     def unplug(self) -> None:
@@ -60,7 +60,7 @@ class PtyPort:
 
 
 class TcpHub:
-    """Listens on loopback; `accept` gives the gateway's connection."""
+    """Listener on loopback; `accept` returns the gateway's connection."""
 
     def __init__(self) -> None:
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -77,7 +77,7 @@ class TcpHub:
 
 
 class Reader:
-    """Reads a source in a thread; items come by a queue, so that tests wait without sleeping."""
+    """Reader of a source in a thread; items arrive in a queue, so that tests wait without sleeping."""
 
     def __init__(self, source: Source) -> None:
         self.source = source

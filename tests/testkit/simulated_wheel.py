@@ -18,7 +18,7 @@ from gateway.simulator.truth import WheelTruth
 def simulated(
     tables: str, duration_s: float, setup: WheelSetup, estimators: tuple[str, ...], wheel: str = "", seed: int = 4
 ) -> tuple[tuple[RevolutionResult, ...], WheelTruth]:
-    """Return the results and the truth of a scenario's `tables` with one wheel; `wheel` holds further keys of it."""
+    """Return the results and the truth of a scenario's `tables` with one wheel; `wheel` holds its further keys."""
     text = f"[scenario]\nseed = {seed}\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n{wheel}\n"
     simulation = simulate(parse_document(Scenario, text, "test"), duration_s=duration_s)
     pipeline, decoder = Pipeline((setup,), setup, estimators), FrameDecoder()

@@ -80,7 +80,7 @@ def test_tables_show_every_estimator_with_results(base: Outcome) -> None:
     assert not list(grid_tables([base], NAMES))
 
 
-def test_the_grid_is_the_papers_and_variants_differ_from_the_base() -> None:
+def test_grid_matches_paper_and_variants_differ() -> None:
     assert len(list(grid_cases())) == 27
     cases = all_cases()
     assert len({(case.group, case.name) for case in cases}) == len(cases)

@@ -57,7 +57,7 @@ def test_table_by_bending_stiffness(
     assert 2.0 * POINTS.half_length_m[1] * laws[1].constants[0] == pytest.approx(couple_nm, rel=0.05)
 
 
-def test_the_short_contact_is_the_limit_of_the_beam() -> None:
+def test_short_contact_is_limit_of_beam() -> None:
     """The formula against the beam's own answer to two forces close together, and against its limits."""
     tension, ky = np.array([4e3]), np.array([2.5e5])
     for bending in (3.0, 1e3):
@@ -94,7 +94,7 @@ def test_candidate_laws() -> None:
     assert whole_patch(POINTS, 1000.0, 0.5) == pytest.approx(short_patch(POINTS, 1000.0, 0.5), rel=0.3)
 
 
-def test_a_coupling_inside_the_belt_has_no_such_trend() -> None:
+def test_coupling_inside_belt_has_no_trend() -> None:
     laws = belt_laws(POINTS, ANGLE)
     assert len(laws) == 108
     assert laws[0].left_out_rms == pytest.approx(0.150, abs=2e-3)

@@ -84,7 +84,7 @@ def test_undetermined_quantities() -> None:
 
 
 @pytest.mark.parametrize("factor", [0.7, 1.2])
-def test_the_scale_of_forces_is_not_in_the_waveform(factor: float) -> None:
+def test_waveform_does_not_depend_on_force_scale(factor: float) -> None:
     assert wave_change(scaled(factor), base()) < 1e-5
     assert contact(scaled(factor)).half_angle_rad == pytest.approx(contact(base()).half_angle_rad, rel=1e-5)
 

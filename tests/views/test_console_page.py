@@ -149,7 +149,7 @@ def test_alarms_stand_on_top_and_at_their_wheel(made, size):
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_link_that_is_down_comes_first_with_its_reason(made, size):
+def test_failed_link_is_listed_first_with_reason(made, size):
     links = [made.link(f"sim:link{i}") for i in range(7)]
     links[5] = dataclasses.replace(links[5], connected=False, note=quoted("lost, next try in 4 s"))
     rows = page(made.snapshot(links=tuple(links)), size)
@@ -196,7 +196,7 @@ def test_hub_text_cannot_command_the_terminal(made):
         assert "".join(page(snapshot, size)).isprintable()
 
 
-def test_paused_view_freezes_wheels_but_not_clock_and_alarms(made):
+def test_paused_view_freezes_wheels_only(made):
     frozen = made.snapshot([made.wheel("FL", result={"speed_kmh": 50.0})])
     live = made.snapshot(["FL"], elapsed_s=100.0, alarms=(made.alarm(),))
     rows = page(frozen, view=ViewState(paused_at_s=83.2), live=live)

@@ -45,12 +45,12 @@ def test_nothing_that_commands_a_terminal_passes(text):
     assert len(clean(text)) == len(text)
 
 
-def test_middle_crop_keeps_the_end_that_tells_names_apart():
+def test_middle_crop_keeps_the_distinguishing_end():
     assert crop_middle("recordings/long/path/drive-7.mcap", 16) == "recordi…e-7.mcap"
     assert crop_middle("short", 16) == "short"
 
 
-def test_spread_puts_the_right_part_at_the_right_end():
+def test_spread_right_aligns_the_right_part():
     row = spread((("left part", Role.TEXT),), (("END", Role.ALARM),), 20)
     assert plain(row) == "left part        END"
     assert plain(spread((("left part", Role.TEXT),), (("END", Role.ALARM),), 8)) == "left…END"

@@ -75,7 +75,7 @@ def test_lines_fit_the_terminal(columns: int) -> None:
     ]
 
 
-def test_effects_are_found_by_a_part_of_key_or_title() -> None:
+def test_effects_are_found_by_partial_key_or_title() -> None:
     assert [effect.name for effect in find_effects("TILT")] == ["yaw tilt", "roll tilt", "pitch tilt"]
     assert [effect.name for effect in find_effects("wheel hop")] == ["hub vibration"]
     assert find_effects("nonsense") == []

@@ -90,7 +90,7 @@ def test_names_become_labels():
     assert split_name("Cw") == ("Cw", split_name("Ts")[1])
 
 
-def test_status_is_a_mark_and_invalid_values_are_hidden():
+def test_status_is_marked_and_invalid_values_hidden():
     assert show(Estimate("Cw", 0.2, 0.01, Status.PROVISIONAL)).text() == "0.200 ± 0.010 ~"
     assert show(Estimate("Cw", 0.2, 0.01, Status.INVALID)).text() == f"{MISSING} x"
     assert show(Estimate("speed_mps", 18.0, 0.01, Status.INVALID)).text() == f"{MISSING} km/h x"

@@ -45,7 +45,7 @@ def test_lines_fit_and_columns_stay_aligned(made, plain):
     results = [
         made.result("FL"),
         made.result("hub12.wheel3", status=Status.PROVISIONAL, reasons=(long_reason,)),
-        made.result("a very long name of a wheel that nobody should ever give", load_n=None),
+        made.result("a very long name of a wheel that is far too long for any vehicle", load_n=None),
         made.result("左前輪", status=Status.INVALID, reasons=(long_reason,)),
         made.result("FR", faults=(long_reason,)),
     ]

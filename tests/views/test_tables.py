@@ -114,7 +114,7 @@ def test_json_lines_list_reasons_as_values(tmp_path: Path) -> None:
     assert [fault["code"] for fault in row["fault_reasons"]] == ["samples_lost", "radial_saturated"]
 
 
-def test_host_time_is_iso_and_a_timestamp_in_parquet(tmp_path: Path) -> None:
+def test_host_time_is_iso_and_parquet_timestamp(tmp_path: Path) -> None:
     assert iso_utc(START_NS) == "2023-11-14T22:13:20.123456Z"
     parquet = pytest.importorskip("pyarrow.parquet")
     with open_table(tmp_path / "out", TableFormat.PARQUET) as table:

@@ -1,4 +1,4 @@
-"""Sensor with a nonlinear radial axis, which the simulator cannot make."""
+"""Sensor with a nonlinear radial axis, which the simulator lacks."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Bend:
     cube_s4pm2: float
 
     def __call__(self, force_mps2: FloatArray) -> FloatArray:
-        """Return (n, 3) specific force as the nonlinear element reads it."""
+        """Return the output of the nonlinear element for (n, 3) specific force."""
         read = force_mps2.copy()
         read[:, 2] *= 1.0 + force_mps2[:, 2] * (self.square_s2pm + self.cube_s4pm2 * force_mps2[:, 2])
         return read

@@ -130,7 +130,7 @@ def _tire(key: str, *, signed: bool = False) -> Callable[[Drawing], Tables]:
 
 
 def _traction(drawn: Drawing) -> Tables:
-    # As on a slope: the torque goes with the load.
+    # As on a slope: the torque is proportional to the load.
     return {"tire": {"axle_torque_nm": drawn.sign() * 0.01 * drawn.size * 1e-3 * drawn.bench.radius_mm}}
 
 
@@ -207,7 +207,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("mounting offset", "mm", (0.012, 0.036, 3.0), _offset),
     Cause("roll tilt", "deg", (0.003, 0.01, 1.0), _tilt("roll_deg")),
     Cause("pitch tilt", "deg", (0.003, 0.01, 1.0), _tilt("pitch_deg")),
-    # Only gravity tells of it where the sensor sits on the neutral layer.
+    # With the sensor on the neutral layer only gravity shows it.
     Cause("yaw tilt", "deg", (0.4, 1.2, 5.0), _yaw),
     Cause("gain", "%", (0.01, 0.03, 2.0), _gain),
     Cause("gain-temperature drift", "%/K", (0.0005, 0.0015, 0.03), _gain_temperature),
@@ -238,7 +238,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("conicity", "deg", (0.01, 0.03, 0.6), _tire("conicity_deg", signed=True)),
     Cause("carcass compliance", "deg (slip angle)", (0.008, 0.024, 0.3), _slip),
     Cause("camber", "deg", (0.35, 1.0, 4.0), _camber),
-    # Seen in single revolutions, not in their mean; at 15 mg/rtHz it takes three times as much.
+    # Visible in single revolutions, not in their mean; at 15 mg/rtHz three times the size is needed.
     Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
 )

@@ -87,7 +87,7 @@ class Case:
 
 
 def draw(order: Order) -> Case:
-    """Return the case of an order, the same one each time.
+    """Return the case of an order, always the same one.
 
     Raises:
         ValueError: effects that cannot occur together.
@@ -101,7 +101,7 @@ def draw(order: Order) -> Case:
     disturbance: Disturbance | None = None
     bend: Bend | None = None
     for name in order.names:
-        # Both of a pair must be worth finding.
+        # Both effects of a pair must be large enough to find.
         index = int(rng.integers(1, 3)) if order.kind is Kind.PAIR else order.size
         entry = stranger(name) if order.kind is Kind.OUTSIDE else cause(name)
         size = entry.sizes[index]

@@ -27,12 +27,12 @@ from gateway.simulator.simulation import Simulation, simulate
 SECONDS: Final = 8.0
 LINK: Final = "sim:rig"
 POSITION: Final = "W"
-# A fixed day; a minute from run to run.
+# A fixed date; runs are one minute apart.
 _START_NS: Final = 1_760_000_000_000_000_000
 _BETWEEN_NS: Final = 60_000_000_000
 # Time constants of the coupling capacitor before the recording starts. The wheel starts where the signal is its mean.
 _SETTLED: Final = 6.0
-# Chunks come at the ends of slots of 10 ms, a little late.
+# Chunks arrive at the ends of 10 ms slots, slightly late.
 _HALF_SLOT_NS: Final = 5_000_000
 # Largest change of speed within a run, to either side.
 _DRIFT: Final = 0.005

@@ -50,7 +50,7 @@ def relative_links(text: str) -> Iterator[str]:
 
 
 def stage(target: Path) -> None:
-    """Write the whole folder anew."""
+    """Rewrite the whole folder."""
     shutil.rmtree(target, ignore_errors=True)
     by_source = {path.resolve(): page for page, path in written_pages().items()}
     for page, path in written_pages().items():

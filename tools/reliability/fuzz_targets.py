@@ -50,7 +50,7 @@ radius_mm = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Something to fuzz.
+    """Target of fuzzing.
 
     Attributes:
         text: what it is.
@@ -87,7 +87,7 @@ def _file(data: bytes, name: str):
 
 
 def decode(data: bytes) -> bool:
-    """Both decoders, however the bytes are cut: the same frames, the same counters, every byte accounted for."""
+    """Both decoders with arbitrary chunks: the same frames, the same counters, every byte accounted for."""
     whole, cut, batch = FrameDecoder(), FrameDecoder(), BatchDecoder()
     expected = [*whole.feed(data), *whole.finish()]
     step = 1 + (data[0] if data else 0)

@@ -1,4 +1,4 @@
-"""`kill -9` of `treadlink record` on a serial line: what was on the wire 0.3 s before is in the file."""
+"""`kill -9` of `treadlink record` on a serial line: data on the wire 0.3 s earlier is in the file."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ def hub_bytes(seconds: float) -> tuple[list[bytes], str]:
 
 
 def kill_once(folder: Path, chunks: Sequence[bytes], after_s: float) -> Killed:
-    """Record in another process, kill it `after_s` after its first byte, and read back what there is.
+    """Record in another process, kill it `after_s` after its first byte, and read back the file.
 
     Raises:
-        AssertionError: what is read back is not what was sent.
+        AssertionError: the bytes read back differ from those sent.
     """
     folder.mkdir()
     path = folder / "r.mcap"

@@ -112,7 +112,7 @@ def notices_of(items: Sequence[LinkItem], toml: str) -> list[tuple[float, str]]:
 
 
 def report() -> Iterator[str]:
-    """Yield a line or more a fault."""
+    """Yield one or more lines for each fault."""
     toml = open_source("sim:lab?speed=max", ManualClock()).vehicle_toml or ""
     for name, items in cases():
         findings = notices_of(items, toml)

@@ -150,15 +150,15 @@ def by_coincidence(
     room = len(arrived) - FRAME_BYTES
     starts = np.flatnonzero((arrived[: room + 1] == frames[0, 0]) & (arrived[1 : room + 2] == frames[0, 1]))
     starts = np.setdiff1d(starts, ends - FRAME_BYTES, assume_unique=True)
-    told = sum(arrived[starts + 8 + byte].astype(np.int64) << 8 * byte for byte in range(4)) - first
-    possible = (told >= 0) & (told < len(frames))
-    starts, told = starts[possible], told[possible]
+    counters = sum(arrived[starts + 8 + byte].astype(np.int64) << 8 * byte for byte in range(4)) - first
+    possible = (counters >= 0) & (counters < len(frames))
+    starts, counters = starts[possible], counters[possible]
     whole = [
         bool((arrived[at : at + FRAME_BYTES] == frames[number]).all())
-        for at, number in zip(starts.tolist(), told.tolist(), strict=True)
+        for at, number in zip(starts.tolist(), counters.tolist(), strict=True)
     ]
     ends = np.concatenate([ends, starts[whole] + FRAME_BYTES])
-    numbers = np.concatenate([numbers, told[whole]])
+    numbers = np.concatenate([numbers, counters[whole]])
     order = np.argsort(ends)
     ends, numbers = ends[order], numbers[order]
     keep = np.ones(len(ends), np.bool_)

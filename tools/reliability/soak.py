@@ -59,7 +59,7 @@ class Soak:
 
 
 class _TimeErrors:
-    """Times of contacts less truth, counted in bins by tenth of the run: the measurement itself must not grow."""
+    """Errors of contact times, counted in bins by tenth of the run: the measurement itself must not grow."""
 
     def __init__(self, truth: dict[str, WheelTruth], seconds: float) -> None:
         self._truth = truth
@@ -67,7 +67,7 @@ class _TimeErrors:
         self._counts = np.zeros((10, _BINS), np.int32)
 
     def add(self, position: str, found_s: np.ndarray) -> None:
-        """Count what is between each time and the nearest true one; what is further off than 0.1 s as 0.1 s."""
+        """Count the distance of each time from the nearest true one, limited to 0.1 s."""
         begin_s = max(0.0, float(found_s.min()) - 2.0)
         bottoms_s = self._truth[position].bottom_times_s(begin_s, float(found_s.max()) + 2.0)
         nearest = np.clip(np.searchsorted(bottoms_s, found_s), 1, len(bottoms_s) - 1)
@@ -78,13 +78,13 @@ class _TimeErrors:
         np.add.at(self._counts, (tenths, bins), 1)
 
     def by_tenth(self) -> list[tuple[float, float]]:
-        """Return median and central 98 % of each tenth that has any."""
-        told = []
+        """Return median and central 98 % of each tenth with data."""
+        rows = []
         for counts in self._counts[self._counts.any(axis=1)]:
             below = np.cumsum(counts)
             low, middle, high = np.searchsorted(below, np.array([0.01, 0.5, 0.99]) * below[-1])
-            told.append((float(middle - _BINS // 2 + 0.5) * _BIN_S, float(high - low) * _BIN_S))
-        return told
+            rows.append((float(middle - _BINS // 2 + 0.5) * _BIN_S, float(high - low) * _BIN_S))
+        return rows
 
 
 class _Fast:

@@ -1,4 +1,4 @@
-"""A UART line in bits: what a receiver makes of bytes that were sent at another baud rate."""
+"""A UART line in bits: output of a receiver for bytes sent at another baud rate."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ Remark: TypeAlias = Reason | str
 """A remark on the data: a reason, or text that a user wrote, as in a configuration."""
 
 ORDERS: Final = 111
-"""Orders 0 to 110 are compared: on a measured tire nothing above repeats."""
+"""Number of orders compared, 0 to 110: on a measured tire nothing above repeats."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +25,8 @@ class Block:
     Attributes:
         count: revolutions.
         conditions: their mean; mean squares for omega.
-        orders_mps2: (3, ORDERS) coefficients c - i s of the mean waveform as measured (gravity, drift and all); NaN for
-            absent axes and for orders that the sampling does not carry.
+        orders_mps2: (3, ORDERS) coefficients c - i s of the mean waveform as measured, gravity and drift included; NaN
+            for absent axes and for orders beyond the bandwidth of the sampling.
     """
 
     count: int
@@ -36,17 +36,18 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class EdgeTiming:
-    """How the two edges of the contact move against each other from one contact to the next, in one group.
+    """Relative jitter of the two contact edges from one contact to the next, in one group.
 
-    Of the contact's edges that come b (leading) and a (trailing) early, mean squares of b - a from contact to contact.
+    The leading edge comes early by b, the trailing edge by a. The mean squares are those of b - a from contact to
+    contact.
 
     Attributes:
         freedom: independent values behind each fold's mean square; empty where it is not known.
-        power_rad2: (folds) mean square of b - a, what noise makes included.
-        noise_rad2: what noise and all that is not at the edges makes of it.
-        leading_share: of the leading edge in the mean square of b - a.
+        power_rad2: (folds) mean square of b - a, noise included.
+        noise_rad2: contribution of noise and of everything away from the edges.
+        leading_share: share of the leading edge in the mean square of b - a.
         leading_share_std: one standard error.
-        explained_m2ps4: mean square over the revolution that moving edges make, all axes.
+        explained_m2ps4: mean square over the revolution due to moving edges, all axes.
         left_m2ps4: mean square of the residual near the corrected edges.
     """
 
@@ -60,7 +61,7 @@ class EdgeTiming:
 
     @property
     def scatter_rad2(self) -> float:
-        """Mean square of b - a beyond what noise makes, not below zero."""
+        """Mean square of b - a beyond noise, at least zero."""
         total = sum(self.freedom)
         if not total > 0.0:
             return 0.0
@@ -77,7 +78,7 @@ class EdgeTiming:
 
     @property
     def chi2(self) -> float:
-        """Fall of the deviance that scatter brings."""
+        """Decrease of the deviance when jitter is included."""
         if not (self.freedom and self.noise_rad2 > 0.0):
             return 0.0
         return sum(self.deviances(0.0)) - sum(self.deviances(self.scatter_rad2))
@@ -100,10 +101,10 @@ class Group:
         declared_offset_m: sensor below the neutral layer, as configured.
         declared_roll_rad: as configured (positive: the radial axis leaks into +lateral).
         declared_pitch_rad: as configured (positive: it leaks into +circumferential).
-        deviations_mps2: for every uninterrupted run of revolutions: (3, k) what is left when the group's mean waveform
-            (scaled with omega^2 where the speed drifts) is taken off, evenly sampled in time; NaN rows for absent axes.
+        deviations_mps2: for every uninterrupted run of revolutions: (3, k) the signal minus the group's mean waveform
+            (scaled with omega^2 if the speed drifts), uniformly sampled in time; NaN rows for absent axes.
         deviation_rate_hz: its rate.
-        edges: how the contact's edges move; blocks and deviations have them put back where that is evident.
+        edges: jitter of the contact's edges; blocks and deviations are corrected for it where it is evident.
     """
 
     label: str
@@ -125,18 +126,19 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """All that one wheel's recordings hold.
+    """Data of all recordings of one wheel.
 
     Attributes:
         wheel: position.
         recordings: names.
         groups: in the order of recordings and time.
         states: number of tire states.
-        rejected: revolutions left out, and why: reason -> count.
-        clock_error: share by which the hub's clock runs fast against the host's, and its standard error; NaN unknown.
+        rejected: number of rejected revolutions by reason.
+        clock_error: relative error of the hub's clock against the host's, positive if fast, and its standard error; NaN
+            if unknown.
         assumed: inputs that were assumed.
         notes: limitations of the recordings: damage, groups left out.
-        sensor_id: serial number of the sensor, None when not known or the recordings are of different ones.
+        sensor_id: serial number of the sensor, None if unknown or not the same in all recordings.
         stated: inputs that were stated or measured, with their source.
     """
 

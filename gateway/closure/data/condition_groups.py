@@ -15,7 +15,7 @@ PRESSURE_WIDTH: Final = 0.02
 TEMPERATURE_WIDTH_K: Final = 5.0
 DRIFT_WIDTH: Final = 0.015
 STATE_LOAD_WIDTH: Final = 0.04
-# How much of a sidewall's stiffness the pressure makes is not known, so that a state holds little of a change.
+# The share of sidewall stiffness due to pressure is unknown, so a state tolerates only a small change of pressure.
 STATE_PRESSURE_WIDTH: Final = 0.01
 _ANGLE_WIDTH: Final = 0.08
 # Distance of speeds, as a logarithm, beyond which a further distance adds no information on speed dependence.
@@ -57,7 +57,7 @@ def alike(
     temperature_degc: FloatArray,
     drift: FloatArray | None = None,
 ) -> list[IntArray]:
-    """Return the places of the revolutions of each group, groups and places in the order of the rows.
+    """Return the row indices of the revolutions of each group; groups and indices are in row order.
 
     A group's angular speeds lie within 3 %, loads and pressures within 2 %, temperatures within 5 K. With `drift`, the
     change of speed within a revolution over the speed, speeding up and slowing down are kept apart.
@@ -91,9 +91,9 @@ def tire_states(
 
 
 def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count: FloatArray, most: int) -> IntArray:
-    """Return the places of at most `most` most informative groups, ascending; more where there are more recordings.
+    """Return the indices of the `most` most informative groups, ascending; more if there are more recordings.
 
-    Each recording's largest group is in. Then those follow that have many revolutions at a speed far from all taken.
+    The largest group of each recording is included. Groups with many revolutions at a speed far from all others follow.
 
     Args:
         recording: (n,) of each group.

@@ -17,14 +17,14 @@ from gateway.closure.effects.contact import CONTACT_EDGE_JITTER, EDGE_REACH_RAD
 from gateway.types import ComplexArray, FloatArray, IntArray
 
 TERMS: Final = 4
-"""Of one revolution: how early its leading and its trailing edge are, and how much that grows away from the middle."""
+"""Parameters of one revolution: how early its leading and trailing edges are, and the growth away from the middle."""
 
 _ROUNDS: Final = 4
 _LEAST: Final = 12
-# The same shapes away from the contact give an upper bound of what everything else makes of them: what is fixed in
-# space makes more of them in some places than in others.
+# The same shapes are fitted away from the contact. This bounds the amplitude that all other causes produce. Causes
+# fixed in space contribute more at some angles than at others.
 _ELSEWHERE_RAD: Final = tuple(math.pi + away for away in (-1.0, -0.5, 0.0, 0.5, 1.0))
-# Fall of the deviance from which on revolutions are bent back.
+# Decrease of the deviance from which revolutions are corrected.
 _EVIDENT: Final = 25.0
 _POINTS: Final = 512
 _FINER: Final = 2
@@ -40,13 +40,13 @@ _SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Edges:
-    """How early the edges of each revolution came, and how that differs.
+    """Timing of the contact edges of each revolution, and its statistics.
 
     Attributes:
-        early_rad: (n, TERMS) leading edge at the revolution's end, trailing edge at its beginning; shrunk to what
-            noise leaves of it, 0 where they do not scatter.
-        half_angle_rad: of the contact.
-        timing: for the group.
+        early_rad: (n, TERMS) leading edge at the revolution's end, trailing edge at its beginning; shrunk by the share
+            that is noise, 0 where the edges do not jitter.
+        half_angle_rad: contact half angle.
+        timing: jitter statistics of the group.
     """
 
     early_rad: FloatArray
@@ -55,12 +55,12 @@ class Edges:
 
     @property
     def evident(self) -> bool:
-        """Whether the edges scatter at all."""
+        """Whether the edges jitter measurably."""
         return bool(self.early_rad.any())
 
 
 def bent_back(waveforms: FloatArray, theta_rad: FloatArray, early_rad: FloatArray, half_angle_rad: float) -> FloatArray:
-    """Return waveforms with both edges where they are on average.
+    """Return waveforms with both edges moved to their mean angles.
 
     Args:
         waveforms: (n, ..., points) on an even grid of one revolution.
@@ -106,21 +106,21 @@ def compare_edges(
     half_angle_rad: float,
     folds: int,
 ) -> Edges:
-    """Return how early each revolution's edges came, on the pipeline's angles, and whether that is more than noise.
+    """Return how early each revolution's edges came, on the pipeline's angles, and whether that exceeds noise.
 
-    A contact whose edges come b and a early makes b s'(theta) and a s'(theta) of the mean waveform s near them. The
-    pipeline puts angle 0 at the contact's centre, somewhere between both, so a contact's b - a is what shows: in the
-    leading edge of one revolution and the trailing edge of the next. How the periods go with it tells which of both
-    edges it is.
+    Let s be the mean waveform. If the edges of a contact come early by b (leading) and a (trailing), the waveform
+    changes by b s'(theta) and a s'(theta) near them. The pipeline puts angle 0 at the contact's centre, between the
+    edges, so only b - a is observable: in the leading edge of one revolution and the trailing edge of the next. The
+    correlation with the periods shows which of the two edges moves.
 
     Args:
-        orders_mps2: (n, 3, ORDERS) in the order of time; NaN for absent axes and orders that are not carried.
+        orders_mps2: (n, 3, ORDERS) in time order; NaN for absent axes and orders beyond the bandwidth.
         index: (n,) running numbers of the revolutions.
         period_s: (n,).
         omega_radps: (n,).
         omega_dot_radps2: (n,).
         half_angle_rad: of the contact.
-        folds: parts that the revolutions are cut into for the held-out gain.
+        folds: parts into which the revolutions are divided for the held-out gain.
     """
     count = len(orders_mps2)
     timing = EdgeTiming()
@@ -160,10 +160,10 @@ def compare_edges(
 
 
 def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int, count: int) -> EdgeTiming:
-    """Return what b - a differ by from contact to contact, by fold."""
+    """Return the mean square change of b - a from contact to contact, by fold."""
     length = early[follows, 0] - early[follows + 1, 1]
     other = noise[:, follows, 0] - noise[:, follows + 1, 1]
-    # Steps from one contact to the next: what drifts slowly, as a load does, is no scatter.
+    # Differences between successive contacts: a slow drift, as of the load, is not jitter.
     steps = np.flatnonzero(np.diff(follows) == 1)
     if len(steps) < _LEAST // 2:
         return EdgeTiming()
@@ -178,18 +178,18 @@ def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int,
     return EdgeTiming(tuple((_INDEPENDENT * number).tolist()), tuple(mean.tolist()), float(own.mean(axis=1).max()))
 
 
-# Of neighbouring steps' squares, which share a contact.
+# Share of independent values among squares of successive differences, since neighbours share a contact.
 _INDEPENDENT: Final = 2.0 / 3.0
 
 
 def _shapes(mean: ComplexArray, half_angle_rad: float) -> ComplexArray:
-    """Return what an edge that comes 1 rad early adds, (2, 3, ORDERS)."""
+    """Return the change of the waveform by an edge that comes 1 rad early, (2, 3, ORDERS)."""
     slope = _field(1j * _ORDER * mean)
     return _orders(CONTACT_EDGE_JITTER.windows(_THETA, half_angle_rad)[:, None] * slope)
 
 
 def _amplitudes(left: ComplexArray, shapes: ComplexArray, weight: FloatArray) -> FloatArray:
-    """Return how much of both shapes each revolution holds, (n, 2), weighted least squares."""
+    """Return the amplitudes of both shapes in each revolution by weighted least squares, (n, 2)."""
     weighted = np.conj(shapes) * weight
     matrix = np.einsum("pan,qan->pq", weighted, shapes).real
     right = np.einsum("pan,kan->kp", weighted, left).real
@@ -200,7 +200,7 @@ def _amplitudes(left: ComplexArray, shapes: ComplexArray, weight: FloatArray) ->
 def _cut_elsewhere(left: ComplexArray) -> list[ComplexArray]:
     """Return the residuals of revolutions (n, 3, ORDERS) as if their contacts were elsewhere, (n, 3, ORDERS) each.
 
-    In time a revolution runs from angle 0 over pi to 0. The last one lacks its end, which is taken from the first.
+    In time, a revolution runs from angle 0 through pi to 0. The last one lacks its end, which is taken from the first.
     """
     field = np.concatenate([_field(left[at : at + _AT_A_TIME]) for at in range(0, len(left), _AT_A_TIME)])
     stream = np.roll(field, -(_POINTS // 2), axis=-1).transpose(1, 0, 2).reshape(3, -1)
@@ -217,8 +217,8 @@ def _leading_share(
 ) -> tuple[float, float]:
     """Return the leading edge's share of the mean square of b - a, and its standard error.
 
-    The pipeline's centre lies at a + w (b - a). Of d = b - a the leading edge shows (1 - w) d and the trailing one
-    -w d; the period from one contact to the next is short by what the later centre is early.
+    The pipeline's centre lies at a + w d with d = b - a. The leading edge therefore shows (1 - w) d and the trailing
+    edge -w d. The period between two contacts is shorter by the amount that the later centre is early.
     """
     length = early[follows, 0] - early[follows + 1, 1]
     other = noise[:, follows, 0] - noise[:, follows + 1, 1]
@@ -229,7 +229,7 @@ def _leading_share(
     shown = float((early[follows, 0] * length).mean()) - float((noise[:, follows, 0] * other).mean())
     ahead = 1.0 - shown / power
     error = math.sqrt(own / power / len(length))
-    # Revolution k lies between contacts k and k + 1: both contacts' d are known where k - 1 and k + 1 follow.
+    # Revolution k lies between contacts k and k + 1. Their d are known if revolutions k - 1 and k + 1 are adjacent.
     known = np.full(len(early) + 1, math.nan)
     known[follows + 1] = length
     step, away = known[1:-1] - known[:-2], turned_rad[:-1]
@@ -243,20 +243,20 @@ def _leading_share(
     slope = -float(step @ away) / below
     rest = away + slope * step
     slope_std = math.sqrt(float(rest @ rest) / len(rest) / below)
-    # Of a: Cov(centre, d) = w Var(d) - Var(a).
+    # For the trailing edge a: Cov(centre, d) = w Var(d) - Var(a).
     share = 1.0 - (ahead - slope)
     return min(1.0, max(0.0, share)), math.hypot(error, slope_std)
 
 
 def _detrended(values: FloatArray) -> FloatArray:
-    """Return values less their running mean."""
+    """Return values minus their running mean."""
     padded = np.pad(values, _OVER // 2, mode="reflect")
     result: FloatArray = values - np.convolve(padded, np.full(_OVER, 1.0 / _OVER), mode="valid")
     return result
 
 
 def _explained(raw: ComplexArray, bent: ComplexArray, rows: FloatArray, half_angle_rad: float) -> tuple[float, float]:
-    """Return the mean square over the revolution removed by the correction, and that which remains there."""
+    """Return the mean square over the revolution that the correction removes, and the mean square that remains."""
     usual = np.ones(len(raw), dtype=bool)
     near = np.abs(_THETA) < half_angle_rad + EDGE_REACH_RAD
     far = np.abs(_THETA) > 2.0 * (half_angle_rad + EDGE_REACH_RAD)

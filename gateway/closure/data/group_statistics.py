@@ -33,13 +33,13 @@ ENOUGH: Final = Reason(Code.BEYOND_GROUP_LIMIT, limit=MOST_ALIKE)
 
 _DEVIATIONS_S: Final = 30.0
 _DRIFT_OVER: Final = 9
-# Order 0 is real, of the others cosine and sine share the power.
+# Order 0 is real. In the other orders cosine and sine share the power.
 _ONE_COEFFICIENT: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What is stated of a recording.
+    """Stated properties of a recording.
 
     Attributes:
         name: of the recording, for labels.
@@ -65,20 +65,20 @@ class Declared:
 def make_groups(
     table: RevolutionTable, declared: Declared, folds: int, reject: Callable[[Reason, int], None]
 ) -> list[Group]:
-    """Return the groups of one recording, of two revolutions and more; single revolutions are left to the caller.
+    """Return the groups of one recording with at least two revolutions; single revolutions are rejected.
 
-    The groups' states are all 0, temperatures NaN where unknown, `reference_degc` NaN and times those of the host.
+    All groups have state 0 and `reference_degc` NaN. Unknown temperatures are NaN, and times are host times.
 
     Args:
-        table: revolutions in the order of time.
-        declared: what is stated.
-        folds: blocks of a group, where it has revolutions enough.
-        reject: counts revolutions left out: reason, revolutions.
+        table: revolutions in time order.
+        declared: stated properties of the recording.
+        folds: blocks of a group, if it has enough revolutions.
+        reject: counts rejected revolutions: reason, revolutions.
     """
     load = np.where(np.isfinite(table["load_n"]), table["load_n"], ASSUMED_LOAD_N)
     pressure = np.where(np.isfinite(table["pressure_pa"]), table["pressure_pa"], ASSUMED_PRESSURE_PA)
     made = []
-    # Over some revolutions: from one to the next, the timing of the contacts makes most of it.
+    # Smoothed over revolutions: the change between two is mostly timing error of the contacts.
     drift = table["omega_dot_radps2"] * table["period_s"] / table["omega_radps"]
     drift = median_filter(drift, _DRIFT_OVER, mode="nearest")
     for places in alike(table["omega_radps"], load, pressure, table["temperature_degc"], drift):
@@ -97,7 +97,7 @@ FEW: Final = Reason(Code.TOO_FEW_ALIKE)
 
 
 def _cut_off_or_not(table: RevolutionTable, places: IntArray, reject: Callable[[Reason, int], None]) -> IntArray:
-    """Return the revolutions to use: those that are cut off belong to them only where most are."""
+    """Return the revolutions to use: clipped ones are included only if most are clipped."""
     cut = table["cut_off"][places] > 0.0
     number = int(cut.sum())
     if number == 0 or 2 * number > len(places):
@@ -130,14 +130,14 @@ def _group(
     early = np.zeros((len(places), TERMS))
     variance = settled.variance
     if edges.evident:
-        # Edges that move smear the mean and are most of the scatter.
+        # Jittering edges smear the mean and dominate the scatter.
         early[usual] = edges.early_rad
         bent = orders_bent_back(orders, early, half_angle_rad)
         taken = (orders - bent)[usual]
         orders = bent
         settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
         usual = np.flatnonzero(~settled.wild)
-        # Where the edges are on average is known no better than they scatter.
+        # The uncertainty of the mean edge angles is that of their jitter.
         variance = settled.variance + _ONE_COEFFICIENT * taken.var(axis=0)
     if settled.wild.any():
         reject(WILD, int(settled.wild.sum()))
@@ -160,7 +160,7 @@ def _group(
         pressure_known=bool(np.isfinite(table["pressure_pa"][used]).all()),
         declared_offset_m=declared.offset_m,
         declared_roll_rad=declared.roll_rad,
-        # Seen along the rolling direction, a sensor that goes backwards is pitched the other way.
+        # Along the rolling direction, the pitch of a sensor that moves backwards has the opposite sign.
         declared_pitch_rad=-declared.pitch_rad if declared.reverse else declared.pitch_rad,
         deviations_mps2=left,
         deviation_rate_hz=left_hz,
@@ -169,7 +169,7 @@ def _group(
 
 
 def label(name: str, conditions: GroupConditions) -> str:
-    """Return what a group is called: recording, speed, load and pressure."""
+    """Return the label of a group: recording, speed, load and pressure."""
     speed_kmh = 3.6 * conditions.omega_radps * conditions.radius_m
     way = ", reverse" if conditions.reverse else ""
     return (

@@ -15,9 +15,9 @@ from gateway.signal.angle_resampling import angle_grid
 from gateway.types import BoolArray, FloatArray
 
 HIGHEST_RATE_HZ: Final = 4000.0
-# What the sampling and the angle grid carry, 0.28 of their rate, is what the filter below passes, 0.45 of its own.
+# The bandwidth of sampling and angle grid, 0.28 of their rate, equals the filter's pass band, 0.45 of its own rate.
 _CARRIED: Final = 0.62
-# The even grid before thinning is finer than the angle grid, so that nothing folds into the band.
+# The uniform grid before decimation is finer than the angle grid, so that nothing aliases into the band.
 _FINER: Final = 1.25
 _TAPS: Final = 32
 _ENDS: Final = 16
@@ -25,7 +25,7 @@ _SPLINE: Final = 5
 
 
 def deviation_rate_hz(rate_hz: float, grid_rate_hz: float) -> float:
-    """Return the rate at which deviations are given: 4 kHz, or less where sampling or angle grid carry less."""
+    """Return the sampling rate of deviations: 4 kHz, or less if the sampling or the angle grid limit the bandwidth."""
     return min(HIGHEST_RATE_HZ, _CARRIED * rate_hz, _CARRIED * grid_rate_hz)
 
 
@@ -41,19 +41,19 @@ def deviations(
 ) -> tuple[FloatArray, ...]:
     """Return the revolutions of each run minus their mean as predicted at their speed.
 
-    Its power is that of the deviation from the true mean: what the mean has taken of the revolutions is put back.
+    The power is corrected for the degrees of freedom of the mean: it is that of the deviation from the true mean.
 
     Args:
-        waveforms_mps2: (n, 3, grid) in the order of time; NaN rows for absent axes.
-        index: (n,) running numbers; a run ends where they do not follow each other.
-        shift_rad: (n,) what each is to be turned by, as `Settled` has it.
+        waveforms_mps2: (n, 3, grid) in time order; NaN rows for absent axes.
+        index: (n,) running numbers; a run ends where they are not consecutive.
+        shift_rad: (n,) rotation of each, as in `Settled`.
         period_s: (n,).
         omega_radps: (n,).
         omega_dot_radps2: (n,).
-        rate_hz: of the result, as `deviation_rate_hz` gives it; flat to 0.4 of it.
+        rate_hz: sampling rate of the result, from `deviation_rate_hz`; the response is flat to 0.4 of it.
 
     Returns:
-        a (3, k) float32 array a run.
+        a (3, k) float32 array for each run.
     """
     count, _, grid = waveforms_mps2.shape
     if count < 2:
@@ -92,7 +92,7 @@ def _times(period_s: FloatArray, omega_radps: FloatArray, omega_dot_radps2: Floa
 
 
 def _even(times: FloatArray, values: FloatArray, rate_hz: float, present: BoolArray) -> FloatArray | None:
-    """Return (3, k) float32 at `rate_hz` of values (3, m) at almost even times, without what that rate cannot carry."""
+    """Return values (3, m) at almost uniform times as (3, k) float32 at `rate_hz`, low-pass filtered for that rate."""
     own_hz = (len(times) - 1) / (times[-1] - times[0])
     thin = max(1, math.ceil(_FINER * own_hz / rate_hz))
     even = np.arange(times[0], times[-1], 1.0 / (thin * rate_hz))
@@ -106,7 +106,7 @@ def _even(times: FloatArray, values: FloatArray, rate_hz: float, present: BoolAr
         spline = spline_filter1d(values[axis], order=_SPLINE, mode="mirror")
         fine = map_coordinates(spline, places, order=_SPLINE, mode="mirror", prefilter=False)
         result[axis] = convolve1d(fine, taps, mode="mirror")[::thin][_ENDS : _ENDS + length]
-    return result  # type: ignore[return-value]  # half the memory, as good
+    return result  # type: ignore[return-value]  # float32 halves the memory and is precise enough
 
 
 def _low_pass(taps: int, cutoff: float) -> FloatArray:

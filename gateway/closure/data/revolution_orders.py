@@ -14,7 +14,7 @@ from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray
 
 MOST_REVOLUTIONS: Final = 20_000
-"""Of one recording; at 3 kB each they take 60 MB."""
+"""Revolutions of one recording; at 3 kB each they take 60 MB."""
 
 TOO_MANY: Final = Reason(Code.BEYOND_RECORDING_LIMIT, limit=MOST_REVOLUTIONS)
 NOT_MEASURED: Final = Reason(Code.REVOLUTION_NOT_MEASURED)
@@ -26,7 +26,7 @@ _KEPT_S: Final = 30.0
 _KEPT_ALL_S: Final = 240.0
 _SPEED_STEP: Final = 0.03
 _AXES: Final = ("circumferential", "lateral")
-# An axis that does not move by as much in a revolution does not measure.
+# An axis that varies by less than this in a revolution is not measuring.
 _DEAD_MPS2: Final = 1e-6
 _CUT_OFF: Final = frozenset({Code.RADIAL_SATURATED, Code.RADIAL_CLIPPED})
 _SIGNS: Final[FloatArray] = np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
@@ -44,15 +44,15 @@ def waveform_orders(waveform_mps2: FloatArray) -> ComplexArray:
 
 
 def carried_order(samples_per_revolution: float) -> int:
-    """Return the highest order up to 110 that a number of samples per revolution carries within half a percent."""
+    """Return the highest order up to 110 that a number of samples per revolution reproduces within half a percent."""
     return max(0, min(ORDERS - 1, math.floor(_USABLE_BAND * samples_per_revolution / 2.0)))
 
 
 class RevolutionStore:
-    """Takes one wheel's revolutions and keeps what a campaign needs of them; memory is bounded.
+    """Collector of one wheel's revolutions in the form that a campaign needs, with bounded memory.
 
     Attributes:
-        rejected: revolutions left out: reason -> count.
+        rejected: number of rejected revolutions by reason.
     """
 
     def __init__(self, reverse: bool = False) -> None:
@@ -76,7 +76,7 @@ class RevolutionStore:
         return len(self._rows)
 
     def take(self, revolution: Revolution, conditions: TireConditions, host_ns: int) -> None:
-        """Keep a revolution, or count why not."""
+        """Keep a revolution, or count the reason for its rejection."""
         faults = [fault for fault in revolution.faults if fault.code not in _CUT_OFF]
         if faults:
             self.reject(faults[0])
@@ -113,11 +113,11 @@ class RevolutionStore:
         )
 
     def reject(self, reason: Reason, count: int = 1) -> None:
-        """Count revolutions that are left out."""
+        """Count rejected revolutions."""
         self.rejected[reason] = self.rejected.get(reason, 0) + count
 
     def notes(self) -> list[Reason]:
-        """Return a reason for each axis that does not measure."""
+        """Return a reason for each axis that is not measuring."""
         return [Reason(Code.AXIS_CONSTANT, axis=name, count=count) for name, count in self._dead.items()]
 
     def _keep_waveform(self, place: int, revolution: Revolution, axes: FloatArray) -> None:
@@ -129,7 +129,7 @@ class RevolutionStore:
         self._waveforms[place] = axes.astype(np.float32)
 
     def table(self) -> RevolutionTable:
-        """Return what was kept."""
+        """Return the table of kept revolutions."""
         columns = np.array(self._rows, dtype=np.float64).reshape(len(self._rows), len(COLUMNS))
         orders = np.stack(self._orders) if self._orders else np.empty((0, 3, ORDERS), np.complex64)
         return RevolutionTable(columns, orders, self._waveforms)

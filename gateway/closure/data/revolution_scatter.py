@@ -14,34 +14,34 @@ from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # Number of revolutions from which the dependence on speed and its change is subtracted before scatter is measured.
 _REGRESSED_FROM: Final = 12
-# Relative change of speed from revolution to revolution that may be timing, and over how many it is taken then.
+# Relative change of speed per revolution that may be a timing error, and the window lengths for its smoothing.
 _STEADY: Final = 1e-3
 _OVER: Final = (9, 17, 33)
 _ALIKE: Final = 1.1
 _ROUNDS: Final = 2
-# Ratio of a deviation's power to the usual one that makes a revolution an outlier, left out where outliers are rare.
+# Ratio of a deviation's power to the median above which a revolution is an outlier; rejected if outliers are rare.
 _WILD: Final = 6.0
 _RARE: Final = 0.1
 _TRIMMED_FROM: Final = 6
 # Degrees of freedom of a variance, reached by pooling neighbouring orders.
 _FREEDOM: Final = 48
 _WIDEST: Final = 12
-# Weight of the neighbours' level for order 0, which stands alone, in degrees of freedom.
+# Weight of the neighbours' level for order 0, which is not pooled, in degrees of freedom.
 _PRIOR_FREEDOM: Final = 2.0
-# Rounding of what is stored, over the signal's root mean square.
+# Rounding of stored values, relative to the signal's root mean square.
 _ROUNDING: Final = 1e-6
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """Revolutions of one group, compared.
+    """Aligned revolutions of one group.
 
     Attributes:
-        orders_mps2: (n, 3, ORDERS) turned so that all contacts lie at the group's mean place.
-        shift_rad: (n,) what each was turned by: the revolution had its contact that much early on its angle grid.
+        orders_mps2: (n, 3, ORDERS) rotated so that all contacts lie at the group's mean angle.
+        shift_rad: (n,) rotation of each: its contact was early by this much on its angle grid.
         variance: (3, ORDERS) of one real coefficient of one revolution.
-        wild: (n,) revolutions to leave out.
+        wild: (n,) outliers to reject.
     """
 
     orders_mps2: ComplexArray
@@ -51,13 +51,13 @@ class Settled:
 
 
 def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> Settled:
-    """Compare the revolutions of one group.
+    """Align the revolutions of one group and measure their scatter.
 
-    The timing of the contacts jitters, and a mean over jittering revolutions is smeared as by a filter; so every
-    revolution is turned onto the group's mean first. The mean turn is zero.
+    The timing of the contacts jitters, and a mean over jittering revolutions is low-pass filtered. Every revolution is
+    therefore rotated onto the group's mean first. The mean rotation is zero.
 
     Args:
-        orders_mps2: (n, 3, ORDERS), n >= 2; NaN for absent axes and orders that are not carried.
+        orders_mps2: (n, 3, ORDERS), n >= 2; NaN for absent axes and orders beyond the bandwidth.
         omega_radps: (n,).
         omega_dot_radps2: (n,).
     """
@@ -77,7 +77,7 @@ def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, om
         orders *= np.exp(-1j * _ORDER * turn[:, None, None])
         fitted, _ = regress(orders, rows, usual)
         usual = _usual(orders - fitted, present, usual)
-    # The mean turn is put back, so that nothing has moved.
+    # The mean rotation is undone, so that the group's mean angle is unchanged.
     mean = float(shift[usual].mean())
     shift -= mean
     orders *= np.exp(1j * _ORDER * mean)
@@ -90,11 +90,11 @@ def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, om
 
 
 def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatArray:
-    """Return what a revolution's waveform is linear in, (n, k): omega^2 and, with many revolutions, 1 and domega/dt.
+    """Return the regressors of a revolution's waveform, (n, k): omega^2 and, with many revolutions, 1 and domega/dt.
 
-    What a wheel's measured speed does from one revolution to the next is error of the contacts' timing, and follows
-    whatever disturbs a contact, a tone for instance: as it is, it would take the disturbance off, or add its own. So
-    small changes come as they are over some revolutions.
+    The change of the measured speed between revolutions is mostly a timing error of the contacts. It follows whatever
+    disturbs a contact, a tone for instance. Used unsmoothed, it would remove that disturbance or add one. Small
+    changes are therefore smoothed over several revolutions.
     """
     square: FloatArray = np.square(omega_radps) / np.square(omega_radps).mean()
     if len(square) < _REGRESSED_FROM:
@@ -104,20 +104,20 @@ def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatAr
         drift = _over_revolutions(drift, _OVER[0])
     left = float(np.std(square - _over_revolutions(square, _OVER[0])))
     if left < 2.0 * _STEADY:
-        # The longest stretch over which the speed does not change by more than its timing errs.
+        # The longest window over which the speed changes by no more than its timing error.
         over = [n for n in _OVER if n <= len(square) and np.std(square - _over_revolutions(square, n)) <= _ALIKE * left]
         square = _over_revolutions(square, over[-1])
     return np.column_stack((square, np.ones(len(square)), drift))
 
 
 def _over_revolutions(values: FloatArray, over: int) -> FloatArray:
-    """Return the running mean over some revolutions, at the ends a line through them: a steady change stays."""
+    """Return the running mean over `over` revolutions, a fitted line at the ends: a linear change is preserved."""
     result: FloatArray = savgol_filter(values, over, 1, mode="interp")
     return result
 
 
 def regress(values: ComplexArray, rows: FloatArray, usual: BoolArray) -> tuple[ComplexArray, int]:
-    """Return what a least-squares fit of the rows (n, k) to the usual revolutions says of all, and its rank."""
+    """Return the predictions and the rank of a least-squares fit of rows (n, k) to the usual revolutions."""
     flat = values.reshape(len(values), -1)
     left, size, right = np.linalg.svd(rows[usual], full_matrices=False)
     held = size > 1e-6 * size[0]
@@ -128,7 +128,7 @@ def regress(values: ComplexArray, rows: FloatArray, usual: BoolArray) -> tuple[C
 
 
 def _turns(orders: ComplexArray, fitted: ComplexArray, weight: FloatArray) -> FloatArray:
-    """Return the angle that each revolution is ahead of what was fitted, (n,), weighted least squares."""
+    """Return the angle by which each revolution leads the fitted one, (n,), weighted least squares."""
     slope = 1j * _ORDER * fitted
     along = (weight * (np.conj(slope) * (orders - fitted)).real).sum(axis=(1, 2))
     total = (weight * np.square(np.abs(slope))).sum(axis=(1, 2))
@@ -137,7 +137,7 @@ def _turns(orders: ComplexArray, fitted: ComplexArray, weight: FloatArray) -> Fl
 
 
 def robust_variance(residual: ComplexArray, usual: BoolArray) -> FloatArray:
-    """Return the variance of one coefficient by the median of the revolutions' powers, over neighbouring orders."""
+    """Return the variance of one coefficient from the median power over revolutions, smoothed over orders."""
     power = np.median(np.square(np.abs(residual[usual])), axis=0) / (2.0 * np.log(2.0))
     smooth = _smoothed(power, _WIDEST)
     least = 1e-12 * max(float(smooth.max()), 1e-30)
@@ -146,7 +146,7 @@ def robust_variance(residual: ComplexArray, usual: BoolArray) -> FloatArray:
 
 
 def _usual(residual: ComplexArray, present: BoolArray, before: BoolArray) -> BoolArray:
-    """Tell the revolutions that differ from the fit as most do; all, when those that do not are no exception."""
+    """Return the mask of revolutions that are no outliers; all revolutions if outliers are not rare."""
     count = len(residual)
     if count < _TRIMMED_FROM:
         return before
@@ -161,7 +161,7 @@ def _variance(residual: ComplexArray, freedom: int, present: BoolArray) -> Float
     power = np.square(np.abs(residual)).sum(axis=0) / (2.0 * freedom)
     half = min(_WIDEST, max(0, int(np.ceil(0.5 * (_FREEDOM / (2.0 * freedom) - 1.0)))))
     variance = _smoothed(np.where(present, power, np.nan), half)
-    # Order 0 has no sine, and half the variance of the others where noise is white.
+    # Order 0 has no sine term, and for white noise half the variance of the others.
     alone = np.square(residual[..., 0].real).sum(axis=0)
     neighbour = np.nan_to_num(0.5 * variance[:, 1])
     variance[:, 0] = (alone + _PRIOR_FREEDOM * neighbour) / (freedom + _PRIOR_FREEDOM)
@@ -169,7 +169,7 @@ def _variance(residual: ComplexArray, freedom: int, present: BoolArray) -> Float
 
 
 def _smoothed(power: FloatArray, half: int) -> FloatArray:
-    """Return means over neighbouring orders from 1 on, narrower at low orders, where there is more than noise."""
+    """Return means over neighbouring orders from 1 on, narrower at low orders, which hold more than noise."""
     result = power.copy()
     if half == 0:
         return result

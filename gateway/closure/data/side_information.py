@@ -9,15 +9,15 @@ from gateway.closure.data.campaign_data import Campaign
 
 CLOCK: Final = "sample clock error"
 HOST_CLOCK: Final = 5e-5
-"""Crystals of hosts are good to this."""
+"""Accuracy of a host's crystal."""
 
 
 class Witness(NamedTuple):
     """One parameter measured independently of the waveforms.
 
     Attributes:
-        effect: whose only parameter it is; 0 where the effect is absent.
-        value: measured.
+        effect: name of the effect whose only parameter it is; 0 where the effect is absent.
+        value: measured value.
         std: one standard error.
     """
 

@@ -18,8 +18,8 @@ class TakenOut:
     """A fit without one of its effects.
 
     Attributes:
-        predicted: (blocks, 3, ORDERS) a group, the other parameters adapted.
-        fall: of the misfit that the effect brings.
+        predicted: (blocks, 3, ORDERS) for each group, the other parameters adapted.
+        fall: decrease of the misfit due to the effect.
         held_out: (K,) misfit of every fold under the fit of all others.
     """
 
@@ -29,9 +29,9 @@ class TakenOut:
 
 
 def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
-    """Return what an effect adds to the orders of every block, (blocks, 3, ORDERS) a group.
+    """Return the contribution of an effect to the orders of every block, (blocks, 3, ORDERS) for each group.
 
-    Not by its derivatives: an order or a decay of 0 is not the absence of the effect.
+    It is not computed from derivatives: an order or a decay of 0 is not the absence of the effect.
     """
     without = fit.vector.copy()
     where = fit.model.layout.effect(effect.name)
@@ -41,7 +41,7 @@ def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
         try:
             added.append(there - fit.model.predict_group(without, index))
         except (NoShapeError, np.linalg.LinAlgError):
-            # The ring does not stand without it at these parameters.
+            # Without the effect the ring has no solution at these parameters.
             own = (rows.places >= where.start) & (rows.places < where.stop)
             linear = np.tensordot(rows.rows[:, own], fit.vector[rows.places[own]], axes=([1], [0]))
             added.append(np.where(rows.weight > 0.0, linear / np.where(rows.weight > 0.0, rows.weight, 1.0), 0.0))
@@ -49,7 +49,7 @@ def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
 
 
 def taken_out(fit: Fit, effect: AngleEffect) -> TakenOut:
-    """Return a fit without an effect: its contribution exactly, the other parameters to first order."""
+    """Return a fit without an effect: its contribution is removed exactly, other parameters adapt to first order."""
     where = fit.model.layout.effect(effect.name)
     kept = np.ones(fit.model.layout.size, dtype=bool)
     kept[where] = False

@@ -1,4 +1,4 @@
-"""Acceptance tests that a candidate effect must pass to be named."""
+"""Acceptance tests that a candidate effect must pass to be identified."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ _WHERE: Final = 0.9
 
 
 def overdispersion(fit: Fit, data: Whitened) -> float:
-    """Return the misfit over its degrees of freedom, at least 1: by how much evidence is overstated."""
+    """Return the misfit per degree of freedom, at least 1: the factor by which evidence is overstated."""
     return max(1.0, fit.misfit / max(1, data.used - fit.model.layout.size))
 
 
 def evidence_needed(effect: AngleEffect) -> float:
-    """Return the least fall of the misfit."""
+    """Return the smallest sufficient decrease of the misfit."""
     return LEAST_EVIDENCE + PER_PARAMETER * (len(effect.parameters) - 1)
 
 
 def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = False) -> Reason | None:
-    """Return which parameter lies outside its plausible range; None when none does.
+    """Return the parameter outside its plausible range, if any.
 
     Args:
         fit: with the effect in.
@@ -69,7 +69,7 @@ def implausible(fit: Fit, effect: AngleEffect, scale: float, *, for_now: bool = 
 
 
 def outside_range(parameter: Parameter, value: float) -> Reason:
-    """Return the refusal of a value outside a parameter's plausible range; its numbers are in the display unit."""
+    """Return the reason to reject a value outside a parameter's plausible range; numbers are in the display unit."""
     return Reason(
         Code.IMPLAUSIBLE_PARAMETER,
         parameter=parameter.name,
@@ -81,16 +81,16 @@ def outside_range(parameter: Parameter, value: float) -> Reason:
 
 
 def uneven(fit: Fit, effect: AngleEffect, scale: float) -> Reason | None:
-    """Return in which group the size of an effect differs most; None when it is the same in all."""
+    """Return the group in which the size of an effect differs most; None if it is the same in all."""
     groups = [(group.label, [(index, slice(None))]) for index, group in enumerate(fit.model.campaign.groups)]
     found = _odd_one(fit, effect, scale, groups)
     return Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=found) if found else None
 
 
 def lopsided(fit: Fit, effect: AngleEffect, scale: float) -> Reason | None:
-    """Return on which axis the size of an effect differs most; None when it is the same on all.
+    """Return the axis on which the size of an effect differs most; None if it is the same on all.
 
-    For use at the end: effects still missing distort one axis more than another.
+    It applies to the final model, since missing effects distort one axis more than another.
     """
     groups = range(len(fit.model.campaign.groups))
     # Other axes are affected only through other effects, and are tested with those.
@@ -136,7 +136,7 @@ def _odd_one(fit: Fit, effect: AngleEffect, scale: float, parts: Sequence[tuple[
 
 
 def _sizes(values: FloatArray, effect: AngleEffect) -> FloatArray:
-    """Return the size of each parameter: of all of its unit together, since cosine and sine turn into each other."""
+    """Return the size of each parameter, common to all of one unit, since a rotation mixes cosine and sine."""
     units = [parameter.unit for parameter in effect.parameters]
     return np.array(
         [math.hypot(*(v for v, u in zip(values.tolist(), units, strict=True) if u == unit)) for unit in units]
@@ -144,7 +144,7 @@ def _sizes(values: FloatArray, effect: AngleEffect) -> FloatArray:
 
 
 def _verdict(values: FloatArray, spread: FloatArray, labels: list[str]) -> str:
-    """Return the part with the most unlike parameters (G, p), given their joint covariance; "" where all are one."""
+    """Return the part whose parameters (G, p) deviate most, given the joint covariance; "" if all agree."""
     count, own = values.shape
     contrast = np.kron(np.eye(count)[1:] - np.eye(count)[0], np.eye(own))
     difference = contrast @ values.reshape(-1)
@@ -157,12 +157,12 @@ def _verdict(values: FloatArray, spread: FloatArray, labels: list[str]) -> str:
 
 
 def useless(effect: AngleEffect, fall: float, gain: FloatArray, scale: float) -> Reason | None:
-    """Return why an effect is not needed beside the others; None when it is needed.
+    """Return why an effect is redundant given the others; None if it is needed.
 
     Args:
         effect: the effect.
-        fall: of the misfit that it brings.
-        gain: (K,) fall of each fold's held-out misfit.
+        fall: decrease of the misfit due to it.
+        gain: (K,) decrease of the held-out misfit of each fold.
         scale: overdispersion.
     """
     if fall < evidence_needed(effect) * scale:
@@ -171,7 +171,7 @@ def useless(effect: AngleEffect, fall: float, gain: FloatArray, scale: float) ->
 
 
 def spread(gain: FloatArray) -> float:
-    """Return the standard error of a sum over folds (K,); folds with 0 are not seen."""
+    """Return the standard error of a sum over folds (K,); folds with value 0 are ignored."""
     seen = gain[gain != 0.0]
     return float(np.std(seen, ddof=1)) * math.sqrt(len(seen)) if len(seen) > 1 else 0.0
 
@@ -189,7 +189,7 @@ def explained_and_left(fit: Fit, without: Sequence[ComplexArray], data: Whitened
     expected = np.zeros_like(gained)
     for index, weight in enumerate(data.weights):
         orders = data.orders[index]
-        # All blocks together: what repeats adds up, what is noise does not.
+        # Summed over blocks: repeating parts add up, noise does not.
         share = np.square(weight)
         total = np.sqrt(share.sum(axis=0))
         mean_left = np.abs((share * (orders - fit.predicted[index])).sum(axis=0)) ** 2
@@ -205,7 +205,7 @@ def explained_and_left(fit: Fit, without: Sequence[ComplexArray], data: Whitened
         return 0.0, 0.0
     inside = ranked[: int(np.searchsorted(np.cumsum(flat), _WHERE * flat.sum())) + 1]
     beyond = (left - expected).reshape(-1)[inside].sum()
-    # Also on the whole of its axes: an effect that explains the smaller part of the residual is not the cause.
+    # Also over all orders of its axes: an effect that explains the smaller part of the residual is not the cause.
     power = gained.sum(axis=1)
     acts = power > _MAIN_AXIS * power.max()
     on_axes = max(0.0, float((left - expected)[acts].sum())) / max(float(gained[acts].sum()), 1e-300)
@@ -219,7 +219,7 @@ def of_known_size(effect: AngleEffect) -> bool:
 
 
 def stands_in(effect: AngleEffect, explained: float, left: float) -> Reason | None:
-    """Return why an effect stands in for another cause; None when it does not."""
+    """Return why an effect represents another cause; None if it does not."""
     if of_known_size(effect):
         return None
     if left <= _LEFT_SHARE * explained or left <= LEAST_EVIDENCE:

@@ -16,7 +16,7 @@ from gateway.reasons import Reason
 from gateway.types import FloatArray
 
 AT_NOISE: Final = 1.2
-"""Misfit over degrees of freedom at which nothing is left for effects not yet added."""
+"""Misfit per degree of freedom at which no further effect is expected."""
 
 # Trials refitted at a step, and the smallest share of the best predicted gain of a refitted trial.
 _REFITTED: Final = 4
@@ -33,12 +33,12 @@ class Step:
     """One effect added.
 
     Attributes:
-        effect: which.
-        before: the fit without it.
-        after: the fit with it.
-        gain: (K,) fall of each fold's held-out misfit.
-        fall: of the misfit on all data.
-        reason: of its refusal; None where it passes.
+        effect: the effect.
+        before: fit without it.
+        after: fit with it.
+        gain: (K,) decrease of the held-out misfit of each fold.
+        fall: decrease of the misfit on all data.
+        reason: reason for its rejection; None if it passes.
     """
 
     effect: AngleEffect
@@ -57,7 +57,7 @@ def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
 
 
 def judged(fit: Fit, data: Whitened, left: list[AngleEffect]) -> tuple[list[Step], list[Step]]:
-    """Fit the promising effects; return the steps that pass, and those refused."""
+    """Fit the promising effects; return the accepted and the rejected steps."""
     promising = _promising(fit, data, left)
     passed: list[Step] = []
     refused: list[Step] = []
@@ -68,7 +68,7 @@ def judged(fit: Fit, data: Whitened, left: list[AngleEffect]) -> tuple[list[Step
             continue
         (refused if step.reason is not None else passed).append(step)
         if step.reason is None and acceptance.overdispersion(step.after, data) <= AT_NOISE:
-            # Nothing can beat this one by much; only trials that predict nearly as much are fitted as well.
+            # No trial can be much better than this one; only trials with nearly the same predicted gain are fitted too.
             enough = min(enough, step.after.misfit + (1.0 - _EQUAL_GAIN_SHARE) * step.fall, FAR_OFF * step.after.misfit)
     if enough < math.inf:
         known = {step.effect.name for step in passed}
@@ -79,7 +79,7 @@ def judged(fit: Fit, data: Whitened, left: list[AngleEffect]) -> tuple[list[Step
 
 
 def _better(fit: Fit, best: Step, others: list[AngleEffect], data: Whitened) -> list[Step]:
-    """Return steps that beat the best one in its place, tried from its fit of the other parameters."""
+    """Return steps that beat the best one in its place, started from its fit of the other parameters."""
     there = bare(best.after, best.effect, data)
     if there is None:
         return []
@@ -89,7 +89,7 @@ def _better(fit: Fit, best: Step, others: list[AngleEffect], data: Whitened) -> 
 
 
 def _tried(trial: Trial, fit: Fit, seen_from: Fit, data: Whitened) -> Step | None:
-    """Return a trial's fit with the reason to refuse it, if any; None without a fit or without evidence."""
+    """Return a trial's fit with the reason to reject it, if any; None without a fit or without evidence."""
     try:
         after = refit(trial, seen_from, data)
     except FitFailedError:
@@ -106,13 +106,13 @@ def _tried(trial: Trial, fit: Fit, seen_from: Fit, data: Whitened) -> Step | Non
 
 
 def price(step: Step, data: Whitened) -> float:
-    """Return the misfit with what more parameters cost."""
+    """Return the misfit with a penalty for the number of parameters."""
     scale = acceptance.overdispersion(step.after, data)
     return step.after.misfit + acceptance.PER_PARAMETER * len(step.effect.parameters) * scale
 
 
 def stands(fit: Fit, effect: AngleEffect, data: Whitened) -> bool:
-    """Return whether an effect passes in a fit where another one has joined it."""
+    """Return whether an effect passes in a fit that contains another one as well."""
     scale = acceptance.overdispersion(fit, data)
     return acceptance.implausible(fit, effect, scale) is None and acceptance.uneven(fit, effect, scale) is None
 
@@ -134,5 +134,5 @@ def _promising(fit: Fit, data: Whitened, left: list[AngleEffect]) -> list[Trial]
 
 
 def _least_fall(fit: Fit, data: Whitened) -> float:
-    """Return the fall of the misfit from which an effect is worth adding."""
+    """Return the smallest decrease of the misfit that justifies an effect."""
     return _LEAST_SHARE * max(0.0, fit.misfit - data.used)

@@ -20,14 +20,14 @@ from gateway.types import FloatArray, IntArray
 _TRIAL_STEPS: Final = 30
 # Tolerance of a refit with a large residual, which need not converge fully.
 _ROUGH: Final = 3e-3
-# Logarithm of a state's parameters from which the ring is far out of shape.
+# Logarithm of a state's parameters from which the ring is far from its nominal shape.
 _BENT: Final = 1.5
-# Share of a ring effect's starts at which it is tried as well.
+# Fraction of a ring effect's starts that is tried in addition.
 _SMALL: Final = 0.03
 
 
 FAR_OFF: Final = 30.0
-"""Times the misfit of something that stands at noise from which a trial's linear misfit is beyond any refit's help."""
+"""Ratio of a trial's linear misfit to the misfit expected from noise above which a refit cannot succeed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,8 @@ class Trial:
     Attributes:
         effect: the effect.
         model: the model with it.
-        start: the effect's parameters that it was tried from.
-        vector: where the linear fit puts the parameters.
+        start: initial parameters of the effect.
+        vector: parameters of the linear fit.
         misfit: chi-square of the data there, by the linear fit.
         held_out: (K,) misfit of every fold under the fit of all others.
     """
@@ -52,11 +52,11 @@ class Trial:
 
 
 def try_effect(fit: Fit, data: Whitened, effect: AngleEffect) -> Trial | None:
-    """Return the best trial of an effect over its starts, by held-out misfit; None where it cannot be had."""
+    """Return the best trial of an effect over its starts, by held-out misfit; None if no start succeeds."""
     conditions = tuple(group.conditions for group in fit.model.campaign.groups)
     starts = tuple(effect.starts(conditions))
     if not isinstance(effect, SignalEffect):
-        # The ring answers a large change of itself otherwise than a small one.
+        # The ring responds differently to large and to small changes of its own parameters.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
     best = min(_trials(fit, data, effect, starts), key=_unseen, default=None)
     if best is None:
@@ -67,14 +67,14 @@ def try_effect(fit: Fit, data: Whitened, effect: AngleEffect) -> Trial | None:
             varied = [(*near[:place], value, *near[place + 1 :]) for value in values]
             best = min([best, *_trials(fit, data, effect, varied)], key=_unseen)
     elif isinstance(effect, SignalEffect) and not effect.linear:
-        # What a start far too large adds by its curvature hides a small effect, so it is tried where that start leads.
+        # A start that is far too large adds curvature, which hides a small effect. The endpoint is therefore tried too.
         reached = np.clip(best.vector[best.model.layout.effect(effect.name)], *_bounds(effect))
         best = min([best, *_trials(fit, data, effect, [reached.tolist()])], key=_unseen)
     return best
 
 
 def _trials(fit: Fit, data: Whitened, effect: AngleEffect, starts: Sequence[Sequence[float]]) -> list[Trial]:
-    """Return the trials from these starts, as far as they can be had."""
+    """Return the successful trials from these starts."""
     trials = [_try_from(fit, data, effect, np.array(start, dtype=np.float64)) for start in starts]
     return [trial for trial in trials if trial is not None and math.isfinite(trial.misfit + _unseen(trial))]
 
@@ -85,37 +85,37 @@ def _unseen(trial: Trial) -> float:
 
 
 def refit(trial: Trial, fit: Fit, data: Whitened) -> Fit:
-    """Return the true fit that a trial promises.
+    """Return the nonlinear fit that a linear trial predicts.
 
     Args:
-        trial: what is promised.
-        fit: that the trial was made from.
-        data: whitened.
+        trial: the linear trial.
+        fit: the fit from which the trial started.
+        data: whitened data.
 
     Raises:
-        FitFailedError: there is none.
+        FitFailedError: the fit fails.
     """
     vector = trial.vector.copy()
     where = trial.model.layout.effect(trial.effect.name)
     low, high = _bounds(trial.effect)
     if isinstance(trial.effect, SignalEffect):
-        # Where the linear step leads out of its range an effect may have no slope to lead back by.
+        # Outside its range an effect may have zero slope, so that the fit could not return.
         vector[where] = np.where((vector[where] < low) | (vector[where] > high), trial.start, vector[where])
-    # A ring is not solved for stiffnesses and dampings below zero.
+    # The ring cannot be solved for negative stiffness or damping.
     vector[where] = np.clip(vector[where], low, high)
     mean, _ = trial.model.priors()
     states = trial.model.layout.states
     if float(np.abs(vector[states] - mean[states]).max()) < _BENT or _is_better(trial.model, vector, fit, data):
         return fit_model(trial.model, data, vector, most_steps=_TRIAL_STEPS, rough=_ROUGH)
-    # The ring had bent itself far out of shape to do the effect's work, and a linear step does not lead back.
+    # Without the effect the ring was distorted to imitate it, and a linear step does not restore it.
     vector[states] = mean[states]
     return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS, rough=_ROUGH)
 
 
 def bare(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
-    """Return the model without an effect, all other parameters where they are; None where it does not stand.
+    """Return the model without an effect, all other parameters unchanged; None if it has no solution.
 
-    What would do as well in the effect's place is seen from here: fitted anew, the ring may bend out of shape.
+    Effects that fit equally well in its place are compared from here. A refit could distort the ring.
     """
     others = tuple(other for other in fit.model.effects if other.name != effect.name)
     model = ClosureModel(fit.model.campaign, fit.model.core, others)
@@ -169,7 +169,7 @@ def _try_from(fit: Fit, data: Whitened, effect: AngleEffect, start: FloatArray) 
 
 
 def _places(fit: Fit, model: ClosureModel) -> IntArray:
-    """Return where each parameter of a fit lies in the larger model, (P,)."""
+    """Return the index of each parameter of a fit in the larger model, (P,)."""
     result = np.arange(fit.model.layout.size)
     for effect in fit.model.effects:
         where, there = fit.model.layout.effect(effect.name), model.layout.effect(effect.name)
@@ -178,7 +178,7 @@ def _places(fit: Fit, model: ClosureModel) -> IntArray:
 
 
 def _tightened(fit: Fit) -> float:
-    """Return by how much the priors of a fit are tightened."""
+    """Return the factor by which the priors of a fit are tightened."""
     _, std = fit.model.priors()
     return float(fit.prior_std[0] / std[0])
 
@@ -187,7 +187,7 @@ def _solved(
     effect: AngleEffect, start: FloatArray, model: ClosureModel, there: FloatArray, normal: Normal, tightened: float
 ) -> Trial | None:
     mean, std = model.priors()
-    # What is wrong with the states may be the effect's doing, so its own prior stays wide.
+    # The effect may be what distorts the states, so its own prior stays wide.
     own = model.layout.effect(effect.name)
     std[: own.start] *= tightened
     std[own.stop :] *= tightened

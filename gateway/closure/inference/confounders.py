@@ -11,14 +11,14 @@ from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 
-# Rivals whose misfit is no further from the effect's own than this, times the overdispersion, explain the same.
+# Confounders whose misfit differs from the effect's by no more than this, times the overdispersion, are equivalent.
 _ALIKE: Final = 10.0
 # A linear trial that recovers less than this share of what the effect explains is not worth a fit.
 _WORTH: Final = 0.7
 
 
 def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect], data: Whitened) -> dict[str, Fit]:
-    """Return the effects that explain as much in the place of `effect`, all others of the final model kept, fitted."""
+    """Return fits of the effects that explain as much in place of `effect`, the rest of the final model kept."""
     without = bare(final, effect, data)
     if without is None:
         return {}
@@ -44,7 +44,7 @@ def rivals_of(final: Fit, effect: AngleEffect, effects: Mapping[str, AngleEffect
 
 
 def fit_without(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
-    """Return the fit with one effect removed; None where there is none."""
+    """Return the fit with one effect removed; None if the fit fails."""
     effects = tuple(other for other in fit.model.effects if other.name != effect.name)
     model = ClosureModel(fit.model.campaign, fit.model.core, effects)
     try:

@@ -21,8 +21,8 @@ from gateway.types import FloatArray
 _LEAST_EVIDENCE: Final = 25.0
 # Residual near the corrected edges, relative to what the correction removed, above which the cause is another.
 _LEFT_SHARE: Final = 0.25
-# By how much the rms of one group may differ from that of all, beyond its errors: on a short contact one edge takes
-# the other along.
+# Tolerated difference of one group's rms from that of all, beyond its errors: on a short contact one edge moves with
+# the other.
 _LARGEST_RATIO: Final = 2.5
 _SIGMAS: Final = 3.0
 # Relative residual of corrected edges: 2 to 7 % for jitter of millimetres.
@@ -65,11 +65,11 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
 
 
 def beside_edges(findings: Sequence[Finding], edges: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return findings of the time-locked signal, refused where the residual of moving edges may be as large.
+    """Return findings of the time-locked signal, rejected if the residual of moving edges may be as large.
 
     Args:
-        findings: on deviations of revolutions whose edges were put back.
-        edges: what `edge_findings` says.
+        findings: findings from deviations of revolutions with corrected edges.
+        edges: result of `edge_findings`.
     """
     doubt = _LEFT_OF_EDGES * max((edge.rms_mps2 for edge in edges), default=0.0)
     reason = Reason(Code.SMALLER_THAN_EDGE_RESIDUAL)
@@ -136,7 +136,7 @@ def _parameters(groups: Sequence[Group], mean: float, mean_std: float) -> dict[s
     found = {}
     shares = (share, 1.0 - share)
     for parameter, value, part in zip(CONTACT_EDGE_JITTER.parameters, _sizes(groups, mean), shares, strict=True):
-        # Of the square: share times mean.
+        # Standard error of the square, share times mean.
         error = math.hypot(part * mean_std, mean * share_std)
         std = error / (2.0 * max(value, math.sqrt(error)))
         found[parameter.name] = fitted_parameter(parameter, value, std)

@@ -10,18 +10,18 @@ from gateway.closure.data.campaign_data import ORDERS, Group
 from gateway.types import FloatArray
 
 TERMS: Final = 9
-# An edge takes its surroundings along, fading over this angle to either side.
+# An edge moves its surroundings; the motion fades over this angle on either side.
 _REACH_RAD: Final = 0.5
 _POINTS: Final = 256
 
 
 def edge_jitter_basis(group: Group, frequency_hz: FloatArray) -> FloatArray:
-    """Return the densities that covariances of the two edges' timing stand for, (TERMS, 3, m), m/s^2 squared per Hz.
+    """Return the spectral densities per covariance of the two edges' timing, (TERMS, 3, m), m/s^2 squared per Hz.
 
     A contact whose leading edge comes b rad late and whose trailing edge a rad late adds b s'(theta) near the one and
-    a s'(theta) near the other. With stationary a and b, which turning each revolution onto the mean correlates from
-    one to the next, the density is linear in E[b b], E[a a], E[b b+], E[a a+], E[b a], E[b a+], E[b a-],
-    E[b a++], E[b a--] (+ next, - last contact), rad^2. They may be negative, the sum of all is not.
+    a s'(theta) near the other. The timing a and b is stationary, and the alignment of each revolution correlates it
+    from one to the next. The density is linear in E[b b], E[a a], E[b b+], E[a a+], E[b a], E[b a+], E[b a-],
+    E[b a++], E[b a--] (+ next, - last contact), rad^2. Single terms may be negative, their sum is not.
 
     Args:
         group: its mean waveform and contact.

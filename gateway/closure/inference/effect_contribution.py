@@ -16,16 +16,16 @@ from gateway.closure.result import Finding, Verdict
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 
 _SPEEDS: Final = 9
-# What was found at some speeds, loads and pressures holds a little beyond them.
+# Effects found at some speeds, loads and pressures are valid slightly beyond them.
 _SPEED_MARGIN: Final = 0.1
 _LOAD_MARGIN: Final = 0.05
 _PRESSURE_MARGIN: Final = 0.05
-# What estimators of the lateral axis are there to measure stays in the signal.
+# The quantities that the lateral estimators measure stay in the signal.
 MEASURED: Final = frozenset({"ply steer", "conicity", "carcass compliance"})
 
 
 def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTable | None:
-    """Return the table of the effects that were called by their name, for the state with the most revolutions.
+    """Return the table of the identified effects, for the state with the most revolutions.
 
     What other estimators measure (ply steer, conicity, carcass compliance) is left out. The table holds for that
     state's load and pressure: with another contact the same effects add something else; and for the way that a wheel
@@ -58,7 +58,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
     try:
         change = [a[0] - b[0] for a, b in zip(with_all.predict(vector), with_all.predict(without), strict=True)]
     except NoShapeError:
-        # Without its effects the ring does not stand at these parameters: there is nothing to take them off from.
+        # Without its effects the ring has no solution at these parameters, so there is nothing to subtract from.
         return None
     orders = np.stack(change)
     if way:
@@ -81,7 +81,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
 
 
 def _reference(campaign: Campaign) -> int:
-    """Return a group of the state with the most revolutions: its own with the most; forward ones if there are any."""
+    """Return the largest group of the state with the most revolutions, preferably one rolling forward."""
     forward = any(not group.conditions.reverse for group in campaign.groups)
     counts = [
         0 if forward and group.conditions.reverse else sum(block.count for block in group.blocks)

@@ -41,7 +41,7 @@ _OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]]
 def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data: Whitened) -> Reason:
     """Return the recording that would distinguish an effect from a confounder.
 
-    The final model is taken for true; its prediction under other conditions is added to the campaign, and the rival in
+    The final model is taken as true. Its prediction under other conditions is added to the campaign, and the rival in
     place of the effect is fitted to both.
     """
     if CLOCK in (effect.name, rival.name):
@@ -59,7 +59,7 @@ def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data
 
 
 def _clock_decides(campaign: Campaign) -> Reason:
-    """Return the comparison of the hub's clock that would decide."""
+    """Return the clock comparison that would separate the explanations."""
     _, std = campaign.clock_error
     if not math.isfinite(std):
         return Reason(Code.RECORD_LIVE)
@@ -78,7 +78,7 @@ def _distinction(
     other_state = (there.load_n, there.pressure_pa) != (known.conditions.load_n, known.conditions.pressure_pa)
     state = campaign.states if other_state else known.state
     share = there.omega_radps / known.conditions.omega_radps
-    # As long a recording: fewer revolutions where they are slower.
+    # The recording has the same duration, so a lower speed gives fewer revolutions.
     blocks = tuple(
         Block(max(1, round(share * block.count)), change(block.conditions), block.orders_mps2) for block in known.blocks
     )
@@ -88,7 +88,7 @@ def _distinction(
     truth = ClosureModel(larger, final.model.core, final.model.effects)
     vector = _carried(final.model, truth, final.vector, known.state, other_state)
     try:
-        # Now, not in the first fit: the grid's error at the new conditions must not be in the one and off the other.
+        # Refined here and not in the first fit: the grid's error at the new conditions must be the same in both.
         truth.refine(vector)
         predicted = truth.predict(vector)
         rivals = ClosureModel(larger, final.model.core, effects)
@@ -119,7 +119,7 @@ def _as_recorded(
     own[quiet] = np.nanquantile(one[quiet], _QUIETEST, axis=1)[:, None]
     ratio = there.conditions.omega_radps / known.conditions.omega_radps
     scatter = np.minimum(one, own) * ratio + np.maximum(one - own, 0.0) * ratio**4
-    # Alike, so that speeds that differ between blocks are not taken for scatter.
+    # Equal conditions, so that speed differences between blocks do not count as scatter.
     alike = tuple(replace(block, orders_mps2=predicted.mean(axis=0)) for block in there.blocks)
     alone = replace(truth.campaign, groups=(replace(there, blocks=alike, variance=scatter),))
     recorded = whiten(alone, with_mean=truth.core.mean)
@@ -133,7 +133,7 @@ def _as_recorded(
 
 
 def _misfit(data: Whitened, rivals: ClosureModel, truth: ClosureModel, vector: FloatArray, groups: int) -> float:
-    """Return how badly the rival does on the recordings at hand alone."""
+    """Return the misfit of the confounder on the existing recordings alone."""
     weights = (*data.weights[:groups], *(np.zeros_like(weight) for weight in data.weights[groups:]))
     at_hand = Whitened(data.orders, weights, data.variance)
     return fit_model(rivals, at_hand, truth.layout.moved(vector, rivals.layout)).misfit

@@ -1,4 +1,4 @@
-"""Findings from a selection: every effect the data speak about, with its figures and confounders."""
+"""Findings from a selection: every effect with evidence, with its figures and confounders."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _decide_with(
 ) -> Reason | None:
     """Return the recording that would distinguish an effect from a confounder, preferably from the clock.
 
-    The clock needs no fit: a recording with the host's own time measures it whatever other effects there are.
+    The clock needs no fit: a recording with the host's time measures it independently of other effects.
     """
     if not rivals:
         return None
@@ -107,7 +107,7 @@ def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], deci
 
 
 def _spread(gain: FloatArray) -> float:
-    """Return the standard error of a sum over folds; NaN where one fold alone was seen."""
+    """Return the standard error of a sum over folds; NaN for a single fold."""
     return acceptance.spread(gain) if np.count_nonzero(gain) > 1 else float("nan")
 
 
@@ -121,20 +121,20 @@ def _parameters(fit: Fit, effect: AngleEffect) -> dict[str, Fitted]:
 
 
 def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
-    """Return a parameter's value in SI, with the unit that it is shown in."""
+    """Return a parameter's value in SI, with its display unit."""
     shown = parameter.factor, parameter.display_unit, parameter.inverse_display
     return Fitted(value, std, parameter.unit, *shown)
 
 
 def _size(fit: Fit, effect: AngleEffect) -> float:
-    """Return the rms of what an effect adds, over the groups, on the axis where it is largest."""
+    """Return the rms of an effect's contribution over the groups, on the axis where it is largest."""
     every = added_by(fit, effect)
     total = sum(np.asarray((POWER_SHARE * np.abs(added[0]) ** 2).sum(axis=1)) for added in every)
     return math.sqrt(float(np.max(total)) / len(every))
 
 
 def _rms(fit: Fit) -> float:
-    """Return the rms of a fit's error on folds that it has not seen."""
+    """Return the rms of a fit's error on held-out folds."""
     total, count = 0.0, 0
     for error, rows in zip(held_out_residuals(fit), fit.rows, strict=True):
         total += float((POWER_SHARE * np.abs(error) ** 2).sum())

@@ -16,15 +16,15 @@ from gateway.types import ComplexArray, FloatArray, IntArray
 _MAX_STEPS: Final = 25
 _ALL_STEPS: Final = 200
 _HALVINGS: Final = 6
-# Fall of the cost, over the misfit per degree of freedom, by which a fit counts as done.
+# Decrease of the cost, relative to the misfit per degree of freedom, below which a fit has converged.
 _DONE: Final = 0.05
 # Largest step of a state's logarithms.
 _REACH: Final = 0.5
-# A model that does not describe the data overstates what it knows, so priors weigh as much more as the misfit is too
-# large; found along the way, until the misfit falls by less than this.
+# A model that does not describe the data overstates its information, so the priors are tightened in proportion to the
+# excess misfit. The factor is updated during the fit until the misfit decreases by less than this.
 _RESCALINGS: Final = 6
 _SETTLED: Final = 0.9
-# Shares of the signal by which the data are loosened on the way in from afar.
+# Shares of the signal by which the errors of the data are widened when a fit starts far off.
 _ANNEAL: Final = (3e-2, 3e-3, 3e-4)
 
 
@@ -37,10 +37,10 @@ class Rows:
     """Whitened derivatives of one group.
 
     Attributes:
-        places: (k,) in the vector of parameters.
+        places: (k,) indices in the parameter vector.
         rows: (blocks, k, 3, ORDERS).
         residual: (blocks, 3, ORDERS).
-        weight: (blocks, 3, ORDERS) that made both white.
+        weight: (blocks, 3, ORDERS) whitening weights of both.
     """
 
     places: IntArray
@@ -56,9 +56,9 @@ class Fit:
     Attributes:
         model: the model.
         vector: parameters.
-        predicted: (blocks, 3, ORDERS) a group.
-        alone: (3, ORDERS) a group, at its mean conditions.
-        rows: linearisation, a group each.
+        predicted: (blocks, 3, ORDERS) for each group.
+        alone: (3, ORDERS) for each group, at its mean conditions.
+        rows: linearisation of each group.
         normal: normal equations by fold, without priors.
         prior_mean: (P,).
         prior_std: (P,) tightened where the misfit is too large.
@@ -75,7 +75,7 @@ class Fit:
 
     @property
     def misfit(self) -> float:
-        """Chi-square of the data, and of what is known beside the waveforms."""
+        """Chi-square of the data and of the side information."""
         return float(self.normal.misfit.sum()) + self.model.witness_misfit(self.vector)
 
     @property
@@ -86,7 +86,7 @@ class Fit:
         )
 
     def linear_misfit(self) -> float:
-        """Return the chi-square of the data where a linear step would lead."""
+        """Return the chi-square of the data predicted after a linear step."""
         matrix, gradient = self.normal.matrix.sum(axis=0), self.normal.gradient.sum(axis=0)
         precision = self.prior_std**-2.0
         change = np.linalg.solve(matrix + np.diag(precision), gradient - (self.vector - self.prior_mean) * precision)
@@ -108,7 +108,7 @@ def held_out_misfit(normal: Normal, from_prior: FloatArray, prior_std: FloatArra
 
     Args:
         normal: at the point of linearisation.
-        from_prior: (P,) that point less the priors' mean.
+        from_prior: (P,) that point minus the priors' mean.
         prior_std: (P,).
     """
     result = np.empty(len(normal.misfit))
@@ -133,7 +133,7 @@ def held_out_residuals(fit: Fit) -> list[ComplexArray]:
 
 
 def _changes_without(normal: Normal, from_prior: FloatArray, prior_std: FloatArray) -> list[FloatArray]:
-    """Return for every fold where the parameters go without it, less where they are."""
+    """Return for every fold the change of the parameters when it is held out."""
     precision = prior_std**-2.0
     matrix = normal.matrix.sum(axis=0) + np.diag(precision)
     gradient = normal.gradient.sum(axis=0) - from_prior * precision
@@ -155,12 +155,12 @@ def fit_model(
     """Return the fit of a model.
 
     Args:
-        model: what is fitted.
-        data: whitened; folds with weight 0 are not seen.
-        start: vector to begin from; None begins at the priors' mean.
-        from_afar: True first fits with loosened data, for a start that is far off.
+        model: model to fit.
+        data: whitened data; folds of weight 0 are ignored.
+        start: initial vector; None starts at the priors' mean.
+        from_afar: True first fits with loosened data, for a start far from the solution.
         most_steps: after which the fit is taken as it is.
-        rough: share of the misfit beyond noise; a step that brings less is the last one.
+        rough: share of the misfit beyond noise; the fit ends after a step that gains less.
 
     Raises:
         FitFailedError: the model has no equilibrium near the start.
@@ -187,7 +187,7 @@ def fit_model(
 
 
 class _Steps:
-    """Steps that a fit may still take."""
+    """Number of steps that remain for a fit."""
 
     def __init__(self, count: int, rough: float) -> None:
         self._count = count
@@ -239,7 +239,7 @@ def _descend(
 
 
 def _better(model: ClosureModel, data: Whitened, fit: Fit, change: FloatArray) -> FloatArray | None:
-    """Return where the step, or a part of it, makes the fit better; None where none does."""
+    """Return the parameters after a full or partial step that improves the fit; None if none does."""
     for _ in range(_HALVINGS):
         moved: FloatArray = fit.vector + change
         try:
@@ -268,7 +268,7 @@ def linearised(
     """Return a model at these parameters, which need not be its optimum; with priors (P,) each.
 
     Raises:
-        NoShapeError: the ring does not stand there.
+        NoShapeError: the ring has no solution there.
     """
     normal = empty_normal(data.folds, model.layout.size)
     predicted, alone, rows = [], [], []

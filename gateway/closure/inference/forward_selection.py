@@ -22,11 +22,11 @@ from gateway.reasons import Reason
 from gateway.types import FloatArray
 
 _MOST_EFFECTS: Final = 10
-# Fall of the misfit by the linear fit, times what is needed, from which an effect is not tried without.
+# Ratio of the linear decrease of the misfit to the required one above which an effect is not tested for removal.
 _SURELY: Final = 10.0
 # Factor on the linear estimate of what an effect explains, below which a full fit tests it.
 _SUSPECT: Final = 0.5
-# Refused candidates that are tried in a pair with another.
+# Number of rejected candidates that are tried in pairs.
 _PAIRED: Final = 2
 
 
@@ -36,9 +36,9 @@ class Selection:
 
     Attributes:
         start: the baseline model's fit.
-        data: with what the equations of the effects leave counted as uncertain.
+        data: data with the errors of the effects' equations in their uncertainty.
         steps: effects added, in order.
-        refused: effect -> (reason, fall of the misfit, gain by fold, fit with it).
+        refused: effect -> (reason, decrease of the misfit, gain by fold, fit with it).
     """
 
     start: Fit
@@ -61,14 +61,14 @@ def select(
     start: FloatArray | None = None,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Selection:
-    """Add effects as long as one passes every acceptance test.
+    """Add effects until none passes every acceptance test.
 
     Args:
         campaign: conditions.
         core: baseline model.
-        data: whitened; folds of weight 0 are not seen.
+        data: whitened; folds of weight 0 are ignored.
         effects: candidates by name.
-        start: vector of the baseline model to begin from.
+        start: initial vector of the baseline model.
         on_step: called with a description of each step.
 
     Raises:
@@ -93,7 +93,7 @@ def select(
 
 
 def _doubt(selection: Selection, data: Whitened) -> None:
-    """Add the errors of the effects' equations to the variance, if the model can then be fitted."""
+    """Add the errors of the effects' equations to the variance, if the model can still be fitted."""
     final = selection.final
     errors = [
         [effect.equation_share * np.abs(added[0]) for added in added_by(final, effect)]
@@ -109,7 +109,7 @@ def _doubt(selection: Selection, data: Whitened) -> None:
 
 
 def _next_steps(fit: Fit, data: Whitened, left: list[AngleEffect], selection: Selection) -> list[Step]:
-    """Return the best candidate that passes; where none passes alone, the best pair that passes together."""
+    """Return the best candidate that passes or, if none passes alone, the best pair that passes together."""
     passed, refused = judged(fit, data, left)
     for step in refused:
         selection.refused[step.effect.name] = (step.reason, step.fall, step.gain, step.after)
@@ -158,7 +158,7 @@ def _prune(selection: Selection, data: Whitened) -> None:
 
 
 def _judge_leftovers(selection: Selection, data: Whitened) -> None:
-    """Refuse effects that are not needed, or stand in for effects outside the catalogue."""
+    """Reject effects that are redundant or that represent effects outside the catalogue."""
     while selection.steps:
         final = selection.final
         scale, seen = acceptance.overdispersion(final, data), final.held_out()

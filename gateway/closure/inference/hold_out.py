@@ -26,17 +26,17 @@ from gateway.types import ComplexArray, FloatArray
 
 @dataclass(frozen=True, slots=True)
 class FoldError:
-    """Errors on one fold that its fit has not seen.
+    """Errors on one fold that was held out of the fit.
 
     Attributes:
         before: sum of squares of the baseline model's error, (m/s^2)^2.
-        after: with the effects that the other folds asked for.
-        empirical: with the mean residual of the other folds added on top.
-        noise: what the scatter of revolutions makes it at the least.
-        curves: waveforms behind the sums.
-        revolutions: held out.
-        effects: names that the selection without this fold came to.
-        states: of the sums after and noise what belongs to each state of the tire: state -> (after, noise).
+        after: with the effects that the other folds selected.
+        empirical: with the mean residual of the other folds added as well.
+        noise: lower limit set by the scatter of revolutions.
+        curves: number of waveforms in the sums.
+        revolutions: number held out.
+        effects: names selected without this fold.
+        states: share of each tire state in the sums `after` and `noise`: state -> (after, noise).
     """
 
     before: float
@@ -50,9 +50,9 @@ class FoldError:
 
 
 class HoldOut:
-    """The nested hold-out of some folds, in other processes while the caller does something else.
+    """Nested hold-out of several folds, in other processes while the caller continues.
 
-    A context manager: what has not begun when it is left is given up.
+    A context manager: on exit, folds that have not started are cancelled.
     """
 
     def __init__(
@@ -65,18 +65,18 @@ class HoldOut:
         without: frozenset[str] = frozenset(),
         jobs: int = 1,
     ) -> None:
-        """Begin, in `jobs` - 1 processes.
+        """Start `jobs` - 1 processes.
 
         Args:
             campaign: the data.
             model: baseline model.
-            start: its vector to begin from.
-            folds: which ones.
-            without: effects that are no candidates.
-            jobs: processes, the caller's own among them.
+            start: initial parameter vector.
+            folds: indices of the folds.
+            without: effects excluded from the candidates.
+            jobs: number of processes, the caller's included.
         """
         self._folds = tuple(folds)
-        # The time-locked part's own samples are not needed there, and are most of a campaign's size.
+        # The samples of the deviations are not needed there, and are most of a campaign's size.
         light = replace(campaign, groups=tuple(replace(group, deviations_mps2=()) for group in campaign.groups))
         self._fold = partial(hold_out_fold, light, model, start, without=without)
         others = min(jobs - 1, len(self._folds))
@@ -84,24 +84,24 @@ class HoldOut:
         self._waiting = {fold: self._pool.submit(self._fold, fold) for fold in self._folds} if self._pool else {}
 
     def __enter__(self) -> HoldOut:
-        """Return itself."""
+        """Return this hold-out."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give up what has not begun."""
+        """Cancel folds that have not started."""
         if self._pool is not None:
             self._pool.__exit__(kind, error, trace)
 
     def errors(self, on_fold: Callable[[int], None] = lambda _: None) -> list[FoldError]:
-        """Do in this process what no other has begun, and wait for the rest.
+        """Compute in this process the folds that no other has started, and wait for the rest.
 
         Args:
             on_fold: called with the number of folds done.
 
         Returns:
-            the folds' errors in their order; a fold without which nothing can be fitted is missing.
+            the folds' errors in order; a fold is missing if the fit without it fails.
         """
         found: dict[int, FoldError | None] = {}
         for fold in reversed(self._folds):
@@ -126,7 +126,7 @@ def hold_out(
     jobs: int = 1,
     on_fold: Callable[[int], None] = lambda _: None,
 ) -> list[FoldError]:
-    """Run the nested hold-out of some folds and wait for it; see `HoldOut`."""
+    """Run the nested hold-out of several folds and wait for it; see `HoldOut`."""
     with HoldOut(campaign, model, start, folds, without=without, jobs=jobs) as held_out:
         return held_out.errors(on_fold)
 
@@ -134,14 +134,14 @@ def hold_out(
 def hold_out_fold(
     campaign: Campaign, model: BaselineModel, start: FloatArray, fold: int, without: frozenset[str] = frozenset()
 ) -> FoldError | None:
-    """Return the error of one fold under the fit of all others; None where nothing can be fitted without it.
+    """Return the error of one fold under the fit of all others; None if that fit fails.
 
     Args:
         campaign: the data.
         model: baseline model.
-        start: its vector to begin from; only where the search begins, so nothing leaks from the fold.
-        fold: which one.
-        without: effects that are no candidates.
+        start: initial parameter vector; it only starts the search, so nothing leaks from the fold.
+        fold: index of the fold.
+        without: effects excluded from the candidates.
     """
     core = make_core(model)
     data = whiten(campaign, with_mean=core.mean, unseen=fold)
@@ -185,7 +185,7 @@ def summary(errors: Sequence[FoldError]) -> tuple[HeldOut, float, float]:
 
 
 def over_noise(errors: Sequence[FoldError]) -> Mapping[int, float]:
-    """Return for every state of the tire that was held out the error after over the noise floor."""
+    """Return the ratio of the error with effects to the noise floor, for every held-out tire state."""
     after: dict[int, float] = {}
     noise: dict[int, float] = {}
     for error in errors:
@@ -196,7 +196,7 @@ def over_noise(errors: Sequence[FoldError]) -> Mapping[int, float]:
 
 
 def agreement(errors: Sequence[FoldError]) -> Mapping[str, int]:
-    """Return in how many folds each effect was found."""
+    """Return the number of folds in which each effect was found."""
     found: dict[str, int] = {}
     for error in errors:
         for name in error.effects:
@@ -207,7 +207,7 @@ def agreement(errors: Sequence[FoldError]) -> Mapping[str, int]:
 def _squares(
     predicted: Sequence[ComplexArray], data: Whitened, fold: int, groups: Iterable[int]
 ) -> tuple[float, float, int]:
-    """Return the sum over groups and axes of the mean square error, of the noise, and how many there are."""
+    """Return the sums over groups and axes of the mean square error and of the noise, and the number of waveforms."""
     error = noise = 0.0
     curves = 0
     for index in groups:

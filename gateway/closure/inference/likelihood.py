@@ -11,11 +11,11 @@ import numpy as np
 from gateway.closure.data.campaign_data import Campaign, Group
 from gateway.types import ComplexArray, FloatArray, IntArray
 
-# What resampling, rounding and the grid of the solver leave, beside noise: a share of an order's own size and of the
-# signal's. They are why the held-out error of a recording with nothing wrong is a little below the noise floor.
+# Errors of resampling, rounding and the solver's grid beyond noise: a share of the order's own size and of the
+# signal's. Because of them the held-out error of a recording without effects is slightly below the noise floor.
 _OWN_SHARE: Final = 1e-4
 _FLAT_SHARE: Final = 6e-6
-# Orders over which the spectrum is smoothed before a share of it is taken.
+# Number of orders over which the spectrum is smoothed before the share is applied.
 _SMOOTHED: Final = 5
 
 
@@ -25,7 +25,7 @@ class Whitened:
 
     Attributes:
         orders: (blocks, 3, ORDERS) a group, NaN set to 0.
-        weights: (blocks, 3, ORDERS) a group: 1 / standard deviation of a real coefficient, 0 for what is not used.
+        weights: (blocks, 3, ORDERS) a group: 1 / standard deviation of a real coefficient, 0 for unused orders.
         variance: (blocks, 3, ORDERS) a group, without floor.
     """
 
@@ -52,10 +52,10 @@ class Whitened:
         return Whitened(self.orders, tuple(weights), self.variance)
 
     def doubting(self, errors: Sequence[Sequence[FloatArray]]) -> Whitened:
-        """Return the same data with what the equations of effects leave counted as uncertain.
+        """Return the same data with the errors of the effects' equations added to the uncertainty.
 
         Args:
-            errors: for every effect the size of what its equation leaves of each group's orders, (3, ORDERS) each.
+            errors: for every effect the equation error in each group's orders, (3, ORDERS) each.
         """
         weights = []
         for index, weight in enumerate(self.weights):
@@ -67,7 +67,7 @@ class Whitened:
 
     @property
     def used(self) -> int:
-        """Real coefficients with a weight; order 0 has one, the others two."""
+        """Number of weighted real coefficients; order 0 has one, the others two."""
         return sum(int(2 * np.sum(weight > 0.0) - np.sum(weight[..., 0] > 0.0)) for weight in self.weights)
 
     @property
@@ -85,7 +85,7 @@ def whiten(campaign: Campaign, *, with_mean: bool, unseen: int | None = None) ->
     Args:
         campaign: the data.
         with_mean: False leaves out order 0.
-        unseen: fold that has no part in the weights of any, its own included.
+        unseen: fold that is not used for any weights, its own included.
     """
     orders, weights, variances = [], [], []
     for group in campaign.groups:
@@ -95,7 +95,7 @@ def whiten(campaign: Campaign, *, with_mean: bool, unseen: int | None = None) ->
         floor = _floor(_seen(group, unseen))
         known = np.isfinite(data) & np.isfinite(variance) & (variance + floor > 0.0)
         if not with_mean:
-            # A tilt leaks the radial mean, which the model does not have, into the other axes.
+            # A tilt leaks the radial mean, which the model lacks, into the other axes.
             known[:, :, 0] = False
         weight = np.where(known, 1.0 / np.sqrt(np.where(known, variance + floor, 1.0)), 0.0)
         orders.append(np.where(known, data, 0.0))
@@ -105,7 +105,7 @@ def whiten(campaign: Campaign, *, with_mean: bool, unseen: int | None = None) ->
 
 
 def _seen(group: Group, unseen: int | None) -> Group:
-    """Return the group without a block, where it has others."""
+    """Return the group without a block, if it has others."""
     blocks = tuple(block for place, block in enumerate(group.blocks) if place != unseen)
     return replace(group, blocks=blocks or group.blocks)
 
@@ -117,7 +117,7 @@ def _smooth(size: FloatArray) -> FloatArray:
 
 
 def _floor(group: Group) -> FloatArray:
-    """Return the variance of what computing leaves, (1, 3, ORDERS)."""
+    """Return the variance of the computational errors, (1, 3, ORDERS)."""
     conditions = group.conditions
     size = np.nan_to_num(np.abs(np.stack([block.orders_mps2 for block in group.blocks]))).mean(axis=0)
     smooth = _smooth(size)
@@ -127,7 +127,7 @@ def _floor(group: Group) -> FloatArray:
 
 
 def _dependence(group: Group) -> FloatArray:
-    """Return by how much blocks scatter more than independent revolutions would, at least 1, (1, 3, 1)."""
+    """Return the ratio of the scatter of blocks to that of independent revolutions, at least 1, (1, 3, 1)."""
     if len(group.blocks) < 3:
         return np.ones((1, 3, 1))
     data = np.stack([block.orders_mps2 for block in group.blocks])

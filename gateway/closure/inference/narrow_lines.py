@@ -21,7 +21,7 @@ _WIDEST: Final = 12
 
 
 def usable_bins(sites: Sequence[Site]) -> list[FloatArray]:
-    """Return 1 for every bin that noise may be fitted to, 0 about tones, (3, m) a group."""
+    """Return 1 for bins usable for the noise fit and 0 around tones, (3, m) for each group."""
     found = []
     for site in sites:
         spectra = site.spectra
@@ -37,7 +37,7 @@ def usable_bins(sites: Sequence[Site]) -> list[FloatArray]:
 def envelope_moment(
     runs: Sequence[FloatArray], rate_hz: float, axis: int, band: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return E[A^4] / E[A^2]^2 of the envelope in a band, 2 of noise and 1 of a tone, and the number behind it."""
+    """Return E[A^4] / E[A^2]^2 of the envelope in a band (noise 2, tone 1), and the number of independent samples."""
     second = fourth = length = number = 0.0
     for run in runs:
         n = run.shape[1]
@@ -64,7 +64,10 @@ def running_median(values: FloatArray, half: int) -> FloatArray:
 
 
 def rare_ratio(freedom: float, quantile: float) -> float:
-    """Return what a mean of so many exponential values of mean 1 exceeds as rarely as a normal one `quantile`."""
+    """Return the level that a mean of exponential values exceeds as rarely as a normal value exceeds `quantile`.
+
+    The mean is over `freedom` values of mean 1.
+    """
     spread = 1.0 / (9.0 * freedom)
     return float((1.0 - spread + quantile * spread**0.5) ** 3)
 
@@ -72,7 +75,7 @@ def rare_ratio(freedom: float, quantile: float) -> float:
 def _tones(spectra: GroupSpectra, power: FloatArray, axis: int) -> list[tuple[int, int]]:
     if len(power) < 4 * _FLOOR_BINS:
         return []
-    # The independent values behind a single bin, whose neighbours do not matter here.
+    # Independent values of a single bin; the correlation with its neighbours is irrelevant here.
     freedom = float(spectra.freedom.sum()) * 1.9
     floor = running_median(power, _FLOOR_BINS)
     ratio = power / floor

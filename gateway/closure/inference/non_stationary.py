@@ -21,14 +21,15 @@ from gateway.types import ComplexArray, FloatArray
 
 SCALING: Final = Scaling(ScalingStatus.NON_STATIONARY)
 
-# Power of the change over what the scatter of revolutions makes of it, from which it is no matter of scatter. Even a
-# steady ramp over the five blocks counts in that scatter too, so it takes some 5 revolutions a block to get there.
+# Ratio of the change's power to that expected from the scatter of revolutions, from which scatter is ruled out. Even a
+# steady ramp over the five blocks counts in that scatter too, so about 5 revolutions per block are needed.
 _OVER_SCATTER: Final = 4.0
-# Chance at which scatter, itself known to so many degrees of freedom, would do so in one band of one group.
+# Probability that scatter alone reaches this ratio in one band of one group, and the degrees of freedom to which the
+# scatter is known.
 _RARE: Final = 1e-8
 _FREEDOM: Final = 48
 _LEAST_REVOLUTIONS: Final = 3
-# Below this share of the signal and of the mean residual (rms) a change is that of whatever stands there.
+# Below this share of the signal and of the mean residual (rms), a change belongs to the signal already present there.
 _OF_SIGNAL: Final = 3e-3
 _OF_RESIDUAL: Final = 0.1
 # Share of the largest change, of any axis, that is still listed (rms).
@@ -38,15 +39,15 @@ _SIGMAS: Final = 3.0
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """Of one group.
+    """Change of the residual of one group.
 
     Attributes:
-        power: (3, ORDERS) mean square over blocks of what each differs from the group's mean by, scatter in.
-        scatter: (3, ORDERS) what scatter makes of it.
-        variance: (3, ORDERS) of `power` by scatter.
+        power: (3, ORDERS) mean square deviation of the blocks from the group's mean, scatter included.
+        scatter: (3, ORDERS) contribution of scatter to `power`.
+        variance: (3, ORDERS) variance of `power` due to scatter.
         mean: (3, ORDERS) mean square of the group's mean residual.
-        signal: (3, ORDERS) of the signal.
-        blocks: how many were compared.
+        signal: (3, ORDERS) mean square of the signal.
+        blocks: number of blocks compared.
     """
 
     power: FloatArray
@@ -65,7 +66,7 @@ class _Change:
         return rms, 0.5 * math.sqrt(float(self.variance[axis, orders].sum())) / rms
 
     def evident(self, axis: int, first: int, last: int) -> bool:
-        """Return whether orders [first, last) change by far more than scatter makes them."""
+        """Return whether orders [first, last) change by far more than scatter explains."""
         orders = slice(first, last)
         rms, std = self.size(axis, orders)
         mean, signal = (math.sqrt(float(of[axis, orders].sum())) for of in (self.mean, self.signal))
@@ -98,19 +99,19 @@ def beside_changes(left: Sequence[Unexplained], changes: Sequence[Unexplained]) 
 
 
 def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: ComplexArray) -> _Change | None:
-    """Compare the blocks of one group; None for one block, or where blocks are of so few revolutions as to scatter."""
+    """Compare the blocks of one group; None for a single block or for blocks of too few revolutions."""
     counts = np.array([block.count for block in group.blocks], dtype=np.float64)
     if len(counts) < 2 or counts.min() < _LEAST_REVOLUTIONS:
         return None
     weight = (counts / counts.sum())[:, None, None]
-    # What goes with the square of the speed, as most of what models lack does, is no change.
+    # A residual proportional to the square of the speed, as most model errors are, is no change.
     squares = np.array([block.conditions.omega_radps**2 for block in group.blocks])
     scale = (squares / group.conditions.omega_radps**2)[:, None, None]
     known = (weights > 0.0).all(axis=0)
     residual = np.where(known, orders - predicted, 0.0)
     mean = (weight * scale * residual).sum(axis=0) / (weight * np.square(scale)).sum(axis=0)
     away = np.abs(residual - scale * mean) ** 2
-    # Of the mean of a block, one real coefficient; two of them are an order, halved by POWER_SHARE.
+    # Variance of one real coefficient of a block's mean. An order has two, which POWER_SHARE halves.
     own = np.where(known, group.variance, 0.0) / counts[:, None, None]
     free = (len(counts) - 1) / len(counts)
     return _Change(
@@ -126,7 +127,7 @@ def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: 
 def _entry(
     groups: Sequence[Group], changes: Sequence[_Change | None], axis: int, bands: Sequence[tuple[int, int]]
 ) -> Unexplained:
-    """Return one entry of an axis, with the size where it is largest."""
+    """Return one entry of an axis, with the size of the group where it is largest."""
     low, high = bands[0][0], bands[-1][1]
     orders = slice(low, high)
     sizes = [(0.0, 0.0) if one is None else one.size(axis, orders) for one in changes]

@@ -18,18 +18,18 @@ JITTER: Final = "jitter of the contact's edges"
 LOW_PASS: Final = "low-pass behind the sensor"
 
 _HANN: Final = (1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0)
-# The sum of signed terms may fall below the sensor's noise where they do not fit; not below this share of it.
+# The signed terms may sum to less than the sensor's noise where they fit badly; the sum is limited to this share.
 _LEAST: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What a model is made of.
+    """Components of a model of the density.
 
     Attributes:
-        effects: of the catalogue, in the order in which they were added.
+        effects: effects of the catalogue, in the order of selection.
         jitter: whether the edges jitter.
-        low_pass: whether the sensor's noise, and all that is mechanical, ends at a corner.
+        low_pass: whether the sensor's noise and all mechanical signals are low-pass filtered.
     """
 
     effects: tuple[SpectrumEffect, ...] = ()
@@ -44,15 +44,15 @@ class Parts:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """One group as the model needs it.
+    """One group in the form that the model needs.
 
     Attributes:
-        spectra: of the group.
-        basis: (TERMS, 3, m) of the edges' jitter.
+        spectra: spectra of the group.
+        basis: (TERMS, 3, m) densities of edge jitter.
         floor: (3, m) shape of the noise; 1 where it is white.
-        dense: bins below this index stand alone in the fit, or nearly so; above, a wide bin's centre stands for it.
-        grid_hz: (q,) where effects are worked out.
-        first: (b,) first of these of each wide bin.
+        dense: bins below this index are fitted one by one, or nearly so; above, the centre represents a wide bin.
+        grid_hz: (q,) frequencies at which effects are evaluated.
+        first: (b,) index in `grid_hz` of the first frequency of each wide bin.
     """
 
     spectra: GroupSpectra
@@ -85,7 +85,7 @@ class Site:
         )
 
     def wide(self, values: FloatArray) -> FloatArray:
-        """Return means over wide bins, (..., b), of values at `grid_hz`, seen through the spectrum's window."""
+        """Return means over wide bins, (..., b), of values at `grid_hz`, convolved with the spectral window."""
         seen = through_window(values, self.dense)
         count = np.diff(np.append(self.first, len(self.grid_hz)))
         result: FloatArray = np.add.reduceat(seen, self.first, axis=-1) / count
@@ -100,7 +100,7 @@ def sites_of(groups: Sequence[Group], spectra: Sequence[GroupSpectra]) -> tuple[
 
 
 def through_window(density: FloatArray, dense: int) -> FloatArray:
-    """Return a density as Hann segments show it; the first `dense` values stand at neighbouring bins."""
+    """Return a density convolved with the Hann window; the first `dense` values belong to neighbouring bins."""
     if dense < 3:
         return density
     seen = density.copy()
@@ -136,7 +136,7 @@ def wide_density(
         at += TERMS
     noise = np.exp(level)[:, None] * site.floor_wide
     if parts.low_pass:
-        # |H|^2 of two poles, in q = (1 / corner)^4, 0 without.
+        # |H|^2 of a two-pole low-pass, parameter q = (1 / corner)^4; 0 without one.
         reach = site.wide(grid**4)
         passed = 1.0 / (1.0 + max(float(shared[at]), 0.0) * reach)
         rows *= passed

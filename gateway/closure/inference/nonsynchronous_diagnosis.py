@@ -36,8 +36,8 @@ ROAD: Final = "road vibration"
 ANTI_ALIAS: Final = "anti-alias filter"
 _ANOTHER_SPEED: Final = Reason(Code.RECORD_AT_ANOTHER_SPEED)
 
-# A refused effect's bins are kept out of later fits where it was this share of the density; an effect that had more
-# of the bins than this is broad, and what is there is taken as the noise's own shape.
+# Bins in which a rejected effect had at least this share of the density are excluded from later fits. An effect that
+# covers more than this share of the bins is broadband; its spectrum then becomes the shape of the noise.
 _HELD: Final = 0.15
 _BROAD: Final = 0.35
 _SMOOTH_BINS: Final = 40
@@ -49,9 +49,9 @@ class TimeLocked:
     """Result for the signal that is not locked to the wheel.
 
     Attributes:
-        findings: lock "time"; named first, then indistinguishable, then refused.
+        findings: lock "time"; identified first, then indistinguishable, then rejected.
         unexplained: lines and bands that no effect explains, largest first.
-        spectra: of every group that was long enough.
+        spectra: spectra of every group that was long enough.
         notes: limitations, and components found that are not effects.
     """
 
@@ -63,7 +63,7 @@ class TimeLocked:
 
 @dataclass(frozen=True, slots=True)
 class _Refusal:
-    """A refused effect; the reason refers to `fit`."""
+    """A rejected effect; the reason refers to `fit`."""
 
     effect: SpectrumEffect
     step: Step
@@ -76,8 +76,9 @@ def diagnose_time_locked(groups: Sequence[Group], *, changing: bool = False) -> 
     """Identify the effects in the signal that remains when the wheel's mean waveform is subtracted.
 
     Args:
-        groups: with deviations; those without, or too short for two seconds a fold, are left out and noted.
-        changing: whether the angle-locked signal is non-stationary; contact-edge jitter then only stands in for that.
+        groups: groups with deviations; those without, or too short for two seconds per fold, are skipped with a note.
+        changing: whether the angle-locked signal is non-stationary; fitted contact-edge jitter then only represents
+            that change.
 
     Returns:
         the findings; none when no group is long enough.
@@ -92,7 +93,7 @@ def diagnose_time_locked(groups: Sequence[Group], *, changing: bool = False) -> 
     effects = [effect for effect in catalogue().values() if isinstance(effect, SpectrumEffect)]
     others = list(OTHERS)
     refusals: list[_Refusal] = []
-    # Every round but the last takes one candidate off.
+    # Every round but the last removes one candidate.
     while True:
         selection, taken, doubted = _select(sites, usable, effects, others)
         refusal = _worst(selection, taken)
@@ -103,19 +104,19 @@ def diagnose_time_locked(groups: Sequence[Group], *, changing: bool = False) -> 
             continue
         refusals.append(refusal)
         effects.remove(refusal.effect)
-        # What a low-pass does as well is left to it.
+        # Bins that a low-pass explains equally well stay in use.
         if refusal.effect.name not in doubted:
             sites = _kept_out(sites, usable, selection.fit, refusal.effect)
     fit = selection.fit
     notes += _notes(fit, sites, changing=changing)
-    # The noise is white again, so that what was taken for its shape shows.
+    # The noise is white again, so that the spectrum that had become its shape is listed.
     plain = tuple(Site.of(site.spectra, site.basis) for site in sites)
     parts, drawn = [], []
     for g, site in enumerate(plain):
         density, noise = full_density(site, fit.parts, fit.levels[g], fit.shared)
         parts += parts_left(site, g, density, noise, np.exp(fit.levels[g]))
         drawn.append(_drawn(site, density, noise))
-    # Beside something broad that nothing explains, one speed names nothing.
+    # With unexplained broadband noise, a single speed cannot identify an effect.
     shaky = not several_speeds(sites) and any(site.floor.std() > 0.0 for site in sites)
     findings = [_finding(selection, step, step.name in doubted, shaky) for step in taken if step.effect is not None]
     findings += [_refused(refusal) for refusal in refusals]
@@ -128,7 +129,7 @@ def diagnose_time_locked(groups: Sequence[Group], *, changing: bool = False) -> 
 def _select(
     sites: Sequence[Site], usable: Sequence[FloatArray], effects: Sequence[SpectrumEffect], others: Sequence[str]
 ) -> tuple[Selection, list[Step], dict[str, Step]]:
-    """Return the selection, what it took, and by name what a low-pass behind the sensor may be as well."""
+    """Return the selection, its accepted steps, and by name the steps that a low-pass in the sensor may also be."""
     selection = Selection(sites, usable)
     candidates, remaining = list(effects), list(others)
     taken: list[Step] = []
@@ -150,14 +151,14 @@ def _select(
 
 
 def _better(first: Step, second: Step) -> bool:
-    """Tell whether one explanation beats another clearly: by some errors, and by more than the form of a filter."""
+    """Return whether one step is clearly better: by two standard errors, and by more than a filter's form explains."""
     difference = first.gains - second.gains
     unsure = float(difference.std(ddof=1)) * math.sqrt(len(difference))
     return float(difference.sum()) > max(6.0, 2.0 * unsure, _CLEARLY * first.gain)
 
 
 def _worst(selection: Selection, taken: Sequence[Step]) -> _Refusal | None:
-    """Return the accepted component that cannot be what it seems, the one with the fewest bins first."""
+    """Return the accepted effect that fails its tests; of several, the one with the fewest bins."""
     found = []
     for step in taken:
         if step.effect is None:
@@ -170,7 +171,7 @@ def _worst(selection: Selection, taken: Sequence[Step]) -> _Refusal | None:
 
 
 def _shares(sites: Sequence[Site], fit: SpectrumFit, effect: SpectrumEffect) -> list[FloatArray]:
-    """Return the share of the density that an effect is, (3, m) a group."""
+    """Return the share of an effect in the density, (3, m) for each group."""
     own = fit.shared[place_of(fit.parts, effect)]
     found = []
     for site, level in zip(sites, fit.levels, strict=True):
@@ -182,7 +183,7 @@ def _shares(sites: Sequence[Site], fit: SpectrumFit, effect: SpectrumEffect) -> 
 def _kept_out(
     sites: Sequence[Site], usable: list[FloatArray], fit: SpectrumFit, effect: SpectrumEffect
 ) -> tuple[Site, ...]:
-    """Keep what a refused effect had explained from being explained by the next; change `usable`."""
+    """Exclude the bins of a rejected effect, so that the next effect does not explain them; `usable` changes."""
     shares = _shares(sites, fit, effect)
     result = []
     for site, used, share in zip(sites, usable, shares, strict=True):
@@ -210,9 +211,9 @@ def _notes(fit: SpectrumFit, sites: Sequence[Site], *, changing: bool) -> list[R
 
 
 def _jitter_rad2(fit: SpectrumFit) -> tuple[float, float]:
-    """Return what the mean square of the edges' jitter is at the least, by two standard errors, and what it is."""
+    """Return the mean square of the edge jitter minus two standard errors, and the mean square itself."""
     at = sum(len(effect.parameters) for effect in fit.parts.effects)
-    # The edges look alike on a tire without damping: only their sum is known well.
+    # Without damping the two edges have the same spectrum: only their sum is well determined.
     value = 0.5 * float(fit.shared[at] + fit.shared[at + 1])
     std = 0.5 * math.sqrt(max(float(fit.covariance[at : at + 2, at : at + 2].sum()), 0.0))
     return value - 2.0 * std, value
@@ -293,7 +294,7 @@ def _described(step: Step, fit: SpectrumFit, rms: float) -> Finding:
 
 
 def _rms(selection: Selection, fit: SpectrumFit, step: Step) -> float:
-    """Return the root mean square of what an effect adds, over groups and the axes that it acts on."""
+    """Return the root mean square of an effect, over groups and the axes on which it acts."""
     if step.effect is None:
         return math.nan
     own = fit.shared[place_of(fit.parts, step.effect)]
@@ -305,7 +306,7 @@ def _rms(selection: Selection, fit: SpectrumFit, step: Step) -> float:
 
 
 def _left_over(selection: Selection, step: Step) -> tuple[float, float]:
-    """Return the rms of the power that the model lacks without and with an effect, over its axes and all groups."""
+    """Return the rms of the unexplained power without and with an effect, over its axes and all groups."""
     effect = step.effect
     if effect is None:
         return math.nan, math.nan

@@ -14,26 +14,26 @@ from gateway.closure.inference.nonsynchronous_density import JITTER, LOW_PASS, P
 from gateway.closure.inference.whittle_fit import Observed, SpectrumFit, deviance, fit_spectra, start_fit
 from gateway.types import FloatArray
 
-# Fall of the deviance on all data from which on a component is looked at, and on held-out data to be accepted: what
-# white noise does not reach in some thousand trials, with room.
+# Decrease of the deviance on all data for a component to be considered, and on held-out data for it to be accepted.
+# White noise does not reach these values in some thousand trials, with margin.
 _LOOKED_AT: Final = 24.0
 _ACCEPTED: Final = 16.0
 _STARTS: Final = 2
 _FOLD_ROUNDS: Final = 6
-# A low-pass is tried from this corner.
+# Initial corner frequency of a low-pass.
 _CORNER_HZ: Final = 800.0
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A component that might be added.
+    """Candidate component of the model.
 
     Attributes:
-        name: of the effect, or JITTER or LOW_PASS.
-        effect: of the catalogue, None for the two others.
-        fit: with it.
-        chi2: fall of the deviance on all data.
-        gains: (folds,) fall of the deviance on each held-out fold.
+        name: name of the effect, or JITTER or LOW_PASS.
+        effect: effect of the catalogue, None for the other two.
+        fit: fit with the component.
+        chi2: decrease of the deviance on all data.
+        gains: (folds,) decrease of the deviance on each held-out fold.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Step:
 
     @property
     def gain(self) -> float:
-        """Fall on all held-out folds."""
+        """Decrease of the deviance on all held-out folds."""
         return float(self.gains.sum())
 
     @property
@@ -59,20 +59,20 @@ class Step:
 
 
 class Selection:
-    """Adds components to a model of the spectra of all groups.
+    """Stepwise extension of a model of the spectra of all groups.
 
     Attributes:
         sites: the groups.
         observed: all data.
-        fit: the model as it is now.
+        fit: the current model.
     """
 
     def __init__(self, sites: Sequence[Site], usable: Sequence[FloatArray]) -> None:
-        """Begin with white noise.
+        """Start with white noise.
 
         Args:
             sites: the groups.
-            usable: (3, m) of each, 1 for bins that a fit may use.
+            usable: (3, m) for each group, 1 for bins that a fit may use.
         """
         self.sites = tuple(sites)
         folds = len(sites[0].spectra.freedom)
@@ -97,7 +97,7 @@ class Selection:
         self._held = self._held_out(step.fit)
 
     def without(self, effect: SpectrumEffect) -> SpectrumFit:
-        """Return the fit without an effect that is in it."""
+        """Return the fit with one of its effects removed."""
         return fit_spectra(self.sites, self.observed, _removed(self.fit, effect))
 
     def _step(self, name: str, effect: SpectrumEffect | None) -> Step | None:
@@ -121,7 +121,7 @@ class Selection:
         )
 
     def _starts(self, effect: SpectrumEffect) -> list[SpectrumFit]:
-        """Return the best few of an effect's own starts, each at the size that suits the data."""
+        """Return the best of an effect's starts, each scaled to the data."""
         found = []
         for start in effect.starts(tuple(site.spectra.conditions for site in self.sites)):
             gain, size = self._score(effect, np.array(start))
@@ -131,7 +131,7 @@ class Selection:
         return [_added(self.fit, effect, np.array((start[0] * root, *start[1:]))) for _, root, start in found[:_STARTS]]
 
     def _score(self, effect: SpectrumEffect, parameters: FloatArray) -> tuple[float, float]:
-        """Return the gain by a linear look, and by what the density at the parameters is to be multiplied."""
+        """Return the gain in the linear approximation, and the scale factor of the density at the parameters."""
         top = below = 0.0
         for site, one, level in zip(self.sites, self.observed, self.fit.levels, strict=True):
             density, noise, _ = wide_density(site, self.fit.parts, level, self.fit.shared)
@@ -139,7 +139,7 @@ class Selection:
             white = noise / density
             surplus = one.power / density - 1.0
             weight = one.freedom
-            # What the level of the noise can do as well is taken off.
+            # The part that the noise level can explain is projected out.
             power = (weight * white * white).sum(axis=1) + 1e-9
             own = added - ((weight * white * added).sum(axis=1) / power)[:, None] * white
             left = surplus - ((weight * white * surplus).sum(axis=1) / power)[:, None] * white
@@ -177,7 +177,7 @@ def _removed(fit: SpectrumFit, effect: SpectrumEffect) -> SpectrumFit:
 
 
 def place_of(parts: Parts, effect: SpectrumEffect) -> slice:
-    """Return where an effect's parameters are among the shared ones."""
+    """Return the slice of an effect's parameters among the shared ones."""
     at = 0
     for one in parts.effects:
         if one is effect:
@@ -187,7 +187,7 @@ def place_of(parts: Parts, effect: SpectrumEffect) -> slice:
 
 
 def _observed(sites: Sequence[Site], usable: Sequence[FloatArray], folds: list[int]) -> list[Observed]:
-    """Return the means of some folds in wide bins, of the bins that may be used."""
+    """Return the means of the given folds over wide bins, from the usable bins."""
     found = []
     for site, used in zip(sites, usable, strict=True):
         spectra = site.spectra

@@ -14,14 +14,15 @@ from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
 
 RESOLUTION_HZ: Final = 1.0
 LOWEST_HZ: Final = 3.0
-"""Below, drift and the turning of each revolution onto the mean leave their marks."""
+"""Lowest frequency used; below it, drift and the alignment of revolutions distort the spectrum."""
 
-# What the deviations carry, over their rate.
+# Bandwidth of the deviations relative to their sampling rate.
 _CARRIED: Final = 0.4
-# Of overlapping Hann segments: correlation of neighbouring bins' power over both sides, of neighbouring segments'.
+# Variance factors of overlapping Hann segments, from the correlation of power in neighbouring bins (both sides) and in
+# neighbouring segments.
 _BINS_ALIKE: Final = 1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)
 _SEGMENTS_ALIKE: Final = 1.0 + 2.0 / 36.0
-# Bins for the fit: up to each frequency so wide. Narrow where hub and cavity are.
+# Bins for the fit: (upper frequency, width in bins). They are narrow around the hub and cavity resonances.
 _WIDTHS_HZ: Final = ((45.0, 1), (140.0, 4), (310.0, 1), (600.0, 10), (1e9, 25))
 _LEAST_SEGMENTS: Final = 2
 
@@ -34,13 +35,13 @@ class GroupSpectra:
         label: of the group.
         conditions: of the group.
         half_angle_rad: of the contact.
-        present: (3,) axes that are there.
-        frequency_hz: (m,) evenly spaced, RESOLUTION_HZ or nearly so.
+        present: (3,) whether each axis is present.
+        frequency_hz: (m,) evenly spaced, by RESOLUTION_HZ or nearly so.
         power: (folds, 3, m) one-sided mean density of each fold; 0 for absent axes.
         freedom: (folds,) independent values behind one bin of 1 Hz, as if neighbouring bins were independent.
-        cross: (m,) mean of X_radial conj(X_circumferential) in the same scale; 0 when either is absent.
+        cross: (m,) mean of X_radial conj(X_circumferential) on the same scale; 0 if either is absent.
         runs: the deviations, float64, 0 for absent axes.
-        rate_hz: theirs.
+        rate_hz: sampling rate of the deviations.
         first: (b,) first bin of each wide bin.
         count: (b,) bins in each.
     """
@@ -60,17 +61,17 @@ class GroupSpectra:
 
     @property
     def step_hz(self) -> float:
-        """Distance of two bins."""
+        """Spacing of the bins."""
         return float(self.frequency_hz[1] - self.frequency_hz[0])
 
     @property
     def wheel_hz(self) -> float:
-        """Revolutions a second."""
+        """Revolutions per second."""
         return self.conditions.omega_radps / (2.0 * np.pi)
 
     @property
     def speed_mps(self) -> float:
-        """Of the belt."""
+        """Speed of the belt."""
         return self.conditions.omega_radps * self.conditions.radius_m
 
     def mean_power(self) -> FloatArray:
@@ -85,7 +86,7 @@ class GroupSpectra:
 
 
 def group_spectra(group: Group, folds: int) -> GroupSpectra | None:
-    """Return the spectra of one group, or None when it is too short for two segments a fold."""
+    """Return the spectra of one group, or None if it is too short for two segments per fold."""
     rate_hz = group.deviation_rate_hz
     if not (rate_hz > 0.0 and group.deviations_mps2):
         return None
@@ -147,8 +148,8 @@ def held_scaling(
 
     Args:
         spectra: groups.
-        values: a size in each, positive.
-        stds: its standard error in each.
+        values: size in each group, positive.
+        stds: standard error of each size.
     """
     speed = np.log([one.speed_mps for one in spectra])
     size = np.array(values)

@@ -20,14 +20,14 @@ from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
-# Two axes that must be alike differ by no more than this in rms, and one that must be quiet has no more power.
+# Largest ratio of rms between axes that must agree, and largest share of power on an axis that must be quiet.
 _AXES_RATIO: Final = 1.6
 _QUIET: Final = 0.1
-# rms of one group over what the common parameters say, either way; how far the exponent of speed may lie from 1.
+# Largest ratio of a group's rms to that of the common parameters, either way; tolerance of the speed exponent about 1.
 _GROUPS_RATIO: Final = 1.6
 _EXPONENT: Final = 0.35
 _KNOWN_EXPONENT: Final = 0.5
-# Relative error of the density, where the effect is most of it.
+# Relative error of the density where the effect dominates it.
 _REST: Final = 0.25
 _MOST: Final = 0.3
 _SIGMAS: Final = 3.0
@@ -36,7 +36,7 @@ _QUADRATURE: Final = 0.35
 
 @runtime_checkable
 class Rotating(Protocol):
-    """An effect that stands still in space: radial and circumferential axis feel it in quadrature."""
+    """An effect fixed in space: the radial and circumferential axes measure it in quadrature."""
 
     def quadrature(self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the imaginary part of the cross density, (m,)."""
@@ -48,18 +48,18 @@ class NarrowNoise(Protocol):
     """An effect that is noise in a narrow band."""
 
     def noise_band(self, parameters: FloatArray) -> tuple[float, float]:
-        """Return where most of it lies, (from, to), Hz."""
+        """Return the band that holds most of its power, (from, to), Hz."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """How much of an effect each axis of each group holds, over what the fit says.
+    """Power of an effect on each axis of each group, relative to the fit.
 
     Attributes:
-        factor: (g, 3) in power; of axes it does not act on, over the mean of those it does.
+        factor: (g, 3) in power; for axes it does not act on, relative to the mean of those it acts on.
         std: (g, 3) standard errors; infinite for absent axes.
-        share: bins in which it is most of the density.
+        share: number of bins in which it dominates the density.
     """
 
     factor: FloatArray
@@ -68,7 +68,7 @@ class Size:
 
 
 def effect_size(sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit, effect: SpectrumEffect) -> Size:
-    """Return how much of an effect each axis of each group really holds."""
+    """Return the measured power of an effect on each axis of each group."""
     own = fit.shared[place_of(fit.parts, effect)]
     factor, std = np.zeros((len(sites), 3)), np.full((len(sites), 3), np.inf)
     share = 0
@@ -95,7 +95,7 @@ def effect_size(sites: Sequence[Site], observed: Sequence[Observed], fit: Spectr
 def objection(
     sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit, effect: SpectrumEffect
 ) -> tuple[Reason | None, bool]:
-    """Return why an effect fails, None when it passes, and whether another speed would decide."""
+    """Return why an effect fails, None if it passes, and whether another speed would resolve it."""
     own = fit.shared[place_of(fit.parts, effect)]
     for one, value in zip(effect.parameters, own, strict=True):
         if not one.low <= value <= one.high:
@@ -169,7 +169,7 @@ def _axes_differ(effect: SpectrumEffect, size: Size) -> Reason | None:
 
 
 def group_sizes(effect: SpectrumEffect, size: Size) -> tuple[FloatArray, FloatArray]:
-    """Return the power in each group over what the fit says, and its standard error, (g,) each."""
+    """Return the power in each group relative to the fit, and its standard error, (g,) each."""
     axes = list(effect.axes)
     weight = 1.0 / np.square(size.std[:, axes])
     total = np.maximum(weight.sum(axis=1), 1e-12)
@@ -218,7 +218,7 @@ def _wrong_sense(sites: Sequence[Site], fit: SpectrumFit, effect: Rotating, own:
 
 
 def _not_alone(sites: Sequence[Site], effect: SpectrumEffect, band: tuple[float, float]) -> Reason | None:
-    """Look for the narrow band on axes that must be quiet, compared with neighbouring frequencies and not the fit."""
+    """Detect the narrow band on axes that must be quiet, relative to neighbouring frequencies rather than the fit."""
     above = np.zeros((len(sites), 3))
     std = np.full((len(sites), 3), np.inf)
     width = band[1] - band[0]
@@ -245,7 +245,7 @@ def _not_alone(sites: Sequence[Site], effect: SpectrumEffect, band: tuple[float,
 
 
 def _steady(sites: Sequence[Site], band: tuple[float, float]) -> Reason | None:
-    """Distinguish a tone, however its frequency drifts, from noise, whose envelope fades in and out."""
+    """Distinguish a tone, whose frequency may drift, from noise, whose envelope fluctuates."""
     values, weights = [], []
     for site in sites:
         value, number = envelope_moment(site.spectra.runs, site.spectra.rate_hz, RADIAL, band)
@@ -253,7 +253,7 @@ def _steady(sites: Sequence[Site], band: tuple[float, float]) -> Reason | None:
         weights.append(number)
     total = float(sum(weights))
     mean = float(np.average(values, weights=weights)) if total > 0.0 else 2.0
-    # 2 of noise, 1 of a tone; the standard error of noise is 2 / sqrt(number).
+    # The moment is 2 for noise and 1 for a tone; its standard error for noise is 2 / sqrt(number).
     if mean < 2.0 - max(0.3, _SIGMAS * 2.0 / math.sqrt(max(total, 1.0))):
         return Reason(Code.ENVELOPE_TOO_STEADY, fourth_moment=mean)
     return None
@@ -262,7 +262,7 @@ def _steady(sites: Sequence[Site], band: tuple[float, float]) -> Reason | None:
 def _rest(
     sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit, effect: SpectrumEffect, own: FloatArray
 ) -> Reason | None:
-    """Return the share an effect leaves where it is most of the density, where that share is not small."""
+    """Return the residual share of the density where the effect dominates, if that share is not small."""
     top = below = 0.0
     for g, (site, one) in enumerate(zip(sites, observed, strict=True)):
         density = wide_density(site, fit.parts, fit.levels[g], fit.shared)[0]

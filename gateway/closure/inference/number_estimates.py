@@ -32,10 +32,10 @@ _UNITS: Final = {"tread_stiffness_npm2": "N/m^2", _HALF_ANGLE: "rad"}
 def full_covariance(fit: Fit, data: Whitened) -> FloatArray:
     """Return the covariance of the parameters by noise and by model error, (P, P).
 
-    Model error of an order, over its neighbourhood: what the equations of the effects, and computing, may leave of it,
-    or what the fit does leave beyond noise, whichever is more. It is carried through the linear fit as if its phase
-    were drawn anew for every state, but as one over _SMOOTHED orders, since it sits in a part of the revolution, and
-    as one in all blocks and recordings of the state, since they are of one shape.
+    The model error of an order is taken over its neighbourhood. It is the larger of two: the error allowed for the
+    effects' equations and for computation, and the residual of the fit beyond noise. The linear fit propagates it
+    with a phase that is independent between states. The phase is common to _SMOOTHED orders, since the error lies in
+    one part of the revolution, and to all blocks and recordings of a state, since they share one shape.
     """
     covariance = fit.covariance()
     total = covariance.copy()

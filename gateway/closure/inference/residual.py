@@ -21,10 +21,10 @@ from gateway.types import BoolArray, ComplexArray, FloatArray
 
 POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 """Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
-# Chance at which noise alone in one band of one axis would be called a residual.
+# Probability that noise alone in one band of one axis is reported as a residual.
 _RARE: Final = 1e-6
 BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
-"""Bands of orders looked at, each half again as wide as the one before."""
+"""Bands of orders tested, each half again as wide as the one before."""
 # Share of the power that the reported angle window holds, and the widest window reported.
 _WINDOW_SHARE: Final = 0.7
 _WIDEST_RAD: Final = 2.2
@@ -43,7 +43,7 @@ class GroupResidual:
 
     Attributes:
         orders_mps2: (3, ORDERS) data less prediction, mean over blocks; 0 where nothing is known.
-        variance: (3, ORDERS) of one real coefficient by noise and computing; 0 where nothing is known.
+        variance: (3, ORDERS) of one real coefficient by noise and computation; 0 where unknown.
     """
 
     orders_mps2: ComplexArray
@@ -114,7 +114,7 @@ def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last:
 
 
 def joined(bands: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Join bands that touch."""
+    """Merge adjacent bands."""
     joined: list[tuple[int, int]] = []
     for first, last in bands:
         if joined and joined[-1][1] == first:
@@ -131,7 +131,7 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
     at = int(np.argmax(rms))
     size, std = float(rms[at]), float(error[at])
     if size < _SIGMAS * std:
-        # Groups that show it together only: their mean square.
+        # If only the groups together show it, the mean square of all.
         size = math.sqrt(float(power.mean()))
         std = math.sqrt(float(np.square(rms * error).sum())) / max(len(rms) * size, 1e-300)
     low, high = _core_orders(residuals, axis, first, last)
@@ -151,7 +151,7 @@ def _rms_error(residual: GroupResidual, axis: int, first: int, last: int) -> flo
 
 
 def _core_orders(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> tuple[int, int]:
-    """Return the orders that hold nearly all of it."""
+    """Return the orders that hold nearly all of the residual."""
     power = sum(np.maximum(_excess(r)[axis, first:last], 0.0) for r in residuals)
     share = np.cumsum(power) / max(float(np.sum(power)), 1e-300)
     low = first + int(np.searchsorted(share, 0.02))
@@ -160,7 +160,7 @@ def _core_orders(residuals: Sequence[GroupResidual], axis: int, first: int, last
 
 
 def _window(residual: GroupResidual, axis: int, first: int, last: int) -> tuple[float, float] | None:
-    """Return the narrowest angles that hold most of it, None where they would be wide."""
+    """Return the narrowest angle window with most of the residual; None if it is wide."""
     orders = np.zeros(ORDERS, dtype=np.complex128)
     orders[first:last] = residual.orders_mps2[axis, first:last]
     power = np.square(orders_field(orders))

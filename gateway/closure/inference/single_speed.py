@@ -11,9 +11,9 @@ from gateway.closure.effects.effect import Effect
 from gateway.closure.result import Finding, Verdict
 from gateway.reasons import Code, Reason
 
-# Speeds that differ by less are one.
+# Speeds that differ by less count as equal.
 _ONE_SPEED: Final = 1.1
-# Held-out error over the noise floor from which there is something in the data that the model does not have.
+# Ratio of held-out error to noise floor above which the data hold something that the model lacks.
 _MUCH_LEFT: Final = 1.5
 _ORDER_UNIT: Final = "per revolution"
 FIXED_FREQUENCY: Final = "a resonance at a fixed frequency"

@@ -17,7 +17,7 @@ from gateway.closure.result import Scaling, ScalingStatus, Unexplained
 from gateway.constants import AXIS_NAMES
 from gateway.types import BoolArray, FloatArray
 
-# Widths searched, in bins, and the quantile that noise exceeds once in some 1e8.
+# Window widths in bins, and the quantile that noise exceeds about once in 1e8.
 _WIDTHS: Final = (1, 5, 15, 45, 135)
 _QUANTILE: Final = 5.6
 _ENDS: Final = 2.0
@@ -46,14 +46,14 @@ class Part:
     """A line or band above the model on one axis of one group.
 
     Attributes:
-        group: its index.
-        axis: its index.
-        low_hz: where it begins.
-        high_hz: where it ends.
-        centre_hz: of its power.
-        rms_mps2: what it has above the model.
+        group: index of the group.
+        axis: index of the axis.
+        low_hz: lower end.
+        high_hz: upper end.
+        centre_hz: centre of its power.
+        rms_mps2: rms above the model.
         std_mps2: one standard error.
-        multiple: whether it sits at a multiple, or at multiples, of the wheel's frequency.
+        multiple: whether it lies at multiples of the wheel's frequency.
     """
 
     group: int
@@ -67,7 +67,7 @@ class Part:
 
     @property
     def line(self) -> bool:
-        """Whether it is narrow."""
+        """Whether the part is a line rather than a band."""
         return self.high_hz - self.low_hz <= _LINE_HZ
 
 
@@ -77,9 +77,9 @@ def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, l
     Args:
         site: the group.
         group: its index.
-        density: (3, m) of the fitted model.
-        noise: (3, m) of it that is the sensor's noise.
-        level: (3,) of the noise before any low-pass.
+        density: (3, m) density of the fitted model.
+        noise: (3, m) its part that is sensor noise.
+        level: (3,) noise level before any low-pass.
     """
     spectra = site.spectra
     power = spectra.mean_power()
@@ -99,7 +99,7 @@ def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, l
 
 
 def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
-    """Tell what putting a strong line from angle to time, turn by turn, leaves beside it."""
+    """Return whether a part is a sideband of a strong line, left by the resampling of each revolution to time."""
     return any(
         part.rms_mps2 < _BESIDE_A_LINE * other.rms_mps2
         and abs(part.centre_hz - other.centre_hz) < _BESIDE_TURNS * wheel_hz
@@ -120,7 +120,7 @@ def _parts(
     frequency, step = spectra.frequency_hz, spectra.step_hz
     freedom = float(spectra.freedom.sum())
     ratio = power / allowed
-    # Neighbouring bins say partly the same: a single one has more behind it than a wide bin's share.
+    # Neighbouring bins are correlated: a single bin has more degrees of freedom than its share of a wide bin.
     looks = []
     for width in _WIDTHS:
         if width > len(ratio) // 4:
@@ -146,7 +146,7 @@ def _parts(
             first -= 1
         while last < len(ratio) - 1 and free[last + 1] and mean[last + 1] > end:
             last += 1
-        # A window's mean reaches half its width beyond what it has seen; a line is as wide as Hann makes it.
+        # The mean over a window extends half its width beyond the excess; a line has the width of the Hann window.
         half = width // 2
         first, last = min(first + half, peak), max(last - half, peak)
         first, last = max(0, min(first, peak - 1)), min(len(ratio) - 1, max(last, peak + 1))
@@ -169,7 +169,7 @@ def _parts(
 
 
 def _within(free: BoolArray, peak: int, half: int) -> slice:
-    """Return the free bins about a peak, up to so many to either side."""
+    """Return the free bins around a peak, up to `half` on either side."""
     first = last = peak
     while first > max(0, peak - half) and free[first - 1]:
         first -= 1
@@ -190,7 +190,7 @@ def _at_multiples(frequency: FloatArray, excess: FloatArray, centre_hz: float, w
 
 
 def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplained]:
-    """Return parts that belong together, over groups and axes, as one each; largest first."""
+    """Merge parts that belong together over groups and axes; return them largest first."""
     left = sorted(parts, key=lambda part: -part.rms_mps2)
     found = []
     while left:
@@ -220,12 +220,12 @@ def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
 
 
 def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
-    """Return the speeds that parts were found at, distinguished by a few percent."""
+    """Return the distinct speeds at which parts were found, to a few percent."""
     return {round(math.log(sites[part.group].spectra.speed_mps) / _SPEEDS_APART) for part in parts}
 
 
 def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) -> Unexplained:
-    """Return one entry; `locked` None when only one speed has shown it."""
+    """Return one entry; `locked` is None if only one speed shows it."""
     sizes = {
         axis: math.sqrt(np.mean([part.rms_mps2**2 for part in parts if part.axis == axis]))
         for axis in sorted({part.axis for part in parts})
@@ -246,7 +246,7 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
     line = all(part.line for part in own)
     low, high = min(part.low_hz for part in own), max(part.high_hz for part in own)
     wheel = [sites[part.group].spectra.wheel_hz for part in own]
-    # What is at the same Hz at several speeds is no multiple but by chance.
+    # A constant frequency at several speeds is a multiple of the wheel's frequency only by chance.
     doubtful = locked is not False and all(part.multiple for part in own)
     orders: tuple[int, int] | None = None
     if locked or doubtful:
@@ -256,7 +256,7 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
             [part.high_hz / hz for part, hz in zip(own, wheel, strict=True)],
         )
         if doubtful:
-            # Whole orders, to the line's width.
+            # Integer orders within the width of the line.
             orders = max(1, math.ceil(min(ends[0]) - 0.02)), max(1, math.floor(max(ends[1]) + 0.02))
             if orders[0] > orders[1]:
                 orders = max(1, round(np.mean(ratios))), max(1, round(np.mean(ratios)))

@@ -1,4 +1,4 @@
-"""Selection combined with hold-out: an effect is named only when it is found again without each part of the data."""
+"""Selection combined with hold-out: an effect is identified only if it is found again without each part of the data."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class Closed:
     """A selection confirmed by hold-out, the errors of its folds, and the finding of every effect.
 
     Attributes:
-        selection: the last one.
-        errors: of its folds.
-        findings: of every effect.
+        selection: the last selection.
+        errors: errors of its folds.
+        findings: finding of every effect.
         undecided: for every effect with confounders the fits with each of them in its place.
     """
 
@@ -58,7 +58,7 @@ def close_loop(
     on_progress: Callable[[float, str], None],
     jobs: int,
 ) -> Closed:
-    """Select and hold out; an effect that most folds do not find on their own is excluded, and all is repeated.
+    """Select and hold out; an effect that most folds do not find on their own is excluded, and both are repeated.
 
     Raises:
         TreadlinkError: the baseline model cannot be fitted, or a recording contradicts its stated direction.
@@ -74,7 +74,7 @@ def close_loop(
     start = first.vector
     folds = range(min(data.folds, _OUTER_FOLDS))
     while True:
-        # Ends: every time around there is one candidate less at least.
+        # The loop ends, since every pass removes at least one candidate.
         effects = {name: effect for name, effect in every.items() if name not in unsteady}
         without = frozenset(unsteady)
         with HoldOut(campaign, model, start, folds, without=without, jobs=jobs) as held_out:
@@ -104,7 +104,7 @@ def _cannot_be_fitted(model: BaselineModel, error: FitFailedError) -> TreadlinkE
 
 
 def _check_directions(fit: Fit, data: Whitened) -> None:
-    """Refuse recordings that contradict their stated direction, which no effect could correct.
+    """Reject recordings that contradict their stated direction, which no effect could correct.
 
     Raises:
         TreadlinkError: one does.
@@ -129,7 +129,7 @@ def _check_directions(fit: Fit, data: Whitened) -> None:
 
 
 class _Forward:
-    """Forwards progress, but never backwards: selecting and holding out may be repeated."""
+    """Forwarder of progress that never decreases, since selection and hold-out may be repeated."""
 
     def __init__(self, on_progress: Progress) -> None:
         self._on_progress = on_progress
@@ -141,7 +141,7 @@ class _Forward:
 
 
 class _Steps:
-    """Turns the steps of a selection, whose number is not known beforehand, into a growing share."""
+    """Converter of selection steps, whose number is unknown beforehand, to a growing share."""
 
     def __init__(self, on_progress: Progress) -> None:
         self._on_progress = on_progress

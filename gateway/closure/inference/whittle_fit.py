@@ -11,7 +11,7 @@ import numpy as np
 from gateway.closure.inference.nonsynchronous_density import Parts, Site, wide_density
 from gateway.types import FloatArray
 
-# One sensor's noise in one recording and the next, standard deviation of ln of the density.
+# Standard deviation of ln of the noise density of one sensor between recordings.
 _LEVEL_STD: Final = 0.1
 _ENDS: Final = 1e-4
 _HALVINGS: Final = 6
@@ -23,7 +23,7 @@ class Observed:
 
     Attributes:
         power: (3, b) density.
-        freedom: (3, b) independent values behind it; 0 where it is not to be used.
+        freedom: (3, b) number of independent values; 0 for unused bins.
     """
 
     power: FloatArray
@@ -35,11 +35,11 @@ class SpectrumFit:
     """A fitted model.
 
     Attributes:
-        parts: of the model.
-        levels: (g, 3) ln of the noise's density in each group.
-        common: (3,) what they scatter about.
+        parts: components of the model.
+        levels: (g, 3) ln of the noise density in each group.
+        common: (3,) their means over groups.
         shared: (K,) parameters of the effects, the jitter, the low-pass.
-        covariance: (K, K) of these.
+        covariance: (K, K) covariance of `shared`.
         deviance: -2 ln likelihood, up to a constant of the data; without priors.
     """
 
@@ -52,7 +52,7 @@ class SpectrumFit:
 
 
 def deviance(sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit) -> float:
-    """Return -2 ln likelihood of data under a model that was fitted to these or to others."""
+    """Return -2 ln likelihood of data under a model that was fitted to these or to other data."""
     return _state(sites, observed, fit.parts, fit.levels, fit.shared)
 
 
@@ -72,7 +72,7 @@ def start_fit(sites: Sequence[Site], observed: Sequence[Observed]) -> SpectrumFi
 def fit_spectra(
     sites: Sequence[Site], observed: Sequence[Observed], start: SpectrumFit, rounds: int = 25
 ) -> SpectrumFit:
-    """Return the most likely parameters, beginning at `start`."""
+    """Return the maximum-likelihood fit, starting from `start`."""
     parts, levels, common, shared = start.parts, start.levels, start.common, start.shared
     low, high, mean, spread = _bounds(parts)
     size = levels.size
@@ -121,7 +121,7 @@ def fit_spectra(
 def _bounds(parts: Parts) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return lower and upper ends, means and spreads of the shared parameters.
 
-    Ends lie beyond what is plausible, so that a fit may tell that it is not.
+    The ends lie beyond the plausible range, so that a fit can show an implausible value.
     """
     ends = []
     for effect in parts.effects:
@@ -184,6 +184,6 @@ def _normal(
             hessian[mean, mean] += own
             hessian[place, mean] -= own
             hessian[mean, place] -= own
-    # An axis that is absent has nothing but its prior.
+    # An absent axis has only its prior.
     hessian[range(size, at), range(size, at)] += 1e-6
     return hessian, gradient

@@ -22,24 +22,24 @@ class Processes(ProcessPoolExecutor):
     """
 
     def __init__(self, jobs: int, begin: Callable[..., object] | None = None, arguments: tuple[Any, ...] = ()) -> None:
-        """Make a pool; processes start when there is work.
+        """Create a pool; processes start when work is submitted.
 
         Args:
-            jobs: processes at most.
-            begin: called in each process first.
-            arguments: of `begin`.
+            jobs: maximum number of processes.
+            begin: called first in each process.
+            arguments: arguments of `begin`.
         """
         super().__init__(jobs, get_context("spawn"), _begin, (begin, arguments))
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
-        """Let a process call `fn`."""
+        """Call `fn` in a process."""
         with _interrupt_held_back():  # what starts here inherits that
             return super().submit(fn, *args, **kwargs)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give up what has not begun and wait for the rest; after an interrupt end that too."""
+        """Cancel work that has not started and wait for the rest; after an interrupt, end that too."""
         if kind is not None and issubclass(kind, KeyboardInterrupt):
             for process in tuple((self._processes or {}).values()):
                 process.terminate()
@@ -56,7 +56,7 @@ def _begin(begin: Callable[..., object] | None, arguments: tuple[Any, ...]) -> N
 
 @contextmanager
 def _interrupt_held_back() -> Iterator[None]:
-    """Keep Ctrl-C from this thread, where the system can; it comes through afterwards."""
+    """Block Ctrl-C in this thread, if the system can; it is delivered afterwards."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

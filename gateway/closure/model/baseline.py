@@ -42,7 +42,7 @@ class Core(Protocol):
         steps: (K,) small changes for derivatives.
         gravity: whether gravity is in the model.
         drift: whether the change of speed within a revolution is.
-        mean: whether it says anything of order 0 of the radial axis.
+        mean: whether it predicts order 0 of the radial axis.
     """
 
     model: BaselineModel
@@ -74,7 +74,7 @@ class Core(Protocol):
     def tangent(
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> tuple[Shape, ...]:
-        """Return the derivatives of the shape by the state's parameters, K of them, of here or of very near."""
+        """Return the derivatives of the shape by the state's K parameters, here or at a nearby point."""
         ...
 
     def change(
@@ -85,15 +85,15 @@ class Core(Protocol):
         after: RingOptions,
         half_angle_rad: float,
     ) -> Shape:
-        """Return what another option does to the shape, good enough to see what is worth a fit."""
+        """Return the approximate change of the shape by another option, to decide whether to fit it."""
         ...
 
     def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
-        """Measure the error of the grid at these parameters; `shape` takes it off from now on. Nothing where exact."""
+        """Measure the error of the grid at these parameters; `shape` then subtracts it. No action if exact."""
         ...
 
     def numbers(self, parameters: FloatArray, conditions: GroupConditions) -> Mapping[str, float]:
-        """Return Bs, Cw, Rs, Ts and what else the parameters stand for, at the load and pressure of `conditions`."""
+        """Return Bs, Cw, Rs, Ts and the other physical parameters at the load and pressure of `conditions`."""
         ...
 
 

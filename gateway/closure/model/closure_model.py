@@ -41,11 +41,11 @@ class ClosureModel:
         campaign: the data's conditions.
         core: the baseline model.
         effects: in the model: ring effects, then signal effects in the order in which they are applied.
-        layout: where everything sits in the vector of parameters.
+        layout: layout of the parameter vector.
     """
 
     def __init__(self, campaign: Campaign, core: Core, effects: Sequence[AngleEffect] = ()) -> None:
-        """Take what the model is made of; effects keep their order within a stage."""
+        """Assemble the model; effects keep their order within a stage."""
         self.campaign = campaign
         self.core = core
         self._ring = tuple(effect for effect in effects if not isinstance(effect, SignalEffect))
@@ -59,7 +59,7 @@ class ClosureModel:
         self._shifts = [shift(core.names, group.conditions, at[group.state]) for group in campaign.groups]
 
     def priors(self) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation of every parameter before the waveforms are seen, (P,) each."""
+        """Return mean and standard deviation of every parameter before the waveforms are used, (P,) each."""
         mean, std = self.layout.priors(self.core, self.effects)
         for witness in self._witnesses:
             if any(effect.name == witness.effect for effect in self.effects):
@@ -68,7 +68,7 @@ class ClosureModel:
         return mean, std
 
     def witness_misfit(self, vector: FloatArray) -> float:
-        """Return the chi-square of what is known beside the waveforms."""
+        """Return the chi-square of the side information."""
         total = 0.0
         for witness in self._witnesses:
             inside = any(effect.name == witness.effect for effect in self.effects)
@@ -87,7 +87,7 @@ class ClosureModel:
             return self.core.shape(tire, group.conditions, self.options(vector, index), group.half_angle_rad)
 
     def _shape_near(self, vector: FloatArray, index: int, name: str) -> Shape:
-        """Return the belt's shape of one group, what an effect does to it only roughly."""
+        """Return the belt's shape of one group, with an approximate change by an effect."""
         effect = next((effect for effect in self._ring if effect.name == name), None)
         if effect is None:
             return self.shape(vector, index)
@@ -101,7 +101,7 @@ class ClosureModel:
         return moved(shape, change, 1.0)
 
     def options(self, vector: FloatArray, index: int, without: str = "") -> RingOptions:
-        """Return what the ring of one group is solved for, with every effect but one."""
+        """Return the ring options of one group with every effect but one."""
         group = self.campaign.groups[index]
         options = RingOptions(sensor_offset_m=group.declared_offset_m)
         for effect in self._ring:
@@ -117,7 +117,7 @@ class ClosureModel:
                 self.core.refine(self.tire(vector, index), group.conditions, self.options(vector, index))
 
     def predict(self, vector: FloatArray) -> list[ComplexArray]:
-        """Return the orders of every block, a (blocks, 3, ORDERS) array a group.
+        """Return the orders of every block, a (blocks, 3, ORDERS) array for each group.
 
         Raises:
             NoShapeError: no equilibrium, or a stiffness out of range.
@@ -237,7 +237,7 @@ class ClosureModel:
     def _response(
         self, vector: FloatArray, here: ModelledBlock, added: FloatArray, effect: SignalEffect, change: FloatArray
     ) -> FloatArray:
-        """Return how an effect's contribution, `added`, answers a change of the signal before it."""
+        """Return the response of an effect's contribution, `added`, to a change of the signal before it."""
         size = float(np.abs(change).max())
         if not size > 0.0:
             return np.zeros_like(change)
@@ -250,7 +250,7 @@ class ClosureModel:
     def _chain(
         self, vector: FloatArray, here: ModelledBlock, mount: FloatArray | None
     ) -> tuple[ModelledBlock, list[tuple[ModelledBlock, FloatArray]]]:
-        """Return the signal with every effect in, and what each effect saw and added."""
+        """Return the signal with all effects, and the input and contribution of each."""
         seen = []
         for effect in self._signal:
             if mount is not None and effect.stage >= Stage.MOUNTING:
@@ -270,7 +270,7 @@ class ClosureModel:
 
 @contextmanager
 def _standing() -> Iterator[None]:
-    """Give the ways in which a ring fails to stand one name, so that no other error is taken for them."""
+    """Convert every failure to solve the ring to one exception, so that no other error is mistaken for it."""
     try:
         yield
     except (RingNotConvergedError, ValueError) as error:
@@ -278,7 +278,7 @@ def _standing() -> Iterator[None]:
 
 
 def _apart(group: Group) -> tuple[FloatArray, FloatArray]:
-    """Return by how much the blocks' omega^2 and domega/dt differ from the group's, (blocks, 1, 1) each."""
+    """Return the deviations of the blocks' omega^2 and domega/dt from the group's, (blocks, 1, 1) each."""
     there = group.conditions
     square = np.array([block.conditions.omega_radps**2 - there.omega_radps**2 for block in group.blocks])
     drift = np.array([block.conditions.omega_dot_radps2 - there.omega_dot_radps2 for block in group.blocks])
@@ -286,7 +286,7 @@ def _apart(group: Group) -> tuple[FloatArray, FloatArray]:
 
 
 def _load_and_pressure_apart(group: Group) -> tuple[FloatArray, FloatArray]:
-    """Return by how much the blocks' load and pressure differ from the group's, logarithms, (blocks, 1, 1) each."""
+    """Return the deviations of the blocks' ln load and ln pressure from the group's, (blocks, 1, 1) each."""
     there = group.conditions
     loads = np.array([math.log(block.conditions.load_n / there.load_n) for block in group.blocks])
     pressures = np.array([math.log(block.conditions.pressure_pa / there.pressure_pa) for block in group.blocks])

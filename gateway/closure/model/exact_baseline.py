@@ -30,7 +30,7 @@ _ANY_OMEGA_RADPS: Final = 56.0
 # Grids, and the nodes that the bending layer sqrt(EI / (p0 b R)) at the contact's edges needs. On 480 nodes what is
 # left of the grid's error at the edges passes for contact edges that scatter by 3 mrad.
 _GRIDS: Final = (960, 1440)
-# To find out what is worth a fit, a coarse grid does, and states rounded to this share: one shape serves many fits.
+# Scans use a coarse grid and states rounded to this share, so that one shape serves many fits.
 _COARSE: Final = (480,)
 _ROUNDED: Final = 0.02
 _KEPT_COARSE: Final = 4096
@@ -67,7 +67,11 @@ class ExactCore:
     mean = True
 
     def __init__(self, grids: tuple[int, ...] = _GRIDS) -> None:
-        """Start without solutions to begin from, on grids of so many nodes."""
+        """Start with an empty cache of solutions.
+
+        Args:
+            grids: numbers of nodes of the grids.
+        """
         self._grids = grids
         self.prior_mean: FloatArray = np.zeros(5)
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])
@@ -85,12 +89,12 @@ class ExactCore:
         options: RingOptions,
         half_angle_rad: float,  # noqa: ARG002 - the interface's; the exact ring finds its contact itself
     ) -> Shape:
-        """Return the shape, with the grid's error as `refine` last found it taken off."""
+        """Return the shape, minus the grid's error last measured by `refine`."""
         if not (options.runout_cosine_m or options.runout_sine_m):
             return self._round(parameters, conditions, options)
         round_options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
         share = load_step(options.runout_cosine_m, options.runout_sine_m)
-        # Softer by as much is the same shape as loaded more.
+        # A softer ring has the same shape as one loaded more by the same factor.
         lighter, middle, heavier = (
             LoadedShape(
                 self._round(softer, conditions, round_options),
@@ -104,8 +108,8 @@ class ExactCore:
     def tangent(
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> tuple[Shape, ...]:
-        """Return the derivatives of the shape by the state's parameters, of a point near by where one is known."""
-        # A tire out of round by a millimetre answers them as a round one does, which takes a third of the solutions.
+        """Return the derivatives of the shape by the state's parameters, at a nearby point if one is known."""
+        # A tire with a millimetre of run-out has the derivatives of a round one, which needs a third of the solutions.
         options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
         load, pressure, omega = _place(conditions)
         place = load, pressure, omega if options.depends_on_speed else _ANY_OMEGA_RADPS
@@ -119,7 +123,7 @@ class ExactCore:
         after: RingOptions,
         half_angle_rad: float,  # noqa: ARG002 - as above
     ) -> Shape:
-        """Return what another option does to the shape, roughly: on a coarse grid, at a state near by."""
+        """Return the approximate change of the shape by another option: on a coarse grid, at a nearby state."""
         near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
         return moved(_coarse_shape(near, conditions, after), _coarse_shape(near, conditions, before), -1.0)
 
@@ -137,13 +141,13 @@ class ExactCore:
         )
 
     def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
-        """Measure the grid's error at these parameters; `shape` takes it off from now on, for these conditions."""
+        """Measure the grid's error at these parameters; `shape` subtracts it from now on, for these conditions."""
         layer_rad = math.sqrt(
             TABLE_3_NUMBERS[0] / TABLE_3_NUMBERS[1] * math.exp(float(parameters[0]) - float(parameters[1]))
         )
         wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
         nodes = next((nodes for nodes in self._grids if nodes >= wanted), self._grids[-1])
-        # Never coarser than before: a fit that changes its grid back and forth does not come to rest.
+        # The grid never becomes coarser: a fit that alternates between grids does not converge.
         nodes = self._nodes[_place(conditions)] = max(nodes, self._grid(conditions))
         coarse = self._solve(parameters, conditions, options, nodes).shape
         fine = self._solve(parameters, conditions, options, _FINER * nodes).shape
@@ -164,7 +168,7 @@ class ExactCore:
         return {**numbers._asdict(), "tread_stiffness_npm2": ring.tread_stiffness_npm2}
 
     def solution(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> RingSolution:
-        """Return the solved ring behind a shape, its grid's error in it."""
+        """Return the solved ring behind a shape, including the grid's error."""
         return self._solve(parameters, conditions, options, self._grid(conditions)).ring
 
     def _solve(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int) -> _Solved:
@@ -205,7 +209,7 @@ class ExactCore:
     def _torque_nm(
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int
     ) -> float | None:
-        """Return the axle's torque: what the losses take, and traction beyond it; None rolls freely."""
+        """Return the axle's torque: that of the losses plus traction; None for free rolling."""
         if not options.traction:
             return None
         free = self._solve(parameters, conditions, replace(options, traction=0.0), nodes).ring.axle_torque_nm
@@ -214,7 +218,7 @@ class ExactCore:
 
 @cache
 def _coarse_core() -> ExactCore:
-    """Return the core that all others of a process scan with; what it says depends on what it is asked alone."""
+    """Return the core shared by all scans of a process; its result depends on its arguments alone."""
     return ExactCore(_COARSE)
 
 

@@ -42,7 +42,7 @@ _TABLE: Final = 8192
 
 
 class Load(IntEnum):
-    """What bends the belt sideways; the unit of each is that of its parameter."""
+    """Causes of lateral belt bending; the unit of each is that of its parameter."""
 
     PLY_STEER = 0  # metre of coupling length g = B16 / A66
     CONE = 1  # radian of the cone's half angle
@@ -58,7 +58,7 @@ class Stiffness(NamedTuple):
 
 
 class _Contact:
-    """The tread's points in the contact, and what a push at one of them does at another."""
+    """Tread points in the contact, and the response at one to a force at another."""
 
     def __init__(self, edges_rad: tuple[float, float], orders: NDArray[np.int64], radius_m: float) -> None:
         """Lay out the points.
@@ -81,12 +81,12 @@ class _Contact:
         self._after = place - self._before
 
     def beside_edge(self, shapes: ComplexArray) -> FloatArray:
-        """Return shapes (..., orders) at the points, less where they are at the leading edge."""
+        """Return shapes (..., orders) at the points, minus their value at the leading edge."""
         values: FloatArray = (self._twice * shapes @ self._phase).real
         return values[..., :-1] - values[..., -1:]
 
     def influence(self, compliance: FloatArray) -> FloatArray:
-        """Return what the tread's force per length does to the belt at the points against the leading edge."""
+        """Return the belt's response to the tread's force per length at the points, relative to the leading edge."""
         answer = np.fft.irfft(compliance, n=_TABLE) * (_TABLE * self._scale)
         answer = np.append(answer, answer[:1])
         matrix = answer[self._before] * (1.0 - self._after) + answer[self._before + 1] * self._after
@@ -100,7 +100,7 @@ class _Contact:
         return result
 
     def total(self, push_npm: FloatArray) -> float:
-        """Return the whole force, N."""
+        """Return the total force, N."""
         return float(push_npm @ self._weight_m)
 
 

@@ -15,7 +15,7 @@ _CENTRE_STD_RAD = 0.05
 
 
 class Layout:
-    """Places in the vector of parameters."""
+    """Indices in the parameter vector."""
 
     def __init__(self, core_size: int, states: int, groups: int, effects: Sequence[Effect]) -> None:
         """Lay out the states' parameters, a centre a group, then the effects'."""
@@ -52,7 +52,7 @@ class Layout:
         return self._state_count * self._core_size + self._groups
 
     def priors(self, core: Core, effects: Sequence[Effect]) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation of every parameter before the data are seen, (size,) each."""
+        """Return mean and standard deviation of every parameter before the data are used, (size,) each."""
         mean, std = np.zeros(self.size), np.full(self.size, _CENTRE_STD_RAD)
         for state in range(self._state_count):
             mean[self.state(state)], std[self.state(state)] = core.prior_mean, core.prior_std
@@ -63,7 +63,7 @@ class Layout:
         return mean, std
 
     def moved(self, vector: FloatArray, other: Layout) -> FloatArray:
-        """Return a vector of this layout in another one; what this one lacks is 0."""
+        """Return a vector of this layout in another one; missing parameters are 0."""
         result = np.zeros(other.size)
         shared = min(self.without_effects, other.without_effects)
         result[:shared] = vector[:shared]

@@ -48,7 +48,7 @@ class RingOptions:
     tension_loss: float = 0.0
 
     def rounded(self) -> RingOptions:
-        """Return the same to two digits each."""
+        """Return the same options rounded to two digits."""
         return RingOptions(*(float(f"{value:.1e}") for value in astuple(self)))
 
     @property

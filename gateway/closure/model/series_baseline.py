@@ -92,7 +92,7 @@ class SeriesCore:
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters."""
-        # Nothing of the conditions matters to the shape but these and the half angle.
+        # The shape depends only on these conditions and the half angle.
         place = conditions.radius_m, half_angle_rad
         return self._tangents.at(self, place, parameters, conditions, options, half_angle_rad)
 
@@ -104,7 +104,7 @@ class SeriesCore:
         after: RingOptions,
         half_angle_rad: float,
     ) -> Shape:
-        """Return what another option does to the shape."""
+        """Return the change of the shape by another option."""
         base = self.shape(parameters, conditions, before, half_angle_rad)
         return moved(self.shape(parameters, conditions, after, half_angle_rad), base, -1.0)
 
@@ -121,8 +121,8 @@ class SeriesCore:
         return result
 
     def _turning(self, parameters: FloatArray) -> FloatArray:
-        """Return what the belt's finite turning adds to the cosine orders of s / (R omega^2), orders 1 up."""
-        # One size and load stand for all: in these parameters the shape is the same.
+        """Return the part of the cosine orders of s / (R omega^2), from order 1, due to the belt's finite rotation."""
+        # One size and load represent all: in these parameters the shape is the same.
         at = np.concatenate([parameters[:4], _NOMINAL_TREAD])
         ring = self._exact.solution(at, _NOMINAL, RingOptions())
         push = ring.contact_pressure_npm * (2.0 * math.pi * _NOMINAL.radius_m / _NOMINAL.load_n)

@@ -13,7 +13,7 @@ from gateway.closure.model.baseline import Core, Shape, differences
 from gateway.closure.model.ring_options import RingOptions
 from gateway.types import FloatArray
 
-# A derivative holds as long as no parameter's logarithm has moved by more, and no option by a larger share of itself.
+# A derivative is valid while no parameter's logarithm changes by more, and no option by a larger share of itself.
 _SAME: Final = 0.005
 _KEPT: Final = 8
 
@@ -28,7 +28,7 @@ class Tangents:
     """The last derivatives of a core, for each set of conditions that its shape depends on."""
 
     def __init__(self) -> None:
-        """Know none."""
+        """Start empty."""
         self._kept: dict[Hashable, list[_Known]] = {}
 
     def at(
@@ -40,11 +40,11 @@ class Tangents:
         options: RingOptions,
         half_angle_rad: float,
     ) -> tuple[Shape, ...]:
-        """Return the derivatives of `core.shape` by the state's parameters, of a point near by where one is known.
+        """Return the derivatives of `core.shape` by the state's parameters, at a nearby point if one is known.
 
         Args:
             core: the baseline model.
-            place: all of the conditions that the shape depends on.
+            place: key of the conditions on which the shape depends.
             parameters: of the state, (K,).
             conditions: of the group.
             options: with every ring effect in.

@@ -27,7 +27,7 @@ from gateway.types import FloatArray
 _PRESSURE_SHARE: Final = 0.5
 _SIDEWALL: Final = ("Rs", "Ts")
 _STIFFNESSES: Final = ("Bs", *_SIDEWALL, "tread_stiffness_npm2")
-# Below this a load or a pressure is the same.
+# Loads or pressures that differ by less are equal.
 _SAME: Final = 1e-9
 
 
@@ -40,7 +40,7 @@ def references(campaign: Campaign) -> list[GroupConditions]:
 
 
 def shift(names: Sequence[str], there: GroupConditions, reference: GroupConditions) -> FloatArray:
-    """Return by how much a state's parameters (K,) differ at other conditions; the tire is the same."""
+    """Return the change of a state's parameters (K,) at other conditions of the same tire."""
     load, pressure = _log(there.load_n, reference.load_n), _log(there.pressure_pa, reference.pressure_pa)
     sidewall = math.log1p(_PRESSURE_SHARE * math.expm1(pressure))
     return np.array(

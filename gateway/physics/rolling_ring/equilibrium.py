@@ -146,7 +146,7 @@ class RingSolution:
 
     @property
     def deflection_m(self) -> float:
-        """How far the axle sank from first touch of the belt (its tread compressed included)."""
+        """Vertical travel of the axle since the belt first touched the road, tread compression included."""
         return self.ring.radius_m - self.axle_height_m
 
     @property

@@ -44,7 +44,7 @@ _RSSI_DBM: Final = -58
 class BleHub:
     """One simulated hub: receives the frames of the simulation and yields those sent over Bluetooth.
 
-    While nobody listens nothing is sent, and nothing is counted as sent. All methods may be called from any thread.
+    Without a listener nothing is sent or counted as sent. All methods may be called from any thread.
 
     Attributes:
         peripheral: its Bluetooth peripheral.

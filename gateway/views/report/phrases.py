@@ -40,7 +40,7 @@ SCALINGS: Final = {
     ScalingStatus.TOO_WEAK: "too weak at other speeds",
     ScalingStatus.NON_STATIONARY: "changes during the recording",
 }
-"""Why the growth of a residual with speed is not known."""
+"""Reasons why the growth of a residual with speed is unknown."""
 
 NON_STATIONARY: Final = "changes during the recording"
 
@@ -214,7 +214,7 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
 
 
 class NoCorrection(NamedTuple):
-    """Why no correction is saved, and the remedy."""
+    """Return why no correction is saved, and the remedy."""
 
     reason: str
     remedy: str

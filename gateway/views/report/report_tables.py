@@ -156,7 +156,7 @@ def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
 
 
 def effect_rows(diagnosis: Diagnosis) -> list[EffectRow]:
-    """Return the effects that were named or cannot be told apart, in the diagnosis's order."""
+    """Return the effects that were identified or cannot be distinguished, in the diagnosis's order."""
     return [_effect(finding) for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED]
 
 
