@@ -66,7 +66,7 @@ def report(folder: Path, times: int, seed: int = 1) -> Iterator[str]:
         f"{times} truncations anywhere: {wrong} read back wrong; read back is the data up to the cut, "
         f"{max(0.0, *missing):.2f} s less at most"
     )
-    wrong, kept, untold = 0, [], 0
+    wrong, kept, unreported = 0, [], 0
     for _ in range(times):
         torn = bytearray(whole)
         first = len(whole) // _PAGE - _LAST_PAGES
@@ -77,13 +77,13 @@ def report(folder: Path, times: int, seed: int = 1) -> Iterator[str]:
         reader = RecordingReader(target)
         safe = int(0.9 * first * _PAGE * len(sent) / len(whole))
         wrong += _bytes(reader.items())[:safe] != sent[:safe]
-        untold += reader.damage is None
+        unreported += reader.damage is None
         repair_recording(target, fixed)
         kept.append(len(_bytes(RecordingReader(fixed).items())) / len(sent))
         fixed.unlink()
     yield (
         f"{times} torn ends ({_LAST_PAGES // 4} of the last {_LAST_PAGES} pages zeros or noise): {wrong} read back "
-        f"wrong before them, {untold} not told; repair keeps {min(kept):.1%} or more of the link's bytes"
+        f"wrong before them, {unreported} not reported; repair keeps {min(kept):.1%} or more of the link's bytes"
     )
     yield from _full(folder)
 
@@ -108,8 +108,8 @@ def _run(name: str, path: Path, limit: int) -> str:
     done = subprocess.run(
         [sys.executable, "-c", _LIMITED, str(limit), *command], capture_output=True, text=True, check=False
     )
-    told = next((line for line in done.stdout.splitlines() if "RECORDING STOPPED" in line), "NOT TOLD")
+    notice = next((line for line in done.stdout.splitlines() if "RECORDING STOPPED" in line), "NOT REPORTED")
     lines = sum("km/h" in line or "±" in line for line in done.stdout.splitlines())
     read = len(_bytes(RecordingReader(path).items()))
     size = path.stat().st_size
-    return f"{name}: {lines} lines went on being printed; {read} link bytes read back of a file of {size}; told: {told}"
+    return f"{name}: {lines} lines went on being printed; {read} link bytes read back of a file of {size}; notice: {notice}"
