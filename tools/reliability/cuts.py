@@ -112,4 +112,4 @@ def _run(name: str, path: Path, limit: int) -> str:
     lines = sum("km/h" in line or "±" in line for line in done.stdout.splitlines())
     read = len(_bytes(RecordingReader(path).items()))
     size = path.stat().st_size
-    return f"{name}: {lines} lines went on being printed; {read} link bytes read back of a file of {size}; notice: {notice}"
+    return f"{name}: {lines} lines still printed; {read} link bytes read back of a file of {size}; notice: {notice}"
