@@ -1,4 +1,4 @@
-"""Grouping of revolutions by conditions: speed, load and pressure."""
+"""Grouping of revolutions by conditions: speed, load, pressure and temperature."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PRESSURE_WIDTH: Final = 0.02
 TEMPERATURE_WIDTH_K: Final = 5.0
 DRIFT_WIDTH: Final = 0.015
 STATE_LOAD_WIDTH: Final = 0.04
-# How much of a sidewall's stiffness the pressure makes is not known, so that a state holds little of a change.
+# The share of the sidewall stiffness that pressure provides is not known, so a state spans only a small change.
 STATE_PRESSURE_WIDTH: Final = 0.01
 _ANGLE_WIDTH: Final = 0.08
 # Distance of speeds, as a logarithm, beyond which a further distance adds no information on speed dependence.
