@@ -87,7 +87,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     "effects_path",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Write the identified effects to this file, for --effects of live, replay and estimate.",
+    help="Write the identified effects to this file, for --effects of live, record, replay and estimate.",
 )
 @click.option(
     "--folds",

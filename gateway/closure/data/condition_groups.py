@@ -1,4 +1,4 @@
-"""Grouping of revolutions by conditions: speed, load and pressure."""
+"""Grouping of revolutions by conditions: speed, load, pressure and temperature."""
 
 from __future__ import annotations
 
