@@ -152,7 +152,7 @@ def _as_json(found: Inspection) -> dict[str, Any]:
                 "host_ns": event.host_ns,
                 "link": event.link,
                 "kind": str(event.kind),
-                "text": event.text,
+                "text": event.text or text(event.reason),
                 "reason": as_json(event.reason),
             }
             for event in found.events
