@@ -110,8 +110,8 @@ class FakeSession:
         return replace(drawn, elapsed_s=now_s, links=(link,), recorded_bytes=19_000 * count)
 
     def mark(self, text: str) -> None:
-        """Do nothing; not part of the measurement."""
-        raise NotImplementedError(text)
+        """Fail: the measurement sets no marks."""
+        raise AssertionError(text)
 
     def request_stop(self) -> None:
         """Do nothing."""

@@ -297,10 +297,10 @@ class Diagnosis:
     spectra: tuple[Spectra, ...] = ()
     trends: tuple[Trend, ...] = ()
     empirical_rms_mps2: float | None = None
-    notes: tuple[Remark, ...] = ()
+    notes: tuple[Reason, ...] = ()
     folds_of: str = "blocks of revolutions"
     correction: CorrectionTable | None = None
-    stated: tuple[Remark, ...] = ()
+    stated: tuple[Reason, ...] = ()
     load_known: bool = True
     pressure_known: bool = True
 

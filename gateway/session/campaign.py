@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ MIN_REVOLUTIONS: Final = 4
 
 MAX_GROUPS: Final = 12
 """Groups of a campaign, unless there are more recordings: the time of a diagnosis grows with their number."""
+
+_Remark = TypeVar("_Remark", bound=Remark)
 
 SPARE: Final = Reason(Code.BETWEEN_GROUP_SPEEDS, groups=MAX_GROUPS)
 
@@ -325,9 +327,9 @@ def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) ->
     return replace(group, state=state, blocks=blocks, conditions=conditions, label=label(name, group.conditions))
 
 
-def _merged(orders: Sequence[ReadOrder], remarks: Sequence[tuple[Remark, ...]]) -> tuple[Remark, ...]:
+def _merged(orders: Sequence[ReadOrder], remarks: Sequence[tuple[_Remark, ...]]) -> tuple[_Remark | Reason, ...]:
     """Return the remarks of all recordings, each once, with its recordings unless it holds for all."""
-    recordings: dict[Remark, list[str]] = {}
+    recordings: dict[_Remark, list[str]] = {}
     for order, own in zip(orders, remarks, strict=True):
         for remark in dict.fromkeys(own):
             recordings.setdefault(remark, []).append(order.name)

@@ -85,7 +85,7 @@ class RecordingRead:
     rejected: Mapping[Reason, int] | None = None
     clock_error: tuple[float, float] = UNKNOWN
     assumed: tuple[Remark, ...] = ()
-    stated: tuple[Remark, ...] = ()
+    stated: tuple[Reason, ...] = ()
     damage: Reason | None = None
     sensor_id: int | None = None
     notices: tuple[Notice, ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -118,6 +119,14 @@ def round_to_error(value: float, std: float = math.nan) -> Rounded:
     decimals = max(digits, 0)
     # Adding 0.0 turns a rounded -0.0 into 0.0.
     return Rounded(f"{round(value, digits) + 0.0:.{decimals}f}", f"{round(std, digits):.{decimals}f}", exponent)
+
+
+def distinct_name(name: str, taken: Collection[str]) -> str:
+    """Return the name of an estimate in a row that has other fields: `estimated_NAME` where NAME is taken.
+
+    A later estimator may estimate what is also a condition, such as the load. The condition keeps the plain name.
+    """
+    return f"estimated_{name}" if name in taken else name
 
 
 @lru_cache(maxsize=256)

@@ -13,6 +13,7 @@ from gateway.estimators.estimator import Estimate
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Level, Notice, Reason
 from gateway.types import FloatArray
+from gateway.views.numbers import distinct_name
 from gateway.views.wording import as_json, notice_text
 
 CONDITIONS: Final = ("load_n", "pressure_pa", "temperature_degc")
@@ -32,11 +33,9 @@ def estimate_fields(estimate: Estimate, taken: Collection[str] = ()) -> dict[str
 
     Args:
         estimate: the estimate.
-        taken: field names in use. An estimate of such a name, as of the load that is also stated, is `estimated_NAME`.
+        taken: names of other fields; see `distinct_name`.
     """
-    name = estimate.name.replace("/", "_over_")
-    if name in taken:
-        name = f"estimated_{name}"
+    name = distinct_name(estimate.name.replace("/", "_over_"), taken)
     return {
         **_finite({name: estimate.value, f"{name}_std": estimate.std}),
         f"{name}_status": str(estimate.status),

@@ -149,9 +149,9 @@ class Campaign:
     rejected: Mapping[Reason, int]
     clock_error: tuple[float, float] = (float("nan"), float("nan"))
     assumed: tuple[Remark, ...] = ()
-    notes: tuple[Remark, ...] = ()
+    notes: tuple[Reason, ...] = ()
     sensor_id: int | None = None
-    stated: tuple[Remark, ...] = ()
+    stated: tuple[Reason, ...] = ()
 
     @property
     def folds(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 
 from gateway.errors import OutputError
 from gateway.pipeline.results import RevolutionResult
+from gateway.views.numbers import distinct_name
 from gateway.views.tables.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
 from gateway.views.wording import as_json, joined
 
@@ -40,6 +42,7 @@ TAIL: Final[dict[str, type]] = {
     "ac_coupled": bool,
     "faults": str,
 }
+_TAKEN: Final = frozenset((*HEAD, *TAIL))
 PARTS: Final[dict[str, type]] = {"": float, "_std": float, "_status": str, "_reason": str}
 """Columns of each estimate: suffix to its name, and type."""
 
@@ -134,7 +137,7 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         "faults": joined(revolution.faults),
     }
     named = {
-        _column(estimate.name): dict(
+        distinct_name(estimate.name, _TAKEN): dict(
             zip(
                 PARTS,
                 (_known(estimate.value), _known(estimate.std), str(estimate.status), joined(estimate.reasons)),
@@ -144,11 +147,6 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         for estimate in result.estimates
     }
     return fixed, named
-
-
-def _column(name: str) -> str:
-    # A later estimator may estimate what is also a condition, as the load; the condition keeps the plain name.
-    return f"estimated_{name}" if name in HEAD or name in TAIL else name
 
 
 def iso_utc(host_ns: int) -> str:
@@ -168,9 +166,9 @@ def _writing(path: Path) -> Iterator[None]:
         raise OutputError(f"{path} cannot be written any more: {error.strerror}", "Is the disk full?") from error
 
 
-class _Closing:
-    def close(self) -> None:
-        raise NotImplementedError
+class _Closing(ABC):
+    @abstractmethod
+    def close(self) -> None: ...
 
     def __enter__(self) -> Self:
         return self
@@ -193,7 +191,7 @@ class _JsonLines(_Closing):
         row: dict[str, object] = dict(_in_order(fixed, named, named))
         row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
         for estimate in result.estimates:
-            row[f"{_column(estimate.name)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
+            row[f"{distinct_name(estimate.name, _TAKEN)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
         with _writing(self._path):
             self._file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
 
