@@ -307,6 +307,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_USED: "used all the same (policy warn)",
     Code.FRAMES_VERDICT: "{count} {verdict}",
     Code.FRAME_BEFORE_HELLO: "signed frames arrive, but no verified hello ({count} so far); {consequence}",
+    Code.FRAME_EARLIER_START: (
+        "{signer} sends under boot count {start}, but {latest} was accepted before ({count} frames so far): an old "
+        "recording is replayed, or the hub was replaced or has lost its boot count. If the hub is yours, set its boot "
+        "count above {latest}, or give a new key: treadlink keys new {identity} --replace; {consequence}"
+    ),
     Code.FRAME_LATE: (
         "a frame arrived long after later ones ({count} so far): a recording of the sensor may be replayed; "
         "{consequence}"
@@ -340,6 +345,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "sensor {sensor} is at a wheel that is not configured ({count} frames so far); configure it to admit it; "
         "{consequence}"
     ),
+    Code.SIGNER_AT_HUB: "{signer} at hub {hub}",
     Code.SIGNER_HUB: "hub {identity}",
     Code.SIGNER_SENSOR: "sensor {identity}",
     Code.SIGNER_UNKNOWN: "an unknown sensor",
