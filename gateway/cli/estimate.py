@@ -8,7 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import click
+import numpy as np
+from numpy.typing import NDArray
 
+from firmware_protocol.block_decoder import FrameBatch
 from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
 from gateway.cli.session_setup import choose_vehicle, open_effects
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
@@ -20,7 +23,8 @@ from gateway.recording.reader import RecordingReader
 from gateway.security.guard import Guard, open_guard
 from gateway.security.key_file import default_key_file
 from gateway.session.batch_estimation import estimate_items
-from gateway.session.wheel_identity import SensorsHeard
+from gateway.session.contradictions import ContradictionWatch
+from gateway.session.wheel_identity import SensorsHeard, positions
 from gateway.views.output_file import check_outputs
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables.result_table import TableFormat, open_table
@@ -102,6 +106,7 @@ def _estimate_one(
 ) -> None:
     path = reader.info.path
     shown, sensors = sys.stderr.isatty(), SensorsHeard()
+    watch = ContradictionWatch(positions(vehicle))
     bar = click.progressbar(length=reader.info.size_bytes, label=path.name, file=sys.stderr, hidden=not shown)
     with bar as progress:
         done = 0
@@ -111,6 +116,10 @@ def _estimate_one(
             progress.update(reader.position - done)
             done = reader.position
 
+        def on_batch(link: str, batch: FrameBatch, _: NDArray[np.int64]) -> None:
+            sensors.take(batch)
+            watch.batch(link, batch)
+
         counters = estimate_items(
             reader,
             vehicle,
@@ -118,7 +127,7 @@ def _estimate_one(
             estimators=estimators,
             on_bytes=on_bytes,
             guard=guard,
-            on_batch=lambda _link, batch, _arrivals: sensors.take(batch),
+            on_batch=on_batch,
             effects=effects,
         )
     click.echo(
@@ -129,6 +138,10 @@ def _estimate_one(
     notices = guard.take_notices() if guard is not None else []
     # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
     for notice in notices or sensors.mismatches(vehicle, [wheel.position for wheel in wheels]):
+        click.echo(f"  {clean(notice_text(notice))}")
+    for link, counted in counters.items():
+        watch.counters(link, counted)
+    for notice in watch.found():
         click.echo(f"  {clean(notice_text(notice))}")
     for table in effects:
         for wheel in wheels:

@@ -23,6 +23,7 @@ from gateway.session.live import LiveSession
 from gateway.views.plain import PlainView
 from gateway.views.session_summary import ResultSummary, summary_lines
 from gateway.views.text import clean
+from gateway.views.wording import notice_text
 
 _POLL_S: Final = 0.05
 
@@ -147,6 +148,8 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> Sessio
     write("")
     for line in summary_lines(session.summary.wheels(), snapshot.links):
         write(clean(line))
+    for notice in session.live.core.contradictions():
+        write(notice_text(notice))
     if snapshot.recording:
         write("")
         write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB)")

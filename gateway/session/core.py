@@ -23,10 +23,12 @@ from gateway.reasons import Code, Level, Notice, Reason
 from gateway.security.guard import Guard
 from gateway.session.alarms import alarms, sensor_alarms
 from gateway.session.commands import refusal
+from gateway.session.contradictions import ContradictionWatch
+from gateway.session.hub_log import HubLog
 from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
-from gateway.session.wheel_identity import sensor_ids, unconfigured_wheel
+from gateway.session.wheel_identity import positions, sensor_ids, unconfigured_wheel
 from gateway.views.recording_topics import (
     log_level,
     message_topic,
@@ -57,6 +59,7 @@ class _Link:
 
     health: LinkHealth
     decoder: FrameDecoder
+    hub_log: HubLog
     connected: bool = False
     note: Reason = field(default_factory=lambda: Reason(Code.LINK_NOT_OPEN))
     bytes_received: int = 0
@@ -111,6 +114,7 @@ class SessionCore:
         self._vehicle = vehicle
         self._unconfigured: set[str] = set()
         self._configured = {setup.position for setup in setups}
+        self._contradictions = ContradictionWatch(positions(vehicle), self._pipeline.limit)
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._limits = vehicle.thresholds if vehicle is not None else Thresholds()
         self._sensor_ids = sensor_ids(vehicle)
@@ -150,6 +154,7 @@ class SessionCore:
         link.bytes_received += len(item.data)
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         self._log_resync(item.link, link)
+        self._report(item.link, self._contradictions.new(), item.host_ns)
         self._report(item.link, self._watch.take_notices(), item.host_ns)
         self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
@@ -158,7 +163,7 @@ class SessionCore:
         link = self._links.get(name)
         if link is None:
             health = LinkHealth(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
-            link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)))
+            link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)), HubLog(name))
         return link
 
     def _log_resync(self, name: str, link: _Link) -> None:
@@ -188,6 +193,7 @@ class SessionCore:
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
         if link.connected:
             link.health.reconnected()
+            self._contradictions.reopened(event.link)
         if event.rssi_dbm is not None:
             link.connected_rssi_dbm = event.rssi_dbm
         if event.kind is not LinkEventKind.RETRYING or link.note != reason:
@@ -196,8 +202,9 @@ class SessionCore:
         link.note = reason
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
+        self._contradictions.frames(name, frames)
         for frame in frames:
-            if frame.type != MessageType.SAMPLES:
+            if frame.type != MessageType.SAMPLES and self._pipeline.limit.admits(name, frame.hub, frame.wheel):
                 self._slow_message(name, link, frame, host_ns)
         return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
 
@@ -209,15 +216,23 @@ class SessionCore:
             link.status = message
         elif isinstance(message, LogText):
             logged = Reason(Code.HUB_LOG, severity=log_level(message), text=message.text)
-            self.notify(Notice(hub_name(frame.hub), logged))
+            self._hub_line(link, Notice(self._hub_name(name, frame.hub), logged), host_ns)
         elif isinstance(message, CommandResult):
             refused = refusal(message)
             if refused is not None:
-                self.notify(Notice(hub_name(frame.hub), refused, Level.WARNING))
+                self._hub_line(link, Notice(self._hub_name(name, frame.hub), refused, Level.WARNING), host_ns)
         if self.recorder is not None:
             entry = message_topic(frame, self._pipeline.position(name, frame.hub, frame.wheel), name)
             if entry is not None:
                 self._record(lambda recorder: recorder.write_topic(entry[0], host_ns, entry[1]))
+
+    def _hub_line(self, link: _Link, notice: Notice, host_ns: int) -> None:
+        """Show a line that a hub has caused, within the limit of its link."""
+        for shown in link.hub_log.take(notice, host_ns):
+            self.notify(shown)
+
+    def _hub_name(self, link: str, hub: int) -> str:
+        return hub_name(hub) if len(self._links) == 1 else f"{link}, {hub_name(hub)}"
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
         for result in results:
@@ -264,6 +279,9 @@ class SessionCore:
         for name, link in self._links.items():
             if link.connected:
                 self._report(name, link.health.tick(now_ns), now_ns)
+            self._contradictions.counters(name, link.decoder.counters)
+            self._report(name, link.hub_log.tick(now_ns), now_ns)
+        self._report("", self._contradictions.new(), now_ns)
         self.check_sensors()
 
     def dropped(self, link: str, stages: Mapping[Stage, int]) -> None:
@@ -279,6 +297,10 @@ class SessionCore:
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
             results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
+            self._contradictions.counters(name, link.decoder.counters)
+            self._report(name, link.hub_log.finish(), self._newest_ns)
+        self.contradictions()
+        self._report("", self._contradictions.new(), self._newest_ns)
         results += self._deliver(self._pipeline.finish(), self._newest_ns)
         self.check_sensors()
         self._report("", self._watch.finish(), self._newest_ns)
@@ -298,6 +320,10 @@ class SessionCore:
             self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
         found = alarms(wheels, links, self._limits, self._sensor_ids) if not ended else ()
         return SessionSnapshot(elapsed_s, wheels, links, found, tuple(self._notices), *self._recorded, ended)
+
+    def contradictions(self) -> list[Notice]:
+        """Return what hubs stated against what they sent, with the present counts, for the summary."""
+        return self._contradictions.found()
 
     def check_sensors(self) -> None:
         """Report faults of sensors, each once; called by `tick` and `finish`."""
