@@ -155,7 +155,8 @@ def _ratios(
         gradient = np.zeros(4)
         gradient[i], gradient[_CW] = 1.0 / cw, -ratio / cw
         std = math.sqrt(max(0.0, float(gradient @ covariance @ gradient)))
-        fits = found.determined[i] if i == 0 else std * DETERMINED <= ratio
+        # Weak bending must be determined better than the ratio's own error tells.
+        fits = std * DETERMINED <= ratio and (i > 0 or found.determined[i])
         why_not = () if fits else found.why_not(i, std / ratio if fitted.free[i] else math.inf)
         estimates.append(_estimate(name, ratio, std, why_not, doubts, notes))
     return estimates

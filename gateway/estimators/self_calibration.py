@@ -15,15 +15,18 @@ roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import contact_interior
 from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows
+from gateway.types import FloatArray
 
 NAMES: Final = (
     "gain",
@@ -62,6 +65,35 @@ class _Found(NamedTuple):
     std: float
 
 
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Quantities of the sensor that its own signal gives, for comparison with what is stated.
+
+    Attributes:
+        revolutions: used so far.
+        ac_coupled: whether the sensor passes no steady value.
+        rate_hz: sampling rate in use.
+        steady_mps2: latest mean of the radial axis that a perfect sensor would read on a belt of the stated radius.
+        mean_square: mean square of kappa R.
+        by_mean: (2, 2) information and (2,) right-hand side of the relative error of the steady value and of the
+            zero-g offset in m/s^2, from the means of the revolutions.
+        by_gravity: (2, 2) and (2,) likewise of the relative error of the gain, and of belt stretch as order 1 of R
+            Omega^2, from gravity in order 1.
+        contact_gain: gain of an AC-coupled sensor and its standard error, from the depth of the contact; None without.
+        offset_m: sensor below the neutral layer and its standard error; None without a circumferential axis.
+    """
+
+    revolutions: int
+    ac_coupled: bool
+    rate_hz: float
+    steady_mps2: float
+    mean_square: float
+    by_mean: tuple[FloatArray, FloatArray]
+    by_gravity: tuple[FloatArray, FloatArray]
+    contact_gain: tuple[float, float] | None
+    offset_m: tuple[float, float] | None
+
+
 class SelfCalibrationEstimator:
     """Gain, zero-g offset, gain over temperature, roll, pitch and mounting offset, improved by every revolution."""
 
@@ -83,6 +115,10 @@ class SelfCalibrationEstimator:
         self._information = np.zeros((4, 4))
         self._weighted = np.zeros(4)
         self._steady = np.zeros(4)
+        self._by_mean = np.zeros((2, 2)), np.zeros(2)
+        self._by_gravity = np.zeros((2, 2)), np.zeros(2)
+        self._expected_mps2 = math.nan
+        self._is_ac, self._rate_hz = False, math.nan
         self._reference_degc: float | None = None
         self._warm = 0.0
         self._mounting: MountingRows | None = None
@@ -110,6 +146,7 @@ class SelfCalibrationEstimator:
     def _take(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> None:
         """Add one revolution without faults."""
         self._count += 1
+        self._is_ac, self._rate_hz = revolution.ac_coupled, revolution.rate_hz
         belt = self._belt_of(average, conditions)
         axes = revolution.axes_mps2
         if np.isfinite(axes[_CIRCUMFERENTIAL]).all():
@@ -127,7 +164,7 @@ class SelfCalibrationEstimator:
         if revolution.ac_coupled:
             return
         self._roll.update(float(axes[_LATERAL].mean()), float(axes[_RADIAL].mean()))
-        if conditions.sensor_offset_m or self._mounting is None or self._count > _LEAST_REVOLUTIONS:
+        if conditions.claims.offset_m is not None or self._mounting is None or self._count > _LEAST_REVOLUTIONS:
             # Before that, the mounting offset, which the mean depends on, is not known.
             self._take_gain(revolution, average, conditions, belt)
 
@@ -169,14 +206,34 @@ class SelfCalibrationEstimator:
         self._information = self._keep * self._information + rows.T @ rows
         self._weighted = self._keep * self._weighted + found @ rows
         self._steady = self._keep * self._steady + by_mean * (expected / _MEAN_STD_MPS2)
+        self._expected_mps2 = expected
+        self._by_mean = _added(self._by_mean, self._keep, by_mean[:2], float(found[0]))
+        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], float(found[1]))
+
+    @property
+    def measured(self) -> Measured | None:
+        """What the revolutions so far have measured; None before enough of them."""
+        if self._count < _LEAST_REVOLUTIONS or self._belt is None:
+            return None
+        found = self._mounting_found()
+        floor = self._floor
+        return Measured(
+            revolutions=self._count,
+            ac_coupled=self._is_ac,
+            rate_hz=self._rate_hz,
+            steady_mps2=self._expected_mps2,
+            mean_square=self._belt.mean_square,
+            by_mean=self._by_mean,
+            by_gravity=self._by_gravity,
+            contact_gain=None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std),
+            offset_m=None if found is None else (found[1].value, found[1].std),
+        )
 
     def _offset_ratio(self, conditions: TireConditions) -> float:
-        """Return e / R as configured, else as estimated once its error is below 1 mm."""
-        if conditions.sensor_offset_m:
-            return conditions.sensor_offset_m / conditions.radius_m
+        """Return e / R: as measured once its error is below 1 mm, else as stated, else 0."""
         found = self._mounting_found()
-        if found is None or not found[1].std < 1e-3:
-            return 0.0
+        if found is None or not found[1].std < HAND_MOUNTED_STD_M:
+            return (conditions.claims.offset_m or 0.0) / conditions.radius_m
         return float(np.clip(found[1].value / conditions.radius_m, -0.05, 0.15))
 
     def _mounting_found(self) -> tuple[_Found, _Found] | None:
@@ -198,11 +255,11 @@ class SelfCalibrationEstimator:
             reason = refused or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_CIRCUMFERENTIAL])
             return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
         doubt = refused or self._unsettled()
-        pitch = _estimate(NAMES[4], found[0], doubt)
-        stated_m = conditions.sensor_offset_m
-        if doubt is None and stated_m and abs(stated_m - found[1].value) > 3.0 * found[1].std:
-            doubt = Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)
-        return pitch, _estimate(NAMES[5], found[1], doubt)
+        offset = _estimate(NAMES[5], found[1], doubt)
+        stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
+        if stated_m is not None and abs(stated_m - found[1].value) > 3.0 * math.hypot(stated_std_m, found[1].std):
+            offset = replace(offset, reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))
+        return _estimate(NAMES[4], found[0], doubt), offset
 
     def _roll_estimate(self, revolution: Revolution, refused: Reason | None) -> Estimate:
         if not self._roll.count:
@@ -269,6 +326,14 @@ def _refused(revolution: Revolution, average: AngleAverage, conditions: TireCond
     if not math.isfinite(float(average.orders_std_mps2[1])):
         return Reason(Code.AVERAGE_ERRORS_UNKNOWN)
     return None
+
+
+def _added(
+    sums: tuple[FloatArray, FloatArray], keep: float, row: FloatArray, found: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return information and right-hand side with one more equation."""
+    information, weighted = sums
+    return keep * information + np.outer(row, row), keep * weighted + found * row
 
 
 def _floor_gain(average: AngleAverage, conditions: TireConditions, refused: Reason | None) -> Estimate:

@@ -74,8 +74,10 @@ class BeltShape:
     closure: FloatArray
 
 
-def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_order: int = MAX_ORDER) -> FloatArray:
-    """Return the cosine orders about `centre_rad` of waveforms on the angle grid.
+def orders_about(
+    waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_order: int = MAX_ORDER
+) -> ComplexArray:
+    """Return the orders c - i s about `centre_rad` of waveforms on the angle grid: c cos n theta + s sin n theta.
 
     Args:
         waveform: (..., n), theta = -pi + 2 pi k / n, n > 2 MAX_ORDER.
@@ -88,9 +90,15 @@ def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_
     n = waveform.shape[-1]
     spectrum = np.fft.rfft(waveform, axis=-1)[..., : MAX_ORDER + 1]
     turn = np.multiply.outer(np.asarray(centre_rad) - math.pi, _ORDERS)
-    orders: FloatArray = (spectrum * np.exp(1j * turn)).real * (2.0 / n)
+    orders: ComplexArray = spectrum * np.exp(1j * turn) * (2.0 / n)
     orders[..., 0] *= 0.5
     orders[..., max_order + 1 :] = 0.0
+    return orders
+
+
+def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_order: int = MAX_ORDER) -> FloatArray:
+    """Return the cosine orders about `centre_rad`, (..., MAX_ORDER + 1), of waveforms as in `orders_about`."""
+    orders: FloatArray = orders_about(waveform, centre_rad, max_order).real.copy()
     return orders
 
 
