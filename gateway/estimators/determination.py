@@ -173,7 +173,7 @@ def _estimate(
     if not (value > 0.0 and math.isfinite(std)):
         return Estimate.invalid(name, *(why_not or (Reason(Code.FIT_AT_ZERO, number=name.removesuffix("/Cw")),)))
     if why_not or doubts:
-        return Estimate(name, float(value), float(std), Status.PROVISIONAL, why_not or doubts)
+        return Estimate(name, float(value), float(std), Status.PROVISIONAL, (*doubts, *why_not))
     return Estimate(name, float(value), float(std), Status.VALID, notes)
 
 

@@ -64,6 +64,7 @@ class TireConditions:
         sensor_offset_m: distance of the sensor below (inside) the belt's neutral layer.
         sensor_offset_std_m: one standard error of it.
         steady_std_mps2: one standard error of the steady value of the radial axis, beyond a common gain.
+        gain_std: relative standard error of the gain of the sensor's axes.
         claims: what is stated about the sensor; `sensor_offset_m` is what is in use.
         tire: the new tire's reference numbers, thickness and load calibration.
         given: estimates that earlier estimators made of this revolution, by name of the estimator, then of the
@@ -80,6 +81,7 @@ class TireConditions:
     sensor_offset_m: float = 0.0
     sensor_offset_std_m: float = 0.0
     steady_std_mps2: float = 0.0
+    gain_std: float = 0.0
     claims: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)
     given: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 `assess` compares what self-calibration measures with what is stated, each with its standard error. Beyond three
 standard errors of both together there is a `Contradiction`: it lists the causes that would explain it, and the
-estimates that it moves are provisional, or invalid where it may move them by more than a tenth. Where nothing is
+estimates that it moves are provisional, or invalid where it may move them by more than a fifth. Where nothing is
 stated, the measured value is used and its error carried.
 
 The steady value. The mean of the radial axis over a closed belt is G R Omega^2 (1 - e/R mean(k^2)) + z. So its ratio to
@@ -30,7 +30,7 @@ from gateway.reasons import Code, Reason
 # Standard errors of stated and measured value together from which they contradict each other.
 _CONTRADICTION: Final = 3.0
 # Relative change of an estimate from which it is invalid.
-_INVALID_FROM: Final = 0.1
+_INVALID_FROM: Final = 0.2
 # Share of an estimate's standard error below which a change of it does not matter.
 _NEGLIGIBLE: Final = 0.3
 # A belt radius or gain that is wrong by more, relative, is not a likely cause; nor is a larger zero-g offset.
@@ -74,6 +74,7 @@ _EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
     "asynchronous_rms_mps2": {Cause.GAIN: -1.0},
     "asynchronous_line_rms_mps2": {Cause.GAIN: -1.0},
     "asynchronous_line_hz": {Cause.RATE: 1.0},
+    "sensor_offset_m": {Cause.GAIN: -1.0, Cause.RATE: -2.0},
     **{name: {Cause.RADIUS: -2.0} for name in RING_NUMBERS},
 }
 _SLOPE: Final[dict[Cause, float]] = {Cause.RADIUS: -1.0, Cause.RATE: -2.0, Cause.GAIN: -1.0}
@@ -82,15 +83,26 @@ _SLOPES: Final = ("ply_steer_", "slip_", "conicity_")
 _OF_SHAPE: Final = frozenset({*RING_NUMBERS, *RING_RATIOS, "half_angle_rad"})
 
 
+class Subject(StrEnum):
+    """What a contradiction is about, one or two words."""
+
+    GRAVITY = "gravity"
+    OFFSET = "sensor offset"
+    STEADY = "steady value"
+    ZERO = "zero-g offset"
+
+
 @dataclass(frozen=True, slots=True)
 class Contradiction:
     """A stated value that the signal contradicts.
 
     Attributes:
+        subject: of the comparison.
         reason: stated and measured value, and the causes that would explain it.
         ratios: true over stated value that each possible cause would need.
     """
 
+    subject: Subject
     reason: Reason
     ratios: dict[Cause, float]
 
@@ -113,6 +125,7 @@ class Evidence:
         sensor_offset_std_m: its standard error; the difference of both where they contradict each other.
         offset_is_known: False where it is neither stated nor measured.
         steady_std_mps2: standard error of the steady value of the radial axis, beyond a common gain.
+        gain_std: relative standard error of the gain of all axes.
         radius_m: in use.
         radius_std_m: its standard error.
         contradictions: of stated and measured values.
@@ -122,6 +135,7 @@ class Evidence:
     sensor_offset_std_m: float
     offset_is_known: bool
     steady_std_mps2: float
+    gain_std: float
     radius_m: float
     radius_std_m: float
     contradictions: tuple[Contradiction, ...] = ()
@@ -133,6 +147,7 @@ class Evidence:
             sensor_offset_m=self.sensor_offset_m,
             sensor_offset_std_m=self.sensor_offset_std_m,
             steady_std_mps2=self.steady_std_mps2,
+            gain_std=self.gain_std,
             radius_m=self.radius_m,
             radius_std_m=self.radius_std_m,
         )
@@ -140,7 +155,7 @@ class Evidence:
     def qualified(self, estimate: Estimate) -> Estimate:
         """Return an estimate with what the evidence says against it.
 
-        It is invalid where a contradiction may change it by more than a tenth, and provisional where by more than
+        It is invalid where a contradiction may change it by more than a fifth, and provisional where by more than
         a share of its standard error.
         """
         if estimate.status is Status.INVALID:
@@ -179,35 +194,40 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
     """
     claims = conditions.claims
     radius_std = conditions.radius_std_m / conditions.radius_m
-    contradictions: list[Contradiction] = []
-    offset_m, offset_std_m, known = _offset(measured, conditions, contradictions)
     radius = _Value(conditions.radius_m, conditions.radius_std_m)
-    zero_std = claims.zero_g_std_mps2
-    if measured is not None:
-        ratio = _steady_ratio(measured, zero_std)
-        if ratio is not None:
-            # The offset enters the mean by e/R mean(k^2).
-            depth = measured.mean_square * offset_std_m / conditions.radius_m if measured.offset_m is None else 0.0
-            by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, depth)
-            found_radius = _Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
-            if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
-                _CONTRADICTION * math.hypot(radius.std, found_radius.std)
-            ):
-                radius = _weighted(radius, found_radius)
-            elif abs(ratio.value - 1.0) > _CONTRADICTION * math.hypot(by_gain, radius_std):
-                contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain))
-            elif (alone := _gravity_contradiction(measured, claims.gain_std)) is not None:
-                contradictions.append(alone)
-        zero = _zero(measured)
-        if zero is not None and zero.std < _ZERO_MEASURED * zero_std:
-            if abs(zero.value) > _CONTRADICTION * math.hypot(zero.std, zero_std):
-                stated = Reason(
-                    Code.ZERO_CONTRADICTED, zero_mps2=zero.value, std_mps2=zero.std, stated_std_mps2=zero_std
-                )
-                contradictions.append(Contradiction(stated, {Cause.ZERO: math.nan}))
-                zero_std = abs(zero.value)
-            else:
-                zero_std = math.hypot(zero.value, zero.std)
+    contradictions: list[Contradiction] = []
+    zero_std, gain_std = claims.zero_g_std_mps2, claims.gain_std
+    # Relative error of the measured offset that a contradicted gain or rate makes.
+    offset_error = 0.0
+    if measured is not None and (ratio := _steady_ratio(measured, zero_std)) is not None:
+        # The offset enters the mean by e/R mean(k^2).
+        depth_m = 0.0 if measured.offset_m is not None else UNKNOWN_OFFSET_STD_M
+        if claims.offset_m is not None:
+            depth_m = min(depth_m, claims.offset_std_m)
+        depth = measured.mean_square * depth_m / conditions.radius_m
+        by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, depth)
+        found_radius = _Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
+        if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
+            _CONTRADICTION * math.hypot(radius.std, found_radius.std)
+        ):
+            radius = _weighted(radius, found_radius)
+        elif abs(ratio.value - 1.0) > _CONTRADICTION * math.hypot(by_gain, radius_std):
+            contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain))
+        elif (alone := _gravity_contradiction(measured, claims.gain_std)) is not None:
+            contradictions.append(alone)
+        for contradiction in contradictions:
+            changed = contradiction.ratios.get(Cause.GAIN, 1.0)
+            gain_std = max(gain_std, abs(changed - 1.0))
+            by_rate = contradiction.ratios.get(Cause.RATE, 1.0) ** -2.0
+            offset_error = max(offset_error, abs(1.0 / changed - 1.0), abs(by_rate - 1.0))
+    if measured is not None and (zero := _zero(measured)) is not None and zero.std < _ZERO_MEASURED * zero_std:
+        if abs(zero.value) > _CONTRADICTION * math.hypot(zero.std, zero_std):
+            reason = Reason(Code.ZERO_CONTRADICTED, zero_mps2=zero.value, std_mps2=zero.std, stated_std_mps2=zero_std)
+            contradictions.append(Contradiction(Subject.ZERO, reason, {Cause.ZERO: math.nan}))
+            zero_std = abs(zero.value)
+        else:
+            zero_std = math.hypot(zero.value, zero.std)
+    offset_m, offset_std_m, known = _offset(measured, conditions, offset_error, contradictions)
     if ac_coupled:
         # The mean was restored from the belt radius; the rest of the signal has the sensor's gain.
         steady_std = steady_mps2 * math.hypot(radius_std, claims.gain_std)
@@ -220,6 +240,7 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
         sensor_offset_std_m=offset_std_m,
         offset_is_known=known,
         steady_std_mps2=steady_std,
+        gain_std=gain_std,
         radius_m=radius.value,
         radius_std_m=radius.std,
         contradictions=tuple(contradictions),
@@ -227,12 +248,18 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
 
 
 def _offset(
-    measured: Measured | None, conditions: TireConditions, contradictions: list[Contradiction]
+    measured: Measured | None, conditions: TireConditions, error: float, contradictions: list[Contradiction]
 ) -> tuple[float, float, bool]:
-    """Return the sensor's offset in use, its standard error, and whether it is known; add a contradiction."""
+    """Return the sensor's offset in use, its standard error, and whether it is known; add a contradiction.
+
+    `error` is a relative error of the measured offset beyond its own.
+    """
     claims = conditions.claims
     stated = None if claims.offset_m is None else _Value(claims.offset_m, claims.offset_std_m)
-    found = _Value(*measured.offset_m) if measured is not None and measured.offset_m is not None else None
+    found = None
+    if measured is not None and measured.offset_m is not None:
+        value, std = measured.offset_m
+        found = _Value(value, math.hypot(std, error * value))
     if stated is None and found is None:
         return 0.0, UNKNOWN_OFFSET_STD_M, False
     if stated is None or found is None:
@@ -250,7 +277,7 @@ def _offset(
         offset_m=found.value,
         std_m=found.std,
     )
-    contradictions.append(Contradiction(reason, {Cause.OFFSET: math.nan}))
+    contradictions.append(Contradiction(Subject.OFFSET, reason, {Cause.OFFSET: math.nan}))
     return stated.value, difference, True
 
 
@@ -307,7 +334,8 @@ def _gravity_contradiction(measured: Measured, gain_std: float) -> Contradiction
     reason = Reason(Code.GRAVITY_CONTRADICTED, gain=gain.value, std=gain.std)
     ratio = max(gain.value, 0.1)
     # The steady value has the right size, so radius or rate make up for the gain.
-    return Contradiction(reason, {Cause.GAIN: ratio, Cause.RADIUS: 1.0 / ratio, Cause.RATE: ratio**-0.5})
+    ratios = {Cause.GAIN: ratio, Cause.RADIUS: 1.0 / ratio, Cause.RATE: ratio**-0.5}
+    return Contradiction(Subject.GRAVITY, reason, ratios)
 
 
 def _steady_contradiction(
@@ -320,7 +348,7 @@ def _steady_contradiction(
     if not ratios:
         ratios = {Cause.RADIUS: max(ratio.value, 0.1), Cause.GAIN: max(ratio.value, 0.1)}
     reason = Reason(Code.STEADY_VALUE_CONTRADICTED, ratio=ratio.value, std=by_gain, causes=reasons)
-    return Contradiction(reason, ratios)
+    return Contradiction(Subject.STEADY, reason, ratios)
 
 
 class _Possible(NamedTuple):

@@ -22,7 +22,7 @@ import numpy as np
 
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
-from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M
+from gateway.estimators.sensor_claims import GAIN_STD, HAND_MOUNTED_STD_M
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import contact_interior
 from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows
@@ -47,8 +47,6 @@ _MEAN_STD_MPS2: Final = 0.5
 _CLOSURE_STD: Final = 1.5e-4
 # Signal in the middle of a flat contact as a share of R Omega^2, on the exact ring over loads, and its error.
 _CONTACT_LEVEL: Final = (-0.025, 0.035)
-# Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
-_AXES_STD: Final = 0.02
 # Errors from belt stretch and contact shear in the circumferential axis.
 _OFFSET_MODEL_M: Final = 2e-5
 _PITCH_MODEL_RAD: Final = 4e-4
@@ -115,16 +113,22 @@ class SelfCalibrationEstimator:
         self._information = np.zeros((4, 4))
         self._weighted = np.zeros(4)
         self._steady = np.zeros(4)
-        self._by_mean = np.zeros((2, 2)), np.zeros(2)
-        self._by_gravity = np.zeros((2, 2)), np.zeros(2)
-        self._expected_mps2 = math.nan
+        self._forget_means()
+        self._is_calibrated = False
         self._is_ac, self._rate_hz = False, math.nan
+        # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
+        self._axes_std = math.sqrt(2.0) * GAIN_STD
         self._reference_degc: float | None = None
         self._warm = 0.0
         self._mounting: MountingRows | None = None
         self._ratio = 0.0
         self._belt: BeltKinematics | None = None
         self._floor: Estimate | None = None
+
+    def _forget_means(self) -> None:
+        self._by_mean = np.zeros((2, 2)), np.zeros(2)
+        self._by_gravity = np.zeros((2, 2)), np.zeros(2)
+        self._expected_mps2 = math.nan
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the estimates of NAMES; a perfect sensor has gain 1.
@@ -147,6 +151,7 @@ class SelfCalibrationEstimator:
         """Add one revolution without faults."""
         self._count += 1
         self._is_ac, self._rate_hz = revolution.ac_coupled, revolution.rate_hz
+        self._axes_std = math.sqrt(2.0) * conditions.claims.gain_std
         belt = self._belt_of(average, conditions)
         axes = revolution.axes_mps2
         if np.isfinite(axes[_CIRCUMFERENTIAL]).all():
@@ -164,9 +169,11 @@ class SelfCalibrationEstimator:
         if revolution.ac_coupled:
             return
         self._roll.update(float(axes[_LATERAL].mean()), float(axes[_RADIAL].mean()))
-        if conditions.claims.offset_m is not None or self._mounting is None or self._count > _LEAST_REVOLUTIONS:
-            # Before that, the mounting offset, which the mean depends on, is not known.
-            self._take_gain(revolution, average, conditions, belt)
+        # Before that, the mounting offset, which the mean depends on, is not known.
+        is_calibrated = (
+            conditions.claims.offset_m is not None or self._mounting is None or self._count > _LEAST_REVOLUTIONS
+        )
+        self._take_gain(revolution, average, conditions, belt, is_calibrated=is_calibrated)
 
     def _belt_of(self, average: AngleAverage, conditions: TireConditions) -> BeltKinematics:
         """Return the belt's kinematics from the average, updated every few revolutions."""
@@ -180,9 +187,15 @@ class SelfCalibrationEstimator:
         return self._count <= _LEAST_REVOLUTIONS + 1 or self._count % _BELT_EVERY == 0
 
     def _take_gain(
-        self, revolution: Revolution, average: AngleAverage, conditions: TireConditions, belt: BeltKinematics
+        self,
+        revolution: Revolution,
+        average: AngleAverage,
+        conditions: TireConditions,
+        belt: BeltKinematics,
+        *,
+        is_calibrated: bool,
     ) -> None:
-        """Add the two equations of one revolution."""
+        """Add the two equations of one revolution; `is_calibrated` tells whether the sensor's offset is known."""
         degc = conditions.temperature_degc
         if degc is not None:
             self._reference_degc = degc if self._reference_degc is None else self._reference_degc
@@ -201,21 +214,26 @@ class SelfCalibrationEstimator:
         by_gravity = np.array([gravity, 0.0, gravity * self._warm, steady]) / order_std
         if not (np.isfinite(by_mean).all() and np.isfinite(by_gravity).all() and math.isfinite(left)):
             return
+        if is_calibrated and not self._is_calibrated:
+            self._forget_means()
+        self._is_calibrated = is_calibrated
+        self._expected_mps2 = expected
+        self._by_mean = _added(self._by_mean, self._keep, by_mean[:2], (mean - expected) / _MEAN_STD_MPS2)
+        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], left / order_std)
+        if not is_calibrated:
+            return
         rows = np.stack([by_mean, by_gravity])
         found = np.array([(mean - expected) / _MEAN_STD_MPS2, left / order_std])
         self._information = self._keep * self._information + rows.T @ rows
         self._weighted = self._keep * self._weighted + found @ rows
         self._steady = self._keep * self._steady + by_mean * (expected / _MEAN_STD_MPS2)
-        self._expected_mps2 = expected
-        self._by_mean = _added(self._by_mean, self._keep, by_mean[:2], float(found[0]))
-        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], float(found[1]))
 
     @property
     def measured(self) -> Measured | None:
-        """What the revolutions so far have measured; None before enough of them."""
-        if self._count < _LEAST_REVOLUTIONS or self._belt is None:
+        """Result of the revolutions so far; None before the first."""
+        if self._belt is None:
             return None
-        found = self._mounting_found()
+        found = self._mounting_found() if self._count >= _LEAST_REVOLUTIONS else None
         floor = self._floor
         return Measured(
             revolutions=self._count,
@@ -242,10 +260,10 @@ class SelfCalibrationEstimator:
             return None
         solution, stds = self._mounting.solve()
         offset, tilt = float(solution[0]), float(solution[1])
-        offset_std = math.hypot(float(stds[0]), _AXES_STD * offset, _OFFSET_MODEL_M)
+        offset_std = math.hypot(float(stds[0]), self._axes_std * offset, _OFFSET_MODEL_M)
         if not (math.isfinite(offset_std) and math.isfinite(tilt)):
             return None
-        return _Found(math.atan(tilt), math.hypot(float(stds[1]), _AXES_STD * tilt, _PITCH_MODEL_RAD)), _Found(
+        return _Found(math.atan(tilt), math.hypot(float(stds[1]), self._axes_std * tilt, _PITCH_MODEL_RAD)), _Found(
             offset, offset_std
         )
 
@@ -265,7 +283,7 @@ class SelfCalibrationEstimator:
         if not self._roll.count:
             lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
             return Estimate.invalid(NAMES[3], refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
-        found = _Found(self._roll.roll_rad, math.hypot(self._roll.roll_std_rad, _AXES_STD * self._roll.roll_rad))
+        found = _Found(self._roll.roll_rad, math.hypot(self._roll.roll_std_rad, self._axes_std * self._roll.roll_rad))
         doubt = refused or self._unsettled()
         if doubt is None and self._roll.roll_std_rad > _ROLL_SEPARATED_RAD:
             doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.determination import (
     FittedNumbers,
     all_invalid,
@@ -25,7 +26,14 @@ from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
 from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
-from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, even_orders, orders_about
+from gateway.physics.belt_shape import (
+    MAX_ORDER,
+    belt_shape,
+    curvature_orders,
+    even_orders,
+    gravity_orders,
+    orders_about,
+)
 from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import BoolArray, ComplexArray, FloatArray
@@ -111,15 +119,16 @@ class WeakFormEstimator:
 def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping: SidewallDamping | None) -> FloatArray:
     """Return changes of the relative signal's orders by one standard error each, (k, ORDER_COUNT).
 
-    They are those of the sensor's offset, of the signal's steady value, and of the correction for damping.
+    They are those of the sensor's offset, of the signal's steady value, of the correction for damping, and of gravity,
+    which is subtracted with a gain of 1.
 
     Args:
         signal: (MAX_ORDER + 1,) orders about the contact centre.
-        conditions: with the standard errors of offset and steady value.
+        conditions: with the standard errors of offset, steady value and gain.
         damping: None where it was not fitted.
     """
     mean = float(signal[0].real)
-    changes = np.zeros((3, ORDER_COUNT))
+    changes = np.zeros((4, ORDER_COUNT))
     offset, step = conditions.sensor_offset_m / conditions.radius_m, _OFFSET_STEP
     if conditions.sensor_offset_std_m:
         sides = [curvature_orders(signal.real[np.newaxis], offset + side)[0] for side in (-step, step)]
@@ -129,7 +138,11 @@ def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping:
     changes[1, 0] = conditions.steady_std_mps2 / mean
     if damping is not None:
         changes[2] = _DAMPING_ERROR * damping.change[:ORDER_COUNT] / mean
-    changes[[0, 2], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
+    if conditions.gain_std:
+        shape = belt_shape(curvature_orders(signal.real[np.newaxis], offset))
+        gravity = gravity_orders(shape)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
+        changes[3] = conditions.gain_std * gravity
+    changes[[0, 2, 3], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     return changes
 
 

@@ -156,6 +156,15 @@ def belt_shape(orders: FloatArray) -> BeltShape:
     )
 
 
+def gravity_orders(shape: BeltShape) -> FloatArray:
+    """Return the cosine orders of gravity along the belt's normal over g, (b, MAX_ORDER + 1).
+
+    A sensor on the belt reads g cos(psi), psi being the angle of the normal from the vertical.
+    """
+    orders: FloatArray = np.cos(shape.angle_rad) @ _ANALYSIS
+    return orders
+
+
 def integrate_from_zero(values: ComplexArray) -> ComplexArray:
     """Return the integral from theta = 0 of mirror-symmetric fields, (..., m); exact if band-limited.
 

@@ -15,7 +15,7 @@ from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revo
 from gateway.estimators.evidence import Evidence, assess
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
-from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import RunningAverage
@@ -117,8 +117,7 @@ class TireEstimates:
             made = calibrated if is_calibration else estimator.update(revolution, average, seeing)
             if revolution.uncorrected is not None and estimator.name not in _UNAFFECTED:
                 made = tuple(_doubted(estimate, revolution.uncorrected) for estimate in made)
-            if not is_calibration:
-                made = tuple(evidence.qualified(estimate) for estimate in made)
+            made = tuple(evidence.qualified(estimate) for estimate in made)
             found = {estimate.name: estimate for estimate in made}
             given[estimator.name] = found
             for name, estimate in found.items():
@@ -166,6 +165,11 @@ class TireEstimates:
             claims=self._setup.sensor,
             tire=self._setup.tire,
         )
+
+    def flags(self) -> tuple[SensorFlag, ...]:
+        """Return what the signal contradicts of what is stated."""
+        contradictions = self.evidence.contradictions if self.evidence is not None else ()
+        return tuple(SensorFlag(str(found.subject), found.reason) for found in contradictions)
 
     @property
     def average(self) -> AngleAverage | None:
