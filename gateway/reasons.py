@@ -59,6 +59,7 @@ class Code(StrEnum):
     STEADY_VALUE_CONTRADICTED = "steady_value_contradicted"
     UNIT_IS_G = "unit_is_g"
     UNIT_IS_MPS2 = "unit_is_mps2"
+    WIDTH_CONTRADICTED = "width_contradicted"
     ZERO_CONTRADICTED = "zero_contradicted"
     ZERO_WOULD_FIT = "zero_would_fit"
     # Of the tire's four numbers

@@ -83,7 +83,9 @@ class ForwardEstimator:
         fitted = FittedNumbers(
             values, np.ones(4, dtype=np.bool_), fit.noise[first, first] * scale, fit.model[first, first] * scale
         )
-        numbers = [_with_shear_doubt(estimate, fit) for estimate in number_estimates(fitted, conditions, doubts)]
+        numbers = [
+            _with_shear_doubt(estimate, fit) for estimate in number_estimates(self.name, fitted, conditions, doubts)
+        ]
         return (*numbers, *_shape(fit, doubts))
 
     def _due(self) -> bool:

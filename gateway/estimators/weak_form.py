@@ -109,7 +109,7 @@ class WeakFormEstimator:
         self._warm = solution
         systematic = systematic_errors(signal, conditions, damping)
         fitted = fits_of(solution, std, systematic).numbers(0, load_number(conditions))
-        return number_estimates(fitted, conditions, doubt_about(revolution, average))
+        return number_estimates(self.name, fitted, conditions, doubt_about(revolution, average))
 
     def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
         self._warm = None

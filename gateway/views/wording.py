@@ -76,6 +76,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.UNIT_IS_G: "values in g taken for m/s² would fit",
     Code.UNIT_IS_MPS2: "values in m/s² taken for g would fit",
+    Code.WIDTH_CONTRADICTED: (
+        "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
+        "radius are not as stated"
+    ),
     Code.ZERO_CONTRADICTED: (
         "several speeds give a zero-g offset of {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²}, "
         "{stated_std_mps2:.1f m/s²} is its stated error"
