@@ -13,7 +13,7 @@ from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.evidence import assess
 from gateway.estimators.self_calibration import Measured
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
-from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheel_setup import ReferenceNumbers, TireData, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, restated, simulated
 
@@ -48,12 +48,10 @@ def test_first_revolution_already_contradicts_the_rate() -> None:
     assert all(last(results[:n])["speed_mps"].status is Status.INVALID for n in range(1, len(results)))
 
 
-def test_unit_mistaken_for_g_is_named() -> None:
-    results, snapshot = restated(PLAIN, 4.0, SETUP, DEFAULT, unit_factor=1.0 / STANDARD_GRAVITY_MPS2)
-    if not results:
-        pytest.fail("no revolution")
-    causes = snapshot.flags[0].reason["causes"]
-    assert causes[0].code is Code.UNIT_IS_G
+def test_metres_taken_for_g_are_named() -> None:
+    _, snapshot = restated(PLAIN, 4.0, SETUP, DEFAULT, unit_factor=STANDARD_GRAVITY_MPS2)
+    (flag,) = snapshot.flags
+    assert [cause.code for cause in flag.reason["causes"]] == [Code.UNIT_IS_MPS2]
 
 
 def test_wrong_radius_makes_speed_provisional() -> None:
@@ -130,6 +128,18 @@ def test_zero_offset_is_contradicted_by_two_speeds() -> None:
     for name in RING_NUMBERS:
         assert found[name].status is Status.PROVISIONAL
         assert abs(found[name].value - getattr(truth.numbers(11.0), name)) < 3.0 * found[name].std
+
+
+@pytest.mark.parametrize("load_n", [4000.0, 6000.0])
+def test_wrong_load_is_contradicted_by_the_width(load_n: float) -> None:
+    """The width of the belt is that of the new tire, whatever its wear."""
+    reference = ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3)
+    setup = replace(SETUP, load_n=load_n, tire=TireData(reference=reference))
+    found = last(simulated(PLAIN, 4.0, setup, DEFAULT)[0])
+    for name in RING_NUMBERS:
+        assert found[name].status is Status.PROVISIONAL
+        assert codes_of(found[name].reasons) == (Code.WIDTH_CONTRADICTED,)
+    assert found["Bs/Cw"].status is Status.VALID
 
 
 CONDITIONS = TireConditions(0.32, 4200.0, 210e3, radius_std_m=0.0032)
