@@ -153,5 +153,6 @@ def _estimate_one(
         click.echo(
             f"  {clean(link)}: {counted.frames} frames, {counted.lost} lost, {counted.crc_errors} with a bad CRC, "
             f"{counted.duplicates} duplicate, {counted.reordered} late"
+            + (f", {counted.bad_payload} with a bad payload" if counted.bad_payload else "")
             + (f", {counted.refused} rejected because not verified" if counted.refused else "")
         )

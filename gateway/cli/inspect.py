@@ -119,6 +119,7 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
         f"    {counted.frames} frames, {counted.lost} lost ({percent(counted.lost, total)}), "
         f"{counted.crc_errors} with a bad CRC, {counted.duplicates} duplicate, {counted.reordered} late, "
         f"{counted.skipped} skipped, {counted.noise_bytes} noise bytes, {counted.restarts} counter restarts"
+        + (f", {counted.bad_payload} with a bad payload" if counted.bad_payload else "")
     )
     for (hub, wheel), source in sorted(link.wheels.items()):
         of = f"hub {hub}" if wheel == HUB_ITSELF else f"hub {hub} wheel {wheel}"
@@ -209,6 +210,7 @@ def _link_json(link: LinkInspection) -> dict[str, Any]:
         "duplicates": counted.duplicates,
         "reordered": counted.reordered,
         "skipped": counted.skipped,
+        "bad_payload": counted.bad_payload,
         "noise_bytes": counted.noise_bytes,
         "restarts": counted.restarts,
         "log": [

@@ -6,12 +6,12 @@ import os
 import stat
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
+from gateway.clock import SystemClock
 from gateway.security.cmac import SecurityError
 
 if sys.platform == "win32":
@@ -20,8 +20,8 @@ else:
     import fcntl
 
 _HAS_MODES: Final = os.name == "posix"
-_LOCK_WAIT_S: Final = 5.0
-_LOCK_RETRY_S: Final = 0.01
+_LOCK_WAIT_NS: Final = 5_000_000_000
+_LOCK_RETRY_NS: Final = 10_000_000
 
 
 def read_private(path: Path, most_bytes: int) -> str | None:
@@ -102,17 +102,18 @@ def locked(path: Path) -> Iterator[None]:
         SecurityError: another process holds the lock for long, or the folder cannot be written.
     """
     lock = _target(path).with_name(_target(path).name + ".lock")
-    until_s = time.monotonic() + _LOCK_WAIT_S
+    clock = SystemClock()
+    until_ns = clock.now_ns() + _LOCK_WAIT_NS
     try:
         _make_folder(lock)
         descriptor = _acquired(lock)
         while descriptor is None:
-            if time.monotonic() > until_s:
+            if clock.now_ns() > until_ns:
                 raise SecurityError(
                     f"'{path}' is being changed by another process",
                     f"Try again when it has ended. '{lock}' is its lock.",
                 )
-            time.sleep(_LOCK_RETRY_S)
+            clock.sleep_until_ns(clock.now_ns() + _LOCK_RETRY_NS)
             descriptor = _acquired(lock)
     except OSError as error:
         raise SecurityError(f"'{path}' cannot be locked: {error.strerror}", "Check folder and disk.") from error

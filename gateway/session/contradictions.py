@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import (
+    COMMANDS,
     EVERY_HUB,
     HUB_ITSELF,
     Axis,
@@ -47,7 +48,14 @@ _TEMPERATURE_DEGC: Final = (-100.0, 300.0)
 # Blocks of a wheel that are reviewed together.
 _REVIEW_BLOCKS: Final = 64
 # One block may have been late when the hub changed its axes; one unreadable frame may be an experiment of the hub.
-_LEAST: Final[Mapping[Code, int]] = {Code.HELLO_AXES_DIFFER: 3, Code.ONLY_UNREADABLE_FRAMES: 3}
+_LEAST: Final[Mapping[Code, int]] = {
+    Code.HELLO_AXES_DIFFER: 3,
+    Code.ONLY_UNREADABLE_FRAMES: 3,
+    Code.SAMPLES_REPEATED: 3,
+}
+# Of the last ten hellos within one start, more than this many differed from the one before.
+_LAST_HELLOS: Final = (1 << 10) - 1
+_MOST_CHANGES: Final = 4
 
 _Source = tuple[str, int, int]
 _Block = tuple[int, int, int, int]
@@ -67,10 +75,13 @@ class _Blocks(NamedTuple):
 class _Wheel:
     """State of one wheel: its hello, the last block, and the span over which the rate is measured."""
 
-    __slots__ = ("former_sensor", "hello", "last", "pending", "since")
+    __slots__ = ("changes", "former_sensor", "hello", "last", "pending", "since", "without_hello")
 
     def __init__(self) -> None:
         self.hello: Hello | None = None
+        # Blocks before the first hello; and whether each of the last hellos changed something, one bit each.
+        self.without_hello = 0
+        self.changes = 0
         self.former_sensor: int | None = None
         self.pending: list[tuple[int, int, int]] = []
         self.restart()
@@ -121,7 +132,7 @@ class ContradictionWatch:
                 continue
             message = frame.message
             if not isinstance(message, SampleBlock):
-                self._slow(source, frame.tick_us, message)
+                self._slow(source, frame.type, frame.tick_us, message)
             elif frame.wheel == HUB_ITSELF:
                 self._find(source, Code.HUB_SENDS_AS_WHEEL)
             else:
@@ -145,7 +156,7 @@ class ContradictionWatch:
                 stop = int(np.searchsorted(places[source], at))
                 self._review(source, self._wheel(source), blocks[source].part(done[source], stop))
                 done[source] = stop
-            self._slow(source, int(batch.tick_us[at]), batch.message(at))
+            self._slow(source, int(batch.type[at]), int(batch.tick_us[at]), batch.message(at))
         for source, begin in done.items():
             self._review(source, self._wheel(source), blocks[source].part(begin, len(places[source])))
 
@@ -182,6 +193,9 @@ class ContradictionWatch:
         """Return all findings with their present counts."""
         for source, wheel in self._wheels.items():
             self._review_pending(source, wheel)
+            if wheel.hello is None and wheel.without_hello:
+                self._find(source, Code.SAMPLES_WITHOUT_HELLO, 0)
+                self._findings[source, Code.SAMPLES_WITHOUT_HELLO].count = wheel.without_hello
         found = [
             self._notice(source, code, finding)
             for (source, code), finding in sorted(self._findings.items(), key=lambda entry: entry[0])
@@ -220,9 +234,11 @@ class ContradictionWatch:
             wheel = self._wheels[source] = _Wheel()
         return wheel
 
-    def _slow(self, source: _Source, tick_us: int, message: Message) -> None:
+    def _slow(self, source: _Source, type_: int, tick_us: int, message: Message) -> None:
         is_hub = source[2] == HUB_ITSELF
-        if isinstance(message, Hello | Environment) and is_hub:
+        if type_ in COMMANDS:
+            self._find((*source[:2], HUB_ITSELF), Code.HUB_SENDS_COMMANDS)
+        elif isinstance(message, Hello | Environment) and is_hub:
             self._find(source, Code.HUB_SENDS_AS_WHEEL)
         elif isinstance(message, Hello):
             wheel = self._wheel(source)
@@ -241,11 +257,9 @@ class ContradictionWatch:
         if known is not None and known.boot_count == hello.boot_count != boot_count and boot_count is not None:
             own, other = float(hello.boot_count), float(boot_count)
             self._find((*hub, HUB_ITSELF), Code.HUB_BOOT_COUNTS_DIFFER, own=own, other=other)
-        if known is not None and known.sensor_id != hello.sensor_id:
-            if hello.sensor_id == wheel.former_sensor and known.boot_count == hello.boot_count:
-                sensors = f"{hello.sensor_id:08x}", f"{known.sensor_id:08x}"
-                self._find(source, Code.HELLO_SENSORS_ALTERNATE, sensor=sensors[0], other=sensors[1])
-            wheel.former_sensor = known.sensor_id
+        wheel.changes = wheel.changes << 1 & _LAST_HELLOS
+        if known is not None and known != hello and known.boot_count == hello.boot_count:
+            self._hello_changed(source, wheel, known, hello)
         self._boot_counts[hub] = hello.boot_count
         wheel.hello = hello
         self._scale(source, hello)
@@ -253,6 +267,17 @@ class ContradictionWatch:
             self._find(source, Code.HELLO_HIGHPASS_WITH_DC, highpass_hz=hello.highpass_hz)
         if source[1] == EVERY_HUB:
             self._find((*hub, HUB_ITSELF), Code.HUB_NUMBER_RESERVED)
+
+    def _hello_changed(self, source: _Source, wheel: _Wheel, known: Hello, hello: Hello) -> None:
+        """Look at a hello that differs from the last one although the hub has not restarted."""
+        former, wheel.former_sensor = wheel.former_sensor, known.sensor_id
+        if known.sensor_id != hello.sensor_id == former:
+            sensors = f"{hello.sensor_id:08x}", f"{known.sensor_id:08x}"
+            self._find(source, Code.HELLO_SENSORS_ALTERNATE, sensor=sensors[0], other=sensors[1])
+            return
+        wheel.changes |= 1
+        if wheel.changes.bit_count() > _MOST_CHANGES:
+            self._find(source, Code.HELLO_KEEPS_CHANGING)
 
     def _scale(self, source: _Source, hello: Hello) -> None:
         """Compare scale, range and zero of every present axis."""
@@ -289,15 +314,24 @@ class ContradictionWatch:
         """Compare blocks of samples with the wheel's hello."""
         hello = wheel.hello
         if hello is None or not len(blocks.first):
+            wheel.without_hello += len(blocks.first)
             return
         other = blocks.axes[blocks.axes != hello.axes]
         if len(other):
             sent, stated = _axes_named(int(other[-1])), _axes_named(hello.axes)
             self._find(source, Code.HELLO_AXES_DIFFER, len(other), sent=sent, stated=stated)
-        last = wheel.last if wheel.last is not None else (int(blocks.first[0]), int(blocks.tick[0]))
+        if wheel.last is None:
+            wheel.last = int(blocks.first[0]), int(blocks.tick[0])
+            blocks = blocks.part(1, len(blocks.first))
+            if not len(blocks.first):
+                return
+        last = wheel.last
         wheel.last = int(blocks.first[-1]), int(blocks.tick[-1])
         samples = _steps(last[0], blocks.first)
         us = _steps(last[1], blocks.tick)
+        repeated = int(np.count_nonzero((samples == 0) & (us == 0)))
+        if repeated:
+            self._find(source, Code.SAMPLES_REPEATED, repeated)
         jumps = np.flatnonzero(is_jump(samples, us, hello.rate_hz))
         if len(jumps):
             jumps_s = apart_s(samples, us, hello.rate_hz)[jumps]

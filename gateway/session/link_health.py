@@ -199,7 +199,7 @@ class LinkHealth:
 
     def _restarted(self, hub: int, boot_count: int, host_ns: int) -> list[Notice]:
         recent = [at for at in self._restarts_ns.get(hub, []) if 0 <= host_ns - at < _MINUTE_NS]
-        self._restarts_ns[hub] = [*recent, host_ns]
+        self._restarts_ns[hub] = [*recent[-_RESTARTS_PER_MINUTE:], host_ns]
         if len(recent) >= _RESTARTS_PER_MINUTE:
             return self._once(hub_name(hub), Reason(Code.HUB_RESTARTS_REPEATEDLY))
         self._reported.discard((Code.HUB_RESTARTS_REPEATEDLY, hub_name(hub)))

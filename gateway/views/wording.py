@@ -284,6 +284,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "HELLO states DC coupling and a high-pass at {highpass_hz:g Hz} ({count} times). The high-pass is ignored; if "
         "there is one, the firmware must state AC"
     ),
+    Code.HELLO_KEEPS_CHANGING: (
+        "HELLO keeps changing without a restart ({count} times): each change of sensor, rate or axes starts the wheel "
+        "anew. A faulty hub, two sensors under one number, or forged frames"
+    ),
     Code.HELLO_RATE_DIFFERS: (
         "HELLO states {stated_hz:g Hz}, but samples come at {measured_hz:.0f Hz} by the hub's clock ({count} times "
         "over {duration_s:g s}). One of the two is wrong: a fault of the firmware"
@@ -322,6 +326,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the hub sends messages of a wheel under its own number, 255: {count} frames are not used. A fault of the "
         "firmware"
     ),
+    Code.HUB_SENDS_COMMANDS: (
+        "commands arrive from the hub ({count} frames), which only a gateway sends: is the line looped back?"
+    ),
     Code.HUB_TIME_AGAINST_TICK: (
         "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} times). A fault of the firmware"
     ),
@@ -330,6 +337,13 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "firmware"
     ),
     Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} times), which no tire has",
+    Code.SAMPLES_REPEATED: (
+        "sends samples again under new counters: {count} blocks are not used. A fault of the firmware"
+    ),
+    Code.SAMPLES_WITHOUT_HELLO: (
+        "{count} blocks of samples, but no HELLO: without rate and scale nothing can be estimated. A hub sends a HELLO "
+        "every 2 s. Restart the hub or update its firmware"
+    ),
     Code.SAMPLE_NUMBERS_JUMP: (
         "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} times): a restart of the "
         "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"

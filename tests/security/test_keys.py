@@ -159,7 +159,7 @@ def test_lock_held_for_long_is_an_error(tmp_path: Path, monkeypatch: pytest.Monk
     path = tmp_path / "keys"
     run("new", "1", "--file", path)
     before = path.read_bytes()
-    monkeypatch.setattr(private_file, "_LOCK_WAIT_S", 0.0)
+    monkeypatch.setattr(private_file, "_LOCK_WAIT_NS", 0)
     with locked(path):
         printed = run("new", "2", "--file", path, fails=True)
     assert "another process" in printed

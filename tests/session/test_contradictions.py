@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Coupling, MessageType, TimeSync
+from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Coupling, MessageType, SetRate, SetStream, TimeSync
 from gateway.cli.estimate import estimate
 from gateway.cli.inspect import inspect
 from gateway.config.vehicle import parse_vehicle
@@ -131,6 +131,26 @@ def impossible_temperature(hub: HubFrames) -> None:
     hub.environment(temperature_degc=-320.0)
 
 
+def changing_hello(hub: HubFrames) -> None:
+    for at in range(20):
+        hub.hello(rate_hz=4800.0 + at)
+
+
+def repeated_samples(hub: HubFrames) -> None:
+    hub.hello()
+    for _ in range(10):
+        hub.samples(36 / 9600)
+
+
+def no_hello(hub: HubFrames) -> None:
+    hub.samples(0.5)
+
+
+def looped_back(hub: HubFrames) -> None:
+    hub.send(MessageType.SET_RATE, SetRate(9600.0), HUB_ITSELF)
+    hub.send(MessageType.SET_STREAM, SetStream(True), 3)
+
+
 CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = [
     (other_axes, "FL", Code.HELLO_AXES_DIFFER, {"stated": ("radial",), "count": 26}),
     (other_rate, "FL", Code.HELLO_RATE_DIFFERS, {"stated_hz": 4800.0, "measured_hz": 9600, "count": 4}),
@@ -146,6 +166,10 @@ CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = 
     (wheel_messages_of_the_hub, "hub 0", Code.HUB_SENDS_AS_WHEEL, {"count": 28}),
     (time_against_tick, "hub 0", Code.HUB_TIME_AGAINST_TICK, {"tick_us": 8.0, "count": 1}),
     (only_unknown_types, "FL", Code.ONLY_UNREADABLE_FRAMES, {"count": 7}),
+    (changing_hello, "FL", Code.HELLO_KEEPS_CHANGING, {"count": 15}),
+    (repeated_samples, "FL", Code.SAMPLES_REPEATED, {"count": 9}),
+    (no_hello, "FL", Code.SAMPLES_WITHOUT_HELLO, {"count": 133}),
+    (looped_back, "hub 0", Code.HUB_SENDS_COMMANDS, {"count": 2}),
     (impossible_pressure, "FL", Code.PRESSURE_IMPOSSIBLE, {"pressure_pa": -2e9, "count": 1}),
     (impossible_temperature, "FL", Code.TEMPERATURE_IMPOSSIBLE, {"count": 1}),
 ]
