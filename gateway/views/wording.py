@@ -318,7 +318,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.OF_RECORDINGS: "{statement}: {recordings}",
     Code.STATED_LOAD: "load {load_n:.0f N} ({source})",
     Code.STATED_LOAD_RANGE: "load {low_n:.0f} to {high_n:.0f N} ({source})",
-    Code.STATED_OFFSET: "mounting offset {offset_m:g mm} below the neutral layer ({source})",
+    Code.STATED_OFFSET: "mounting offset {offset_m:.1f mm} below the neutral layer ({source})",
     Code.STATED_PITCH: "mounting pitch {pitch_rad:g deg} ({source})",
     Code.STATED_PRESSURE: "pressure {pressure_pa:.0f kPa} ({source})",
     Code.STATED_PRESSURE_RANGE: "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})",
