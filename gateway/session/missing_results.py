@@ -1,0 +1,53 @@
+"""Reasons why a session or a recording has no result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from gateway.pipeline.results import WheelSnapshot
+from gateway.reasons import Code, Level, Notice, Reason
+
+
+class FrameCounts(NamedTuple):
+    """Frames of one link.
+
+    Attributes:
+        accepted: intact frames that were used.
+        refused: intact frames that were rejected because they were not verified.
+    """
+
+    accepted: int
+    refused: int
+
+
+def missing_frames(links: Mapping[str, FrameCounts]) -> tuple[Notice, ...]:
+    """Return a warning for each link without a frame to use; one for all when there is no link."""
+    if not links:
+        return (_warning("", Reason(Code.NO_FRAME_RECEIVED)),)
+    empty = {link: counts for link, counts in links.items() if not counts.accepted}
+    return tuple(
+        _warning(
+            link,
+            Reason(Code.ALL_FRAMES_REFUSED, count=counts.refused) if counts.refused else Reason(Code.NO_FRAME_RECEIVED),
+        )
+        for link, counts in empty.items()
+    )
+
+
+def missing_revolutions(wheels: Sequence[WheelSnapshot], links: Mapping[str, FrameCounts]) -> tuple[Notice, ...]:
+    """Return a warning for each wheel that sent samples, but completed no revolution.
+
+    Args:
+        wheels: their last state.
+        links: counts of their links; without frames there is nothing to say of wheels.
+    """
+    found = tuple(_warning(wheel.position, wheel.missing) for wheel in wheels if wheel.missing is not None)
+    rolled = any(wheel.counters.revolutions for wheel in wheels)
+    if not found and not rolled and any(counts.accepted for counts in links.values()):
+        return (_warning("", Reason(Code.NO_SAMPLES)),)
+    return found
+
+
+def _warning(subject: str, reason: Reason) -> Notice:
+    return Notice(subject, reason, Level.WARNING)
