@@ -269,8 +269,10 @@ class WheelPipeline:
             why = (Reason(Code.NO_SAMPLES),)
         if not why:
             return None
-        dead = [flag.reason for flag in flags if flag.reason.code in (Code.SENSOR_DEAD, Code.SENSOR_STUCK)]
-        return Reason(Code.NO_REVOLUTION, duration_s=self._missing.duration_s, why=tuple(dead) or why)
+        dead = tuple(flag.reason for flag in flags if flag.reason.code in (Code.SENSOR_DEAD, Code.SENSOR_STUCK))
+        if dead and why[0].code is not Code.RADIAL_AT_RANGE_END:
+            why = dead
+        return Reason(Code.NO_REVOLUTION, duration_s=self._missing.duration_s, why=why)
 
     def _flags(self) -> tuple[SensorFlag, ...]:
         """Return the present faults, one that keeps revolutions from coming last."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
 
 from gateway.pipeline.results import WheelSnapshot
 from gateway.reasons import Code, Level, Notice, Reason
+
+# A standing or slow wheel is worth a notice after this time of samples.
+_LONG_S: Final = 6.0
 
 
 class FrameCounts(NamedTuple):
@@ -36,17 +39,33 @@ def missing_frames(links: Mapping[str, FrameCounts]) -> tuple[Notice, ...]:
 
 
 def missing_revolutions(wheels: Sequence[WheelSnapshot], links: Mapping[str, FrameCounts]) -> tuple[Notice, ...]:
-    """Return a warning for each wheel that sent samples, but completed no revolution.
+    """Return a warning for each wheel that sent samples, but completed no revolution at all or none in the end.
 
     Args:
         wheels: their last state.
         links: counts of their links; without frames there is nothing to say of wheels.
     """
-    found = tuple(_warning(wheel.position, wheel.missing) for wheel in wheels if wheel.missing is not None)
+    found = tuple(
+        _warning(wheel.position, reason)
+        for wheel in wheels
+        if (reason := wheel.missing or next(_no_revolution(wheel), None)) is not None
+    )
     rolled = any(wheel.counters.revolutions for wheel in wheels)
     if not found and not rolled and any(counts.accepted for counts in links.values()):
         return (_warning("", Reason(Code.NO_SAMPLES)),)
     return found
+
+
+def long_missing(wheel: WheelSnapshot) -> Reason | None:
+    """Return why a wheel has completed no revolution, after some seconds of samples; None where an alarm says so."""
+    missing = wheel.missing
+    if missing is None or next(_no_revolution(wheel), None) is not None:
+        return None
+    return missing if missing["duration_s"] >= _LONG_S else None  # type: ignore[operator]  # a number
+
+
+def _no_revolution(wheel: WheelSnapshot) -> Iterator[Reason]:
+    return (flag.reason for flag in wheel.flags if flag.reason.code is Code.NO_REVOLUTION)
 
 
 def _warning(subject: str, reason: Reason) -> Notice:
