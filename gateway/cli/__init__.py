@@ -113,7 +113,7 @@ def treadlink(verbosity: int, log_file: Path | None) -> None:
 
 def main() -> None:
     """Run the command; errors that the user can correct are shown as a message and a remedy, without a traceback."""
-    from gateway.cli import stop_signals
+    from gateway.cli import exit_status, stop_signals
 
     stop_signals.install()
     try:
@@ -127,4 +127,4 @@ def main() -> None:
         click.secho(f"treadlink: {message}", fg="red", err=True)
         if remedy:
             click.echo(f"  {remedy}", err=True)
-        raise SystemExit(1) from error
+        raise SystemExit(exit_status.NO_RESULT) from error

@@ -68,6 +68,8 @@ def check_target(path: Path, *, force: bool = False) -> None:
     Raises:
         OutputError: the file exists and `force` is not set, or its folder does not exist or cannot be written.
     """
+    if is_stdout(path):
+        return
     try:
         _check(path, force=force)
     except OSError as error:
