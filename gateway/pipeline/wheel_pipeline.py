@@ -31,6 +31,8 @@ BUFFER_S: Final = 8.0
 _MAX_GAP_S: Final = 0.25
 # Tolerance between the time stamp and the sample number of a late block. If it is exceeded, the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
+# Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
+_NO_CONTACTS_WITH: Final = frozenset((Code.SENSOR_DEAD, Code.SENSOR_STUCK, Code.SENSOR_TILTED))
 
 
 @dataclass(slots=True)
@@ -269,15 +271,15 @@ class WheelPipeline:
             why = (Reason(Code.NO_SAMPLES),)
         if not why:
             return None
-        dead = tuple(flag.reason for flag in flags if flag.reason.code in (Code.SENSOR_DEAD, Code.SENSOR_STUCK))
-        if dead and why[0].code is not Code.RADIAL_AT_RANGE_END:
-            why = dead
+        faults = tuple(flag.reason for flag in flags if flag.reason.code in _NO_CONTACTS_WITH)
+        if faults and why[0].code is not Code.RADIAL_AT_RANGE_END:
+            why = faults
         return Reason(Code.NO_REVOLUTION, duration_s=self._missing.duration_s, why=why)
 
     def _flags(self) -> tuple[SensorFlag, ...]:
         """Return the present faults, one that keeps revolutions from coming last."""
         flags = self._sensor.health.flags() if self._sensor is not None else ()
-        if not self._missing.is_fault or any(flag.reason.code is Code.SENSOR_DEAD for flag in flags):
+        if not self._missing.is_fault or any(flag.reason.code in _NO_CONTACTS_WITH for flag in flags):
             return flags
         reason = Reason(Code.NO_REVOLUTION, duration_s=self._missing.waited_s, why=self._missing.present)
         return (*flags, SensorFlag("no revolution", reason))

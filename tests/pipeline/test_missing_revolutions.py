@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import Coupling, Frame, MessageType
+from firmware_protocol.messages import Coupling, Frame, MessageType, SampleBlock
 from gateway.constants import STANDARD_GRAVITY_MPS2 as G
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
@@ -19,7 +19,7 @@ from gateway.pipeline.results import WheelSnapshot
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Reason
-from tests.pipeline.rolling_signals import PRESSURE_PA, RADIUS_M, SCALE_MPS2, Rolling
+from tests.pipeline.rolling_signals import PRESSURE_PA, RADIUS_M, SCALE_MPS2, Rolling, hello
 
 RATE_HZ = 9600.0
 SETUP = WheelSetup("FL", 0, 0, RADIUS_M)
@@ -158,7 +158,7 @@ def test_saturated_axis_is_named(to_frames: ToFrames) -> None:
     reason = main_reason(wheel)
     assert reason.code is Code.RADIAL_AT_RANGE_END
     assert reason["level_mps2"] == pytest.approx(32767 * SCALE_MPS2)
-    assert "no revolution" in flags
+    assert flags == {"stuck"}
 
 
 def test_random_signal_has_no_alike_contacts(to_frames: ToFrames) -> None:
@@ -169,6 +169,21 @@ def test_random_signal_has_no_alike_contacts(to_frames: ToFrames) -> None:
 def test_dead_sensor_is_the_reason(to_frames: ToFrames) -> None:
     wheel, _ = run(to_frames(np.zeros(round(7.0 * RATE_HZ))))
     assert main_reason(wheel).code is Code.SENSOR_DEAD
+
+
+def test_swapped_axes_are_the_reason(roll: Roll) -> None:
+    # Circumferential acceleration on the radial channel, and the other way round.
+    signal = roll(65.0, 7.0).radial_mps2
+    channels = np.stack((signal, noise(len(signal)), 30.0 * np.sin(np.arange(len(signal)))), axis=1)
+    counts = np.rint(channels / SCALE_MPS2).astype(np.int16)
+    described = hello(axes=0b111, range_mps2=(1600.0,) * 3, scale_mps2=(SCALE_MPS2,) * 3)
+    frames = [Frame(MessageType.HELLO, 0, 0, 0, 0, described)]
+    for at in range(0, len(counts) - 36, 36):
+        block = SampleBlock(at, 0b111, counts[at : at + 36])
+        frames.append(Frame(MessageType.SAMPLES, 0, 0, len(frames), round(at / RATE_HZ * 1e6), block))
+    wheel, flags = run(frames)
+    assert main_reason(wheel).code is Code.SENSOR_TILTED
+    assert flags == {"mounting"}
 
 
 def test_samples_without_hello_are_named(roll: Roll, to_frames: ToFrames) -> None:
