@@ -278,7 +278,8 @@ class WheelPipeline:
 
     def _flags(self) -> tuple[SensorFlag, ...]:
         """Return the present faults, one that keeps revolutions from coming last."""
-        flags = self._sensor.health.flags() if self._sensor is not None else ()
+        health = self._sensor.health.flags() if self._sensor is not None else ()
+        flags = (*health, *self._tire.flags())
         if not self._missing.is_fault or any(flag.reason.code in _NO_CONTACTS_WITH for flag in flags):
             return flags
         reason = Reason(Code.NO_REVOLUTION, duration_s=self._missing.waited_s, why=self._missing.present)

@@ -205,7 +205,7 @@ def test_rolling_wheels_have_no_reason(roll: Roll, to_frames: ToFrames, kmh: flo
     wheel, flags = run(to_frames(roll(kmh, 7.0, ac=ac).radial_mps2, coupling=coupling))
     assert wheel.counters.revolutions > 5
     assert wheel.missing is None
-    assert flags == set()
+    assert "no revolution" not in flags
 
 
 def test_stop_and_go_has_no_reason(roll: Roll, to_frames: ToFrames) -> None:
@@ -215,7 +215,7 @@ def test_stop_and_go_has_no_reason(roll: Roll, to_frames: ToFrames) -> None:
     wheel, flags = run(to_frames(roll(kmh, 36.0).radial_mps2))
     assert wheel.counters.revolutions > 20
     assert wheel.missing is None
-    assert flags == set()
+    assert "no revolution" not in flags
 
 
 def test_chunks_do_not_change_the_reason(to_frames: ToFrames) -> None:
