@@ -28,6 +28,24 @@ class Code(StrEnum):
     EFFECTS_OUTSIDE_PRESSURES = "effects_outside_pressures"
     EFFECTS_OUTSIDE_SPEEDS = "effects_outside_speeds"
     EFFECTS_OF_OTHER_SENSOR = "effects_of_other_sensor"
+    # - Revolutions that do not come
+    ALL_FRAMES_REFUSED = "all_frames_refused"
+    CONTACTS_NOT_ALIKE = "contacts_not_alike"
+    NO_CONTACT_IN_AC_SIGNAL = "no_contact_in_ac_signal"
+    NO_CONTACT_SEEN = "no_contact_seen"
+    NO_FRAME_RECEIVED = "no_frame_received"
+    NO_REVOLUTION = "no_revolution"
+    NO_SAMPLES = "no_samples"
+    RADIAL_AT_RANGE_END = "radial_at_range_end"
+    RADIAL_IS_IN_G = "radial_is_in_g"
+    RADIAL_IS_IN_MPS2 = "radial_is_in_mps2"
+    RADIAL_OUTWARD = "radial_outward"
+    RATE_DOES_NOT_FIT = "rate_does_not_fit"
+    SAMPLES_INTERRUPTED = "samples_interrupted"
+    SAMPLES_TOO_SHORT = "samples_too_short"
+    SAMPLES_WITHOUT_HELLO = "samples_without_hello"
+    WHEEL_STANDS = "wheel_stands"
+    WHEEL_TOO_SLOW = "wheel_too_slow"
 
     # Estimates
     # Of any estimator

@@ -14,7 +14,7 @@ from gateway.config.effects_file import with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Chunk, LinkItem
-from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.recording.decoder_blocks import LinkBlocks
@@ -38,6 +38,7 @@ def estimate_items(
     on_bytes: Callable[[int], None] | None = None,
     guard: Guard | None = None,
     on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
+    on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
 ) -> dict[str, LinkCounters]:
     """Run the estimators on all items of a source.
@@ -50,6 +51,7 @@ def estimate_items(
         guard: verifies every frame first; None when signatures are not checked.
         on_bytes: called with the number of link bytes of each chunk, for a progress bar.
         on_batch: called with the link, a block of its frames and their arrival times, before its revolutions.
+        on_wheels: called once with the last state of every wheel.
         effects: known effects to subtract, one table per wheel.
 
     Returns:
@@ -80,4 +82,6 @@ def estimate_items(
         deliver(name, blocks.finish())
     for result in pipeline.finish():
         on_result(result)
+    if on_wheels is not None:
+        on_wheels(pipeline.wheels())
     return {name: blocks.counters for name, blocks in links.items()}

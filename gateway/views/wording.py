@@ -37,6 +37,52 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
     ),
     Code.EFFECTS_OF_OTHER_SENSOR: "the effects were found on sensor {found_on}, but this is sensor {sensor}",
+    # - Revolutions that do not come
+    Code.CONTACTS_NOT_ALIKE: (
+        "no three contacts in a row are those of one rolling wheel (radial axis: mean {mean_mps2:.0f m/s²}, standard "
+        "deviation {std_mps2:.0f m/s²})"
+    ),
+    Code.NO_CONTACT_SEEN: (
+        "no contact with the road is seen: the radial axis has a mean of {mean_mps2:.0f m/s²} and never falls below "
+        "{lowest_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    ),
+    Code.NO_CONTACT_IN_AC_SIGNAL: (
+        "no contact with the road is seen: the AC-coupled radial axis falls by {depth_mps2:.0f m/s²}, but its rotation "
+        "has a centripetal acceleration of {expected_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    ),
+    Code.ALL_FRAMES_REFUSED: "all {count} frames were rejected, because their signatures could not be verified",
+    Code.NO_FRAME_RECEIVED: "no frame was received, so there is nothing to estimate",
+    Code.NO_REVOLUTION: "no revolution in {duration_s:.1f s} of samples: {why}",
+    Code.NO_SAMPLES: "no samples were received",
+    Code.RADIAL_AT_RANGE_END: (
+        "{share:.0%} of the samples are at the end of the sensor's range, {level_mps2:.0f m/s²}: a larger range is "
+        "needed"
+    ),
+    Code.RADIAL_IS_IN_G: (
+        "the radial axis is {ratio:.3f} of the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} of "
+        "{expected_mps2:.0f m/s²}): its unit is g, not m/s² (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    ),
+    Code.RADIAL_IS_IN_MPS2: (
+        "the radial axis is {ratio:.2f} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    ),
+    Code.RADIAL_OUTWARD: "the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign",
+    Code.RATE_DOES_NOT_FIT: (
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
+    ),
+    Code.SAMPLES_INTERRUPTED: (
+        "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
+    ),
+    Code.SAMPLES_TOO_SHORT: "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}",
+    Code.SAMPLES_WITHOUT_HELLO: "no hello describes the {count} blocks of samples: their rate and scale are unknown",
+    Code.WHEEL_STANDS: (
+        "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
+        "{std_mps2:.1f m/s²}"
+    ),
+    Code.WHEEL_TOO_SLOW: (
+        "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
+    ),
     # Estimates
     # Of any estimator
     Code.AC_COUPLED: "AC-coupled: the steady value is lost",
