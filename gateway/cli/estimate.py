@@ -19,6 +19,7 @@ from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import Guard, open_guard
 from gateway.security.key_file import default_key_file
+from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.wheel_identity import SensorsHeard
 from gateway.views.output_file import check_outputs
@@ -101,7 +102,7 @@ def _estimate_one(
     effects: tuple[CorrectionTable, ...],
 ) -> None:
     path = reader.info.path
-    shown, sensors = sys.stderr.isatty(), SensorsHeard()
+    shown, sensors, alarms = sys.stderr.isatty(), SensorsHeard(), BatchAlarms(vehicle)
     bar = click.progressbar(length=reader.info.size_bytes, label=path.name, file=sys.stderr, hidden=not shown)
     with bar as progress:
         done = 0
@@ -120,6 +121,7 @@ def _estimate_one(
             guard=guard,
             on_batch=lambda _link, batch, _arrivals: sensors.take(batch),
             effects=effects,
+            alarms=alarms,
         )
     click.echo(
         f"{path}"
@@ -134,7 +136,7 @@ def _estimate_one(
         for wheel in wheels:
             if wheel.position == table.position:
                 click.echo(clean(f"  {effects_line(wheel, [effect.name for effect in table.effects])}"))
-    for line in summary_lines(wheels):
+    for line in summary_lines(wheels, alarms=alarms.finish()):
         click.echo(clean(f"  {line}".rstrip()))
     for link, counted in counters.items():
         click.echo(

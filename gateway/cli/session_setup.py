@@ -145,7 +145,7 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> Sessio
     """
     snapshot = session.live.close()
     write("")
-    for line in summary_lines(session.summary.wheels(), snapshot.links):
+    for line in summary_lines(session.summary.wheels(), snapshot.links, snapshot.alarm_records):
         write(clean(line))
     if snapshot.recording:
         write("")

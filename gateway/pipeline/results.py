@@ -12,6 +12,21 @@ from gateway.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
+class Alarm:
+    """Something wrong now.
+
+    Attributes:
+        position: of the wheel, or name of the link.
+        name: kind of the alarm, one or two words: an `AlarmName` or the name of a sensor's flag.
+        reason: what is wrong.
+    """
+
+    position: str
+    name: str
+    reason: Reason
+
+
+@dataclass(frozen=True, slots=True)
 class RevolutionResult:
     """Result of one revolution of one wheel.
 
@@ -21,6 +36,8 @@ class RevolutionResult:
         revolution: the revolution itself.
         conditions: load, pressure and temperature during the revolution.
         estimates: of every estimator, in running order.
+        alarms: alarms that stood at the wheel; of recordings that are estimated in one pass only, as the next.
+        silent_before_s: time for which its sensor was silent between the previous result and this one.
     """
 
     position: str
@@ -28,6 +45,8 @@ class RevolutionResult:
     revolution: Revolution
     conditions: TireConditions
     estimates: tuple[Estimate, ...]
+    alarms: tuple[Alarm, ...] = ()
+    silent_before_s: float = 0.0
 
 
 class WheelState(StrEnum):
@@ -192,21 +211,6 @@ class LinkSnapshot:
     supply_w: float | None = None
     judged: Mapping[str, int] = field(default_factory=dict)
     silent_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Alarm:
-    """Something wrong now.
-
-    Attributes:
-        position: of the wheel, or name of the link.
-        name: kind of the alarm, one or two words: an `AlarmName` or the name of a sensor's flag.
-        reason: what is wrong.
-    """
-
-    position: str
-    name: str
-    reason: Reason
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Iterable, Mapping
+import math
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -17,6 +19,8 @@ _logger = logging.getLogger(__name__)
 # Alarms raised more often than this within a minute are reported again only after a minute without a change.
 _RAISED_PER_MINUTE: Final = 3
 _MINUTE_S: Final = 60.0
+# Latest times of an alarm that are kept.
+_PAST_SPANS: Final = 256
 # Silence that goes on is reported again at these ages, then every hour.
 _REMINDERS_S: Final = (60.0, 600.0, 3600.0)
 # Events of the link and notices of the guard report these already.
@@ -37,6 +41,13 @@ class _Entry:
     is_muted: bool = False
     recent_s: list[float] = field(default_factory=list)
     reminded_s: float = 0.0
+    past: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_PAST_SPANS))
+
+    def spans(self) -> Iterator[tuple[float, float]]:
+        """Yield begin and end of the times for which it stood."""
+        yield from self.past
+        if self.is_standing:
+            yield self.raised_s, math.inf
 
     def record(self) -> AlarmRecord:
         standing_s = self.seen_s - self.raised_s if self.is_standing else 0.0
@@ -56,6 +67,11 @@ class AlarmLog:
     def standing(self) -> Mapping[AlarmKey, Code]:
         """Return the standing alarms with the codes of their reasons."""
         return {key: entry.alarm.reason.code for key, entry in self._entries.items() if entry.is_standing}
+
+    def standing_at(self, position: str, at_s: float) -> tuple[Alarm, ...]:
+        """Return the alarms that stood at a wheel at a time, with their reasons as last seen."""
+        of_wheel = [entry for (of, _), entry in self._entries.items() if of == position]
+        return tuple(entry.alarm for entry in of_wheel if any(begin <= at_s < end for begin, end in entry.spans()))
 
     def records(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm, in the order of their first raising."""
@@ -131,6 +147,7 @@ class AlarmLog:
         entry.is_standing = False
         duration_s = at_s - entry.raised_s
         entry.before_s += duration_s
+        entry.past.append((entry.raised_s, at_s))
         what = value or entry.alarm.reason
         if entry.alarm.name in SILENCES:
             age_s = entry.alarm.reason["silence_s"]

@@ -16,7 +16,8 @@ from gateway.session.wheel_identity import sensor_ids
 
 State = tuple[tuple[WheelSnapshot, ...], tuple[LinkSnapshot, ...]]
 
-_REVIEW_INTERVAL_NS: Final = 100_000_000
+REVIEW_INTERVAL_NS: Final = 100_000_000
+"""Interval of reviews, in the time of the frames."""
 # A link that was never open, or that has ended as it should, is no alarm in the history.
 _NORMAL_DOWN: Final = frozenset({Code.LINK_NOT_OPEN, Code.LINK_ENDED})
 
@@ -43,21 +44,14 @@ class AlarmWatch:
         self.log = AlarmLog()
         self._state = state
         self._sensor_ids = sensor_ids(vehicle)
-        self._due_ns: dict[str, int] = {}
         self._review_due_ns: dict[str, int] = {}
 
     def advance(self, link: str, now_ns: int) -> list[Notice]:
         """Bring a link to a time before its next frame is taken; return new notices."""
-        notices: list[Notice] = []
-        if now_ns >= self._due_ns.get(link, 0):
-            while (due_ns := self.silence.next_change_ns(link)) is not None and due_ns <= now_ns:
-                self.silence.advance(link, due_ns)
-                notices += self.review()
-            self._due_ns[link] = due_ns if due_ns is not None else 0
-        self.silence.advance(link, now_ns)
+        notices = [notice for _ in self.silence.changes(link, now_ns) for notice in self.review()]
         review_due_ns = self._review_due_ns.get(link, 0)
-        if not 0 < review_due_ns - now_ns <= _REVIEW_INTERVAL_NS:
-            self._review_due_ns[link] = now_ns + _REVIEW_INTERVAL_NS
+        if not 0 < review_due_ns - now_ns <= REVIEW_INTERVAL_NS:
+            self._review_due_ns[link] = now_ns + REVIEW_INTERVAL_NS
             notices += self.review()
         return notices
 

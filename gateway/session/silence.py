@@ -31,6 +31,9 @@ _INTERVALS: Final = 15
 _FEWEST_INTERVALS: Final = 5
 # Frames of different links arrive in almost the order of their times; a larger step back is a clock that was set.
 _SET_BACK_NS: Final = 5_000_000_000
+_NEVER_NS: Final = 1 << 63
+# Silences of a sensor that no result has been matched with yet.
+_GAPS: Final = 256
 
 
 class Limit(NamedTuple):
@@ -109,9 +112,10 @@ class _Sensor:
         axes_ns: last arrival of each axis that has been declared.
         last_ns: last frame of any kind.
         resumed_ns: end of its last silence, or its first frame.
+        gaps: begin and end of the latest silences of its samples.
     """
 
-    __slots__ = ("axes_ns", "declared", "environment", "last_ns", "messages", "resumed_ns", "samples")
+    __slots__ = ("axes_ns", "declared", "environment", "gaps", "last_ns", "messages", "resumed_ns", "samples")
 
     def __init__(self, samples: Limit, host_ns: int) -> None:
         self.samples = _Stream(samples, host_ns)
@@ -119,6 +123,7 @@ class _Sensor:
         self.environment: _Stream | None = None
         self.declared = 0
         self.axes_ns: dict[Axis, int] = {}
+        self.gaps: deque[tuple[int, int]] = deque(maxlen=_GAPS)
         self.last_ns = self.resumed_ns = host_ns
 
     def streams(self) -> Iterator[_Stream]:
@@ -134,6 +139,8 @@ class _Sensor:
                 self.environment.counted_from_ns = host_ns
         self.last_ns = host_ns
         if type_ == MessageType.SAMPLES:
+            if host_ns >= self.samples.due_ns:
+                self.gaps.append((self.samples.last_ns, host_ns))
             self.samples.arrived(host_ns)
             for axis in self.axes_ns:
                 if axes >> axis & 1:
@@ -171,7 +178,8 @@ class _Sensor:
             return
         if now_ns >= self.samples.due_ns:
             since_ns = max(self.samples.counted_from_ns, self.resumed_ns)
-            is_certain = self.messages.last_ns - since_ns >= self.samples.limit_ns
+            # Evidence that only the samples are gone: another message has come well after them.
+            is_certain = self.messages.last_ns - since_ns >= self.samples.limit_ns // 2
             code = Code.SAMPLES_SILENT if is_certain else Code.SAMPLES_MISSING
             yield Silence(SilentPart.SAMPLES, age_s, Reason(code, silence_s=age_s), is_certain)
         else:
@@ -229,12 +237,14 @@ class _Link:
         now_ns: time up to which the link is known.
         down: why the link is down, None while it is open.
         hubs: hubs heard on it.
+        due_ns: time before which its state cannot change without a frame.
     """
 
     begin_ns: int
     now_ns: int
     down: Reason | None = None
     hubs: dict[int, _Hub] = field(default_factory=dict)
+    due_ns: int = 0
 
     def count_again(self, host_ns: int) -> None:
         """Count every silence from `host_ns`."""
@@ -315,21 +325,54 @@ class SilenceWatch:
             frame = Frame(type_, hub, wheel, int(batch.seq[at]), int(batch.tick_us[at]), batch.message(at))
             yield int(arrivals_ns[at]), frame
 
-    def advance(self, link: str, now_ns: int) -> None:
-        """Move the time of a link forward."""
+    def changes(self, link: str, now_ns: int) -> Iterator[None]:
+        """Move the time of a link forward; yield at each time on the way at which its state may have changed."""
         known = self._link(link, now_ns)
+        while now_ns >= known.due_ns:
+            due_ns = self._next_change_ns(known)
+            known.due_ns = due_ns if due_ns is not None else _NEVER_NS
+            if now_ns >= known.due_ns:
+                known.now_ns = known.due_ns
+                yield
         known.now_ns = max(known.now_ns, now_ns)
 
     # Output
 
-    def next_change_ns(self, link: str) -> int | None:
-        """Return the next time at which the state of a link may change without a frame, None when there is none."""
-        known = self._links.get(link)
-        if known is None:
-            return None
+    @staticmethod
+    def _next_change_ns(known: _Link) -> int | None:
         first_ns = known.begin_ns + round(LIMITS["first"].least_s * _S)
         due_ns = [first_ns, *(due for hub in known.hubs.values() for due in hub.due_ns())]
         return min((due for due in due_ns if due > known.now_ns), default=None)
+
+    def links(self) -> tuple[str, ...]:
+        """Return the names of the links."""
+        return tuple(self._links)
+
+    def newest_ns(self) -> int:
+        """Return the latest time of any link, 0 before the first item."""
+        return max((link.now_ns for link in self._links.values()), default=0)
+
+    def since_begin_s(self, host_ns: int) -> float:
+        """Return the time from the first item to `host_ns`."""
+        return (host_ns - min((link.begin_ns for link in self._links.values()), default=host_ns)) / _S
+
+    def ended_before_s(self, position: str, host_ns: int) -> float:
+        """Return how long samples of a wheel were missing in silences that ended before `host_ns`, each time once."""
+        silent_ns = 0
+        for name, link in self._links.items():
+            for number, hub in link.hubs.items():
+                for wheel, sensor in hub.sensors.items():
+                    if sensor.gaps and self._position_of(name, number, wheel) == position:
+                        while sensor.gaps and sensor.gaps[0][1] <= host_ns:
+                            begin_ns, end_ns = sensor.gaps.popleft()
+                            silent_ns += end_ns - begin_ns
+        return silent_ns / _S
+
+    def down_links(self) -> Iterator[tuple[str, Reason]]:
+        """Yield the links that are down, with the reason."""
+        for name, link in self._links.items():
+            if link.down is not None:
+                yield name, link.down
 
     def elapsed_s(self) -> float:
         """Return the time since the first item."""
@@ -390,7 +433,7 @@ class SilenceWatch:
         if host_ns < link.now_ns - _SET_BACK_NS:
             # Recordings that follow each other may have times that do not.
             link.begin_ns -= link.now_ns - host_ns
-            link.now_ns = host_ns
+            link.now_ns, link.due_ns = host_ns, 0
             link.count_again(host_ns)
         link.now_ns = max(link.now_ns, host_ns)
         hub = link.hubs.get(number)
