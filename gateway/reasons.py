@@ -75,6 +75,7 @@ class Code(StrEnum):
     NO_LOAD_FROM_CONTACT_ANGLE = "no_load_from_contact_angle"
     NUMBER_MISSING = "number_missing"
     OVER_REVOLUTIONS = "over_revolutions"
+    PRESSURE_OLD = "pressure_old"
     PRESSURE_NOT_COMPENSATED = "pressure_not_compensated"
     PRESSURE_OUTSIDE_CALIBRATION = "pressure_outside_calibration"
     UNKNOWN_ESTIMATOR = "unknown_estimator"

@@ -13,6 +13,7 @@ import numpy as np
 from firmware_protocol.messages import Axis, Environment
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import in_order, make_estimator
+from gateway.pipeline.old_pressure import old_pressure_s, rest_on_old_pressure
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
@@ -76,6 +77,9 @@ class TireEstimates:
         average = self._take_in(revolution)
         conditions = self.conditions(end_us)
         estimates = self._estimate(revolution, average, conditions)
+        old_s = old_pressure_s(self._environment, end_us)
+        if old_s is not None:
+            estimates = rest_on_old_pressure(estimates, old_s)
         self.last = RevolutionResult(self._setup.position, host_ns, revolution, conditions, estimates)
         return self.last
 

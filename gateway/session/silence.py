@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from firmware_protocol import wire
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.messages import HUB_ITSELF, Axis, Frame, Hello, Message, MessageType, SampleBlock
+from gateway.pipeline.old_pressure import ENVIRONMENT_INTERVALS, ENVIRONMENT_LEAST_S
 from gateway.pipeline.results import Silence, SilentPart
 from gateway.reasons import Code, Reason
 
@@ -58,8 +59,8 @@ LIMITS: Final = {
     "messages": Limit(3.0, 3.0, wire.ENVIRONMENT_PERIOD_S),
     # A hub sends its status and its time every second.
     "hub": Limit(3.0, 3.0, wire.HUB_STATUS_PERIOD_S),
-    # Pressure and temperature change within minutes, so that some lost readings do not matter.
-    "environment": Limit(5.0, 5.0, wire.ENVIRONMENT_PERIOD_S),
+    # As the estimates that rest on the pressure.
+    "environment": Limit(ENVIRONMENT_INTERVALS, ENVIRONMENT_LEAST_S, wire.ENVIRONMENT_PERIOD_S),
     # A configured sensor that nothing was ever received from: five hellos are due by then.
     "first": Limit(5.0, 10.0, wire.HELLO_PERIOD_S),
 }

@@ -94,6 +94,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NO_LOAD_FROM_CONTACT_ANGLE: "not from the contact angle: {why}",
     Code.NUMBER_MISSING: "the estimator {estimator} does not give {number}",
     Code.OVER_REVOLUTIONS: "over {revolutions:.0f} revolutions",
+    Code.PRESSURE_OLD: "rests on a pressure that is {age_s:.0f s} old",
     Code.PRESSURE_NOT_COMPENSATED: "pressure not compensated",
     Code.PRESSURE_OUTSIDE_CALIBRATION: (
         "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"

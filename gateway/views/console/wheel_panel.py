@@ -31,7 +31,7 @@ from gateway.views.wording import text as reason_text
 PANEL_MIN_WIDTH: Final = 58
 PANEL_MIN_HEIGHT: Final = 12
 _DETAIL_WIDTH: Final = 33
-_SHORT_LABELS: Final = {"contact length": "contact"}
+_SHORT_LABELS: Final = {"contact length": "contact", "ply steer peak": "ply steer"}
 _PLOT_MIN_ROWS: Final = 6  # with its legend and axis
 _WAITING: Final = {
     WheelState.NO_DATA: "no data: nothing received from this sensor yet",
