@@ -400,7 +400,7 @@ def _delay(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
 
 def _silence(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
     """Leave out the frames of one kind between two times, as if their sender had not made them."""
-    stays = _SPEAKING[int(fault.options["part"])]
+    part, wheel = int(fault.options["part"]), int(fault.options["wheel"])
     begin_ns: int | None = None
     unmade: Counter[tuple[str, int, int]] = Counter()
     for link, host_ns, pieces in frame_pieces(chunks):
@@ -414,7 +414,8 @@ def _silence(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
                 continue
             fault.counts.frames_seen += 1
             source = link, piece.data[wire.HUB_OFFSET], piece.data[wire.WHEEL_OFFSET]
-            if is_due and not stays(piece.data):
+            is_meant = part == 0 or wheel in (-1, source[2])
+            if is_due and is_meant and not _SPEAKING[part](piece.data):
                 fault.counts.frames_hit += 1
                 fault.counts.bytes_dropped += len(piece.data)
                 unmade[source] += 1
@@ -499,6 +500,7 @@ FAULTS: Final[dict[str, FaultKind]] = {
         "Let hubs, sensors or a part of their messages fall silent.",
         {
             "part": Option(2, 0, 3, "0 hubs, 1 sensors, 2 samples, 3 environment"),
+            "wheel": Option(-1, -1, 254, "number of the wheel, -1 for all; hubs have all of theirs"),
             "at": Option(5, 0, 1e7, "s after the first chunk"),
             "for": Option(0, 0, 1e7, "s, 0 for ever"),
         },

@@ -207,7 +207,7 @@ def duration(seconds: float) -> str:
 
 def age(seconds: float) -> str:
     """Return a time that has passed as whole seconds, from two minutes on as `h:mm:ss`."""
-    return f"{int(seconds)} s" if seconds < 120.0 else duration(seconds)
+    return f"{seconds:.0f} s" if seconds < 120.0 else duration(seconds)
 
 
 def file_size(size_bytes: int) -> str:

@@ -175,9 +175,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.ENVIRONMENT_SILENT: "no pressure or temperature for {silence_s:.0f s}: the last values are that old",
     Code.HUB_OF_WHEEL_SILENT: "no frame of its hub for {silence_s:.0f s}",
-    Code.HUB_SILENT: (
-        "no frame for {silence_s:.0f s}. Battery empty, out of range, or stopped? Wheels without data: {wheels}"
-    ),
+    Code.HUB_SILENT: "no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?",
     Code.SAMPLES_MISSING: "no samples for {silence_s:.0f s}",
     Code.SAMPLES_SILENT: (
         "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "

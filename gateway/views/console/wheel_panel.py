@@ -102,7 +102,10 @@ def silence_text(wheel: WheelSnapshot) -> str:
     silence = wheel.silence
     if silence is None:
         return ""
-    return clean(f"SILENT for {age(silence.age_s)}: {reason_text(silence.reason)}")
+    says_when = "silence_s" in dict(silence.reason.values)
+    since = "" if says_when else f" for {age(silence.age_s)}"
+    said = f"SILENT{since}: {reason_text(silence.reason)}"
+    return clean(said if said.endswith("?") else f"{said}.")
 
 
 def _last_heard(wheel: WheelSnapshot) -> str:
@@ -156,9 +159,9 @@ def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
 
 
 def _counters(wheel: WheelSnapshot) -> list[Run]:
-    """Return counters of samples and revolutions; those that need attention are warnings."""
+    """Return counters of samples and revolutions, without a rate in silence; those that need attention are warnings."""
     c = wheel.counters
-    lost = percent(c.samples_lost, c.samples + c.samples_lost)
+    lost = percent(c.samples_lost, c.samples + c.samples_lost) if wheel.silence is None else MISSING
     runs = [
         (f"lost {lost}", Role.WARNING if c.samples_lost else Role.LABEL),
         (f"overwritten {c.samples_overwritten}", Role.WARNING if c.samples_overwritten else Role.LABEL),
