@@ -437,6 +437,8 @@ class SilenceWatch:
             link.now_ns, link.due_ns = host_ns, 0
             link.count_again(host_ns)
         link.now_ns = max(link.now_ns, host_ns)
+        if type_ != MessageType.SAMPLES or number not in link.hubs or wheel not in link.hubs[number].sensors:
+            link.due_ns = 0  # it may begin a stream, which is due earlier than those before
         hub = link.hubs.get(number)
         if hub is None:
             hub = link.hubs[number] = _Hub()
