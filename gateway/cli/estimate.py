@@ -22,6 +22,7 @@ from gateway.reasons import Code, Notice
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import Guard, open_guard
 from gateway.security.key_file import default_key_file
+from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.session.wheel_identity import SensorsHeard
@@ -123,7 +124,7 @@ def _estimate_one(
 ) -> tuple[Notice, ...]:
     """Estimate one recording and print its summary; return the warnings of what gave no result."""
     path = reader.info.path
-    shown, sensors = sys.stderr.isatty(), SensorsHeard()
+    shown, sensors, alarms = sys.stderr.isatty(), SensorsHeard(), BatchAlarms(vehicle)
     states: list[WheelSnapshot] = []
     bar = click.progressbar(length=reader.info.size_bytes, label=path.name, file=sys.stderr, hidden=not shown)
     with bar as progress:
@@ -144,6 +145,7 @@ def _estimate_one(
             on_batch=lambda _link, batch, _arrivals: sensors.take(batch),
             on_wheels=states.extend,
             effects=effects,
+            alarms=alarms,
         )
     say(
         f"{path}"
@@ -158,7 +160,7 @@ def _estimate_one(
         for wheel in wheels:
             if wheel.position == table.position:
                 say(clean(f"  {effects_line(wheel, [effect.name for effect in table.effects])}"))
-    for line in summary_lines(wheels):
+    for line in summary_lines(wheels, alarms=alarms.finish()):
         say(clean(f"  {line}".rstrip()))
     for link, counted in counters.items():
         say(

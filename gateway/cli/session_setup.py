@@ -210,7 +210,7 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
     links = {link.link: FrameCounts(link.frames, sum(link.judged.values())) for link in snapshot.links}
     no_frames, no_revolutions = missing_frames(links), missing_revolutions(snapshot.wheels, links)
     write("")
-    for line in summary_lines(session.summary.wheels(), snapshot.links):
+    for line in summary_lines(session.summary.wheels(), snapshot.links, snapshot.alarm_records):
         write(clean(line))
     for notice in (*no_frames, *no_revolutions):
         write(clean(notice_text(notice)))

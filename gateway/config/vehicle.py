@@ -285,6 +285,12 @@ class Thresholds(Section):
     battery_min_percent: float | None = Field(
         default=None, ge=0, le=100, description="lowest state of charge of a hub's battery in percent"
     )
+    silent_after_s: float | None = Field(
+        default=None,
+        ge=0.2,
+        le=3600,
+        description="time without samples after which a sensor is silent, in s; 1 s when not stated",
+    )
 
     @property
     def pressure_min_pa(self) -> float | None:

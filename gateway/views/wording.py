@@ -169,6 +169,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NO_LOAD_FROM_CONTACT_ANGLE: "not from the contact angle: {why}",
     Code.NUMBER_MISSING: "the estimator {estimator} does not give {number}",
     Code.OVER_REVOLUTIONS: "over {revolutions:.0f} revolutions",
+    Code.PRESSURE_OLD: "rests on a pressure that is {age_s:.0f s} old",
     Code.PRESSURE_NOT_COMPENSATED: "pressure not compensated",
     Code.PRESSURE_OUTSIDE_CALIBRATION: (
         "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"
@@ -218,17 +219,51 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "are swapped"
     ),
     # Wheels, links and alarms
+    # - Alarms as events
+    Code.ALARM_CLEARED: "alarm over at {at_s:.1f s}, after {duration_s:.1f s}: {what}",
+    Code.ALARM_COMES_AND_GOES: (
+        "ALARM at {at_s:.1f s}: {alarm}. It comes and goes: it is reported again after a minute without change"
+    ),
+    Code.ALARM_RAISED: "ALARM at {at_s:.1f s}: {alarm}",
+    Code.ALARM_STANDS: "ALARM still at {at_s:.1f s}: {alarm}",
     # - Thresholds
     Code.BATTERY_BELOW_LIMIT: "battery at {level:.0f %}, below {limit:.0f %}",
+    Code.BATTERY_NOW: "battery at {level:.0f %}",
     Code.FRAME_LOSS_ABOVE_LIMIT: "{share:.2f %} of the frames lost, above {limit:.2f %}",
+    Code.FRAME_LOSS_NOW: "{share:.2f %} of the frames lost",
     Code.LINK_DOWN: "link is down: {state}",
     Code.LOAD_ABOVE_LIMIT: "load {load_n:.0f N} is above {limit_n:.0f N}",
+    Code.LOAD_NOW: "load {load_n:.0f N}",
     Code.PRESSURE_ABOVE_LIMIT: "pressure {pressure_pa:.0f kPa} is above {limit_pa:.0f kPa}",
     Code.PRESSURE_BELOW_LIMIT: "pressure {pressure_pa:.0f kPa} is below {limit_pa:.0f kPa}",
+    Code.PRESSURE_NOW: "pressure {pressure_pa:.0f kPa}",
     Code.SENSOR_RANGE_REACHED: "{count} samples at the end of the sensor's range",
     Code.SPEED_ABOVE_LIMIT: "speed {speed_mps:.0f km/h} is above {limit_mps:.0f km/h}",
+    Code.SPEED_NOW: "speed {speed_mps:.0f km/h}",
     Code.TEMPERATURE_ABOVE_LIMIT: "inner liner at {temperature_degc:.0f degC}, above {limit_degc:.0f degC}",
+    Code.TEMPERATURE_NOW: "inner liner at {temperature_degc:.0f degC}",
     Code.WEAR_ABOVE_LIMIT: "wear {wear_m:.1f mm} is above {limit_m:.1f mm}",
+    Code.WEAR_NOW: "wear {wear_m:.1f mm}",
+    # - Silence
+    Code.AXIS_SILENT: (
+        "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
+    ),
+    Code.ENVIRONMENT_SILENT: "no pressure or temperature for {silence_s:.0f s}: the last values are that old",
+    Code.HUB_OF_WHEEL_SILENT: "no frame of its hub for {silence_s:.0f s}",
+    Code.HUB_SILENT: "no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?",
+    Code.SAMPLES_MISSING: "no samples for {silence_s:.0f s}",
+    Code.SAMPLES_SILENT: (
+        "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "
+        "firmware?"
+    ),
+    Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
+    Code.SENSOR_NEVER_HEARD: (
+        "nothing received from its sensor in {silence_s:.0f s}. Is it switched on, and are hub and wheel number as "
+        "configured?"
+    ),
+    Code.SENSOR_SILENT: (
+        "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
+    ),
     # - Events of links and devices
     Code.BATTERY_LEVEL: "battery {level:.0f %}",
     Code.BLE_DEVICE: "{device}",
@@ -242,6 +277,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LINK_RESTORED: "reconnected",
     Code.LINK_RETRYING: "reconnecting fails",
     Code.MARK: "mark: {text}",
+    Code.MARK_NOT_KEPT: "not kept, because this session is not recorded",
     Code.MTU: "MTU {mtu}",
     Code.MTU_TOO_SMALL: "MTU {mtu} is less than the {needed} that frames need: expect losses",
     Code.MTU_UNKNOWN: "MTU unknown (frames need {needed})",
@@ -265,7 +301,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_WITH_UNKNOWN_FLAGS: "frames with unknown flags are skipped and counted",
     Code.HUB_RESTARTED: "restarted (boot count {boot_count}); its counters and times start again",
     Code.HUB_RESTARTS_REPEATEDLY: "restarts again and again. Check its supply. Further restarts are not reported",
-    Code.HUB_SILENT: "sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?",
     Code.LINK_NO_DATA_YET: (
         "open, but no data yet. Is the hub powered, awake and set to send? Are TX and RX connected correctly?"
     ),
@@ -281,15 +316,12 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
         "is skipped and counted. Update treadlink"
     ),
-    Code.NO_FRAMES: "data arrives, but it contains no frame ({frames} before): {content}",
+    Code.NO_FRAMES: "data arrives, but it contains no frame: {content}",
+    Code.NO_FRAMES_ANY_MORE: "data arrives, but no frame any more, after {frames} frames: {content}",
     Code.NO_HELLO: (
         "samples arrive, but no hello for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
         "hub sends a hello every 2 s. Restart the hub or update its firmware"
     ),
-    Code.SENSOR_SILENT: (
-        "its sensor sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?"
-    ),
-    Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
     # - Content of a line without frames
     Code.CHECK_SOURCE_ADDRESS: "Check the address of the source",
     Code.CHOOSE_HUB_PORT: "Choose the hub's port; `treadlink doctor` lists the ports",
