@@ -9,7 +9,10 @@ from functools import partial
 from pathlib import Path
 
 import click
+import numpy as np
+from numpy.typing import NDArray
 
+from firmware_protocol.block_decoder import FrameBatch
 from gateway.cli import exit_status
 from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
 from gateway.cli.session_setup import choose_vehicle, open_effects
@@ -24,8 +27,9 @@ from gateway.security.guard import Guard, open_guard
 from gateway.security.key_file import default_key_file
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
+from gateway.session.contradictions import ContradictionWatch
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
-from gateway.session.wheel_identity import SensorsHeard
+from gateway.session.wheel_identity import SensorsHeard, positions
 from gateway.views.output_file import check_outputs, is_stdout
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables.result_table import TableFormat, open_table
@@ -125,6 +129,7 @@ def _estimate_one(
     """Estimate one recording and print its summary; return the warnings of what gave no result."""
     path = reader.info.path
     shown, sensors, alarms = sys.stderr.isatty(), SensorsHeard(), BatchAlarms(vehicle)
+    watch = ContradictionWatch(positions(vehicle))
     states: list[WheelSnapshot] = []
     bar = click.progressbar(length=reader.info.size_bytes, label=path.name, file=sys.stderr, hidden=not shown)
     with bar as progress:
@@ -135,6 +140,10 @@ def _estimate_one(
             progress.update(reader.position - done)
             done = reader.position
 
+        def on_batch(link: str, batch: FrameBatch, _: NDArray[np.int64]) -> None:
+            sensors.take(batch)
+            watch.batch(link, batch)
+
         counters = estimate_items(
             reader,
             vehicle,
@@ -142,7 +151,7 @@ def _estimate_one(
             estimators=estimators,
             on_bytes=on_bytes,
             guard=guard,
-            on_batch=lambda _link, batch, _arrivals: sensors.take(batch),
+            on_batch=on_batch,
             on_wheels=states.extend,
             effects=effects,
             alarms=alarms,
@@ -155,6 +164,10 @@ def _estimate_one(
     notices = guard.take_notices() if guard is not None else []
     # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
     for notice in notices or sensors.mismatches(vehicle, [wheel.position for wheel in wheels]):
+        say(f"  {clean(notice_text(notice))}")
+    for link, counted in counters.items():
+        watch.counters(link, counted)
+    for notice in watch.found():
         say(f"  {clean(notice_text(notice))}")
     for table in effects:
         for wheel in wheels:

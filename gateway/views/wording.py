@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Level, Notice, Reason, Value
+from gateway.views.text import escaped
 
 TEMPLATES: Final[Mapping[Code, str]] = {
     # Revolutions
@@ -353,6 +354,69 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WHEEL_NOT_IN_CONFIGURATION: (
         "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
     ),
+    # - Contradictions of a hub
+    Code.HELLO_AXES_DIFFER: (
+        "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
+    ),
+    Code.HELLO_HIGHPASS_WITH_DC: (
+        "HELLO states DC coupling and a high-pass at {highpass_hz:g Hz} ({count} times). The high-pass is ignored; if "
+        "there is one, the firmware must state AC"
+    ),
+    Code.HELLO_RATE_DIFFERS: (
+        "HELLO states {stated_hz:g Hz}, but samples come at {measured_hz:.0f Hz} by the hub's clock ({count} times "
+        "over {duration_s:g s}). One of the two is wrong: a fault of the firmware"
+    ),
+    Code.HELLO_SCALE_ABSURD: (
+        "HELLO states a full scale of {full_scale_mps2:.3g m/s²} for the {axis} axis, which no tire sensor has "
+        "({count} times). Its accelerations are wrong"
+    ),
+    Code.HELLO_SCALE_AGAINST_RANGE: (
+        "HELLO states a range of {range_mps2:.4g m/s²} for the {axis} axis, but scale and saturation give "
+        "{full_scale_mps2:.4g m/s²} ({count} times). Its accelerations may be wrong"
+    ),
+    Code.HELLO_SCALE_ZERO: (
+        "HELLO states a scale of 0 for {axes} ({count} times): such an axis cannot be used. A fault of the firmware"
+    ),
+    Code.HELLO_SENSORS_ALTERNATE: (
+        "sensors {sensor} and {other} announce themselves in turn as this wheel ({count} times): estimates of two "
+        "sensors are mixed. Give each a wheel number of its own"
+    ),
+    Code.HELLO_ZERO_ABSURD: (
+        "HELLO states {offset_counts:.6g} counts at zero acceleration for the {axis} axis, more than a sample can have "
+        "({count} times). Its accelerations are wrong"
+    ),
+    Code.HUB_BOOT_COUNTS_DIFFER: (
+        "its wheels state different boot counts, {own:.0f} and {other:.0f} ({count} times): each change is taken for a "
+        "restart. A fault of the firmware"
+    ),
+    Code.HUB_CLOCK_STILL: (
+        "the hub's clock does not advance while samples arrive ({count} times over {duration_s:g s}): times and the "
+        "sampling rate cannot be checked. A fault of the firmware"
+    ),
+    Code.HUB_NUMBER_RESERVED: (
+        "the hub has the number 255, which commands use for every hub ({count} HELLOs): it cannot be commanded alone"
+    ),
+    Code.HUB_SENDS_AS_WHEEL: (
+        "the hub sends messages of a wheel under its own number, 255: {count} frames are not used. A fault of the "
+        "firmware"
+    ),
+    Code.HUB_TIME_AGAINST_TICK: (
+        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} times). A fault of the firmware"
+    ),
+    Code.ONLY_UNREADABLE_FRAMES: (
+        "sends frames, but none that treadlink can read: {count} of unknown types or layouts. Update treadlink or the "
+        "firmware"
+    ),
+    Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} times), which no tire has",
+    Code.SAMPLE_NUMBERS_JUMP: (
+        "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} times): a restart of the "
+        "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
+    ),
+    Code.TEMPERATURE_IMPOSSIBLE: "the sensor states {temperature_degc:.0f degC} ({count} times), which no tire has",
+    Code.WHEELS_REFUSED: (
+        "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
+        "configure the wheels, and sign frames"
+    ),
     # - Sessions and commands
     Code.ASSUMED_NOT_MEASURED: "assumed, not measured: {text}",
     Code.COMMAND_FAILED: "the command failed",
@@ -364,7 +428,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "this computer is too slow to decode and estimate; the recording is complete. Dropped data is counted"
     ),
     Code.EFFECTS_SUBTRACTED: "subtracted from its axes at {ranges}: {effects}",
-    Code.HUB_LOG: "{severity}: {text}",
+    Code.HUB_LOG: "log ({severity}): {text}",
+    Code.HUB_LOG_LEFT_OUT: "{count} more lines of its hubs left out: at most ten a second are shown",
     Code.LOAD_RANGE: "{low_n:.0f} to {high_n:.0f N}",
     Code.PRESSURE_RANGE: "{low_pa:.0f kPa} to {high_pa:.0f kPa}",
     Code.RECORDING_BEHIND: "the disk is too slow: bytes are MISSING FROM THE RECORDING. Dropped data is counted",
@@ -413,6 +478,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_USED: "used all the same (policy warn)",
     Code.FRAMES_VERDICT: "{count} {verdict}",
     Code.FRAME_BEFORE_HELLO: "signed frames arrive, but no verified hello ({count} so far); {consequence}",
+    Code.FRAME_EARLIER_START: (
+        "{signer} sends under boot count {start}, but {latest} was accepted before ({count} frames so far): an old "
+        "recording is replayed, or the hub was replaced or has lost its boot count. If the hub is yours, set its boot "
+        "count above {latest}, or give a new key: treadlink keys new {identity} --replace; {consequence}"
+    ),
     Code.FRAME_LATE: (
         "a frame arrived long after later ones ({count} so far): a recording of the sensor may be replayed; "
         "{consequence}"
@@ -446,6 +516,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "sensor {sensor} is at a wheel that is not configured ({count} frames so far); configure it to admit it; "
         "{consequence}"
     ),
+    Code.SIGNER_AT_HUB: "{signer} at hub {hub}",
     Code.SIGNER_HUB: "hub {identity}",
     Code.SIGNER_SENSOR: "sensor {identity}",
     Code.SIGNER_UNKNOWN: "an unknown sensor",
@@ -608,6 +679,9 @@ class _Template(string.Formatter):
             return ", ".join(self.format_field(item, format_spec) for item in value)
         if format_spec == " ":
             return f" {value}" if value else ""
+        if isinstance(value, str) and not value.isprintable():
+            # Text from a hub, a file or an error stays on its line and cannot control the terminal.
+            value = escaped(value)
         number, _, unit = format_spec.partition(" ")
         if unit:
             return f"{format(value * _UNITS[unit], number)} {unit}"
@@ -630,7 +704,7 @@ def joined(reasons: Iterable[Reason]) -> str:
 
 def notice_text(notice: Notice) -> str:
     """Return a notice as one line: its subject, then its reason; a matter of security is marked as such."""
-    said = f"{notice.subject}: {text(notice.reason)}" if notice.subject else text(notice.reason)
+    said = f"{escaped(notice.subject)}: {text(notice.reason)}" if notice.subject else text(notice.reason)
     return f"SECURITY: {said}" if notice.level is Level.SECURITY else said
 
 
