@@ -365,6 +365,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RECORDING_RECORD_MISSING: (
         "'{recording}' has no valid record at byte {at_byte:d}; the rest is not read. `treadlink repair` recovers it"
     ),
+    Code.UNIT_UNLIKELY: (
+        "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
+        "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
+        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
+    ),
     # Diagnosis: acceptance tests
     Code.IMPLAUSIBLE_PARAMETER: (
         "{parameter} would be {value:.4g}{unit: }, outside its plausible range of {low:.4g} to {high:.4g}{unit: }"
