@@ -18,7 +18,7 @@ from gateway.importing.columns import BLOCK_ROWS, Block
 from gateway.importing.import_map import DELIMITERS, FileLayout
 from gateway.types import FloatArray
 
-_DATE_OR_CLOCK: Final = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}")
+_DATE_OR_CLOCK: Final = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}:\d{2}")
 _PLACEHOLDER: Final = re.compile(r"[-?*#./]+|n/?a|#n/a|null|none|missing|err(or)?", re.IGNORECASE)
 
 

@@ -106,13 +106,13 @@ def import_file(
         ImportDataError: the measurement does not match the map; nothing was written.
         RecordingError: the recording exists or cannot be written.
     """
-    if out.is_file():
-        # The writer would reject it too, but only after the first pass.
-        raise RecordingError(
-            f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
-        )
     with contextlib.closing(open_columns(path, import_map.file)) as reader:
         require_columns(reader, path, import_map.columns())
+        if out.is_file():
+            # The writer would reject it too, but only after the first pass.
+            raise RecordingError(
+                f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
+            )
         return _import(path, reader, import_map, out, progress)
 
 
