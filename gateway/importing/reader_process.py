@@ -26,8 +26,8 @@ from gateway.importing.columns import Block, ColumnReader, row_places
 from gateway.importing.import_map import FileFormat
 
 _READERS: Final = {
-    FileFormat.MAT: ("gateway.importing.mat_columns", "MatColumns", "MATLAB"),
-    FileFormat.PARQUET: ("gateway.importing.parquet_columns", "ParquetColumns", "Parquet"),
+    FileFormat.MAT: ("gateway.importing.mat_columns", "MatColumns", "MATLAB", "scipy.io"),
+    FileFormat.PARQUET: ("gateway.importing.parquet_columns", "ParquetColumns", "Parquet", "pyarrow.parquet"),
 }
 _SPARE_BYTES: Final = 384 << 20
 _BYTES_PER_FILE_BYTE: Final = 64
@@ -54,14 +54,14 @@ class ProcessColumns:
                 f"{path}: Parquet files need the package pyarrow", "Run: pip install 'treadlink[parquet]'"
             )
         self._path = path
-        self._kind = _READERS[file_format][2]
+        module, _, self._kind, parser = _READERS[file_format]
         size = path.stat().st_size
         self._limit_s = _SPARE_S + size / _FILE_BYTES_PER_S
         limit_bytes = _SPARE_BYTES + _BYTES_PER_FILE_BYTE * size
         # A fork of this process would copy its threads and locks; a fork of a fresh one starts faster than a spawn.
         context: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
         if hasattr(context, "set_forkserver_preload"):
-            context.set_forkserver_preload(["__main__", "numpy", "scipy.io", "gateway.importing.reader_process"])
+            context.set_forkserver_preload(["__main__", __name__, module, parser])
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
             target=_serve, args=(theirs, str(path), str(file_format), limit_bytes), daemon=True
@@ -126,7 +126,7 @@ def _serve(pipe: Connection, path: str, file_format: str, limit_bytes: int) -> N
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which ends this process
     with Path(os.devnull).open("wb") as nothing:
         os.dup2(nothing.fileno(), sys.__stderr__.fileno() if sys.__stderr__ else 2)  # an aborting parser prints there
-    module, name, _ = _READERS[FileFormat(file_format)]
+    module, name, *_ = _READERS[FileFormat(file_format)]
     reader_class = getattr(import_module(module), name)
     _limit_memory(limit_bytes)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
