@@ -11,6 +11,8 @@ from gateway.errors import OutputError
 Cell = str | int | float | bool | None
 
 _ROW_GROUP: Final = 8192
+# A spreadsheet takes text that begins so for a formula, and runs it.
+_FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 class RowSink(Protocol):
@@ -30,7 +32,10 @@ class RowSink(Protocol):
 
 
 class CsvSink:
-    """RFC 4180 with a header line; unknown values are empty, booleans 0 or 1, floats keep every digit."""
+    """RFC 4180 with a header line; unknown values are empty, booleans 0 or 1, floats keep every digit.
+
+    Text that a spreadsheet would run as a formula gets an apostrophe in front: names come from files and hubs.
+    """
 
     def __init__(self, file: IO[bytes]) -> None:
         """Take the open file; `end` closes it."""
@@ -39,15 +44,21 @@ class CsvSink:
 
     def begin(self, columns: dict[str, type]) -> None:
         """Write the header."""
-        self._rows.writerow(columns)
+        self._rows.writerow([_harmless(name) for name in columns])
 
     def row(self, cells: list[Cell]) -> None:
         """Add a row."""
-        self._rows.writerow([int(cell) if isinstance(cell, bool) else cell for cell in cells])
+        self._rows.writerow([_harmless(cell) for cell in cells])
 
     def end(self) -> None:
         """Finish and close the file."""
         self._text.close()
+
+
+def _harmless(cell: Cell) -> Cell:
+    if isinstance(cell, bool):
+        return int(cell)
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell
 
 
 def require_pyarrow() -> None:
