@@ -328,6 +328,8 @@ class Code(StrEnum):
     RECORDING_DESCRIPTION_DAMAGED = "recording_description_damaged"
     RECORDING_RECORD_DAMAGED = "recording_record_damaged"
     RECORDING_RECORD_MISSING = "recording_record_missing"
+    RECORDING_RECORD_TOO_LARGE = "recording_record_too_large"
+    UNIT_UNLIKELY = "unit_unlikely"
 
     # Diagnosis: acceptance tests
     IMPLAUSIBLE_PARAMETER = "implausible_parameter"

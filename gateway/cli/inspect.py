@@ -93,7 +93,9 @@ def _lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[str]:
             what = words if event.kind is LinkEventKind.MARK else f"{event.link}: {words}"
             yield f"    {at:9.2f} s  {what}"
         if len(found.events) > _EVENTS_SHOWN:
-            yield f"    ... and {len(found.events) - _EVENTS_SHOWN} more (--json prints all)"
+            printed = f"the first {len(found.events)}" if found.events_omitted else "all"
+            more = len(found.events) + found.events_omitted - _EVENTS_SHOWN
+            yield f"    ... and {more} more (--json prints {printed})"
     if found.topics:
         yield ""
         yield "  decoded topics: " + ", ".join(f"{topic} ({count})" for topic, count in sorted(found.topics.items()))
@@ -200,6 +202,7 @@ def _as_json(found: Inspection, notices: Sequence[Notice]) -> dict[str, Any]:
             }
             for event in found.events
         ],
+        "events_omitted": found.events_omitted,
         "topics": found.topics,
     }
 

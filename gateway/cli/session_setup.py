@@ -15,7 +15,7 @@ from gateway.cli import exit_status
 from gateway.cli.stop_signals import StopRequest
 from gateway.clock import Clock, SystemClock
 from gateway.config.effects_file import check_effects, load_effects
-from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle
+from gateway.config.vehicle import VehicleConfig, load_vehicle, recorded_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Source, is_live, open_source
@@ -63,7 +63,7 @@ def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], ori
     if config_path is not None:
         return load_vehicle(config_path)
     texts = [text for text in provided if text]
-    return parse_vehicle(texts[0], origin) if texts else None
+    return recorded_vehicle(texts[0], origin) if texts else None
 
 
 def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:

@@ -14,7 +14,7 @@ from firmware_protocol.block_decoder import FrameBatch
 from gateway.closure.data.campaign_data import Group, Remark
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, parse_vehicle
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, recorded_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, Reason
@@ -147,7 +147,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     reader = RecordingReader(order.path)
     vehicle = order.vehicle
     if vehicle is None and reader.vehicle_toml:
-        vehicle = parse_vehicle(reader.vehicle_toml, str(order.path))
+        vehicle = recorded_vehicle(reader.vehicle_toml, str(order.path))
     collected = _Collector(order, vehicle)
     report = on_position or (lambda _: None)
     guard = open_guard(vehicle, order.key_file, remembers=False)

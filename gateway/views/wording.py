@@ -542,6 +542,15 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RECORDING_RECORD_MISSING: (
         "'{recording}' has no valid record at byte {at_byte:d}; the rest is not read. `treadlink repair` recovers it"
     ),
+    Code.RECORDING_RECORD_TOO_LARGE: (
+        "'{recording}' has {size_bytes:.1f MB} in one chunk or record at byte {at_byte:d}, which is skipped; at most "
+        "{largest_bytes:.1f MB} are read at once. Check where the file comes from"
+    ),
+    Code.UNIT_UNLIKELY: (
+        "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
+        "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
+        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
+    ),
     # Diagnosis: acceptance tests
     Code.IMPLAUSIBLE_PARAMETER: (
         "{parameter} would be {value:.4g}{unit: }, outside its plausible range of {low:.4g} to {high:.4g}{unit: }"
@@ -660,6 +669,7 @@ _UNITS: Final = {
     "kPa": 1e-3,
     "m": 1.0,
     "m/s²": 1.0,
+    "MB": 1e-6,
     "mm": 1e3,
     "ms": 1e3,
     "ppm": 1e6,
