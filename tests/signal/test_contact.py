@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
-from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, contact_interior, edge_offset, find_contact_edges
+from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, contact_interior, find_contact_edges
+from gateway.signal.edge_distance import edge_distance, model_std_rad
 from gateway.signal.speed_normalisation import normalise_radial
 from tests.testkit.exact_ring import BASE_RING, omega_at, on_grid, sampled, solution
 
@@ -129,7 +130,7 @@ def test_edge_noise_error_matches_scatter(speed_kmh: float, noise_mps2: float) -
 
 def test_coarse_sampling_increases_edge_error() -> None:
     widths = [15.0, 20.0, 30.0, 40.0]
-    spreads = [edge_offset(width)[1] for width in widths]
+    spreads = [model_std_rad(width) for width in widths]
     assert spreads == sorted(spreads, reverse=True)
 
 
