@@ -19,7 +19,7 @@ from gateway.types import FloatArray
 TIRES = 700
 WIDTHS = (15.0, 17.5, 20.0, 25.0, 30.0, 40.0)
 # The error of real tires, which are no rings, over that of rings left out of the fit.
-MARGIN = 1.15
+MARGIN = 1.3
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -66,8 +66,8 @@ def grid_wave(solution: RingSolution) -> FloatArray:
     return np.fft.irfft(spectrum, GRID_SIZE) * (GRID_SIZE / len(solution.sensor.radial_m))
 
 
-def distances(solution: RingSolution, width: float) -> list[tuple[float, float, float, float]]:
-    """Return distance of the edge outside the steepest slope, and the three features, for both edges."""
+def distances(solution: RingSolution, width: float) -> list[tuple[float, ...]]:
+    """Return distance of the edge outside the steepest slope, and the features, for both edges."""
     shapes = contact_levels(grid_wave(solution), width).shapes
     if shapes is None:
         return []
@@ -104,7 +104,7 @@ def main() -> None:
         )  # fmt: skip
         table.append((*coefficients, MARGIN * std, *means, *spreads))
     columns = np.array(table).T
-    for name, part in (("_DISTANCES", columns[:5]), ("_FEATURE_MEANS_RAD", columns[5:8]), ("_FEATURE_STDS_RAD", columns[8:])):
+    for name, part in (("_DISTANCES", columns[:6]), ("_FEATURE_MEANS_RAD", columns[6:10]), ("_FEATURE_STDS_RAD", columns[10:])):
         print(f"{name}: Final = (")
         for column in part:
             print("    (" + ", ".join(f"{value:.4f}" for value in column) + "),")

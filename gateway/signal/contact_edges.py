@@ -34,6 +34,11 @@ _SEARCH_RAD: Final = 0.9
 _FREE_RAD: Final = 1.1
 # Every contact extends at least this far to either side of 0.
 _CENTRE_RAD: Final = 0.2
+# Waves of the free belt are measured between these angles beyond the steepest slopes, as what remains above this order.
+# A smoothing to fewer orders than the last number removes them.
+_RIPPLE_RAD: Final = (0.45, 1.3)
+_RIPPLE_ORDER: Final = 18.0
+_WAVES_ABOVE: Final = 25.0
 # Smallest accepted step between baseline and contact, over the noise of the smoothed waveform.
 _MIN_CONTRAST: Final = 6.0
 
@@ -104,9 +109,11 @@ def find_contact_edges(
     contrast = (baseline - plateau) / noise if noise > 0.0 else math.inf
     if not contrast > _MIN_CONTRAST:
         return _not_found(Reason(Code.CONTACT_IN_NOISE), plateau, baseline, contrast)
+    ripple_noise = noise_coefficient_mps2 * math.sqrt(float(np.sum(_band_gain(levels.orders, levels.gain) ** 2)))
+    ripple = math.sqrt(max(levels.ripple_mps2**2 - ripple_noise**2, 0.0)) / (baseline - plateau)
     edges = []
     for shape, direction in zip(levels.shapes, (-1, 1), strict=True):
-        found = edge_distance(width, shape.features_rad, shape.noises_rad(slope_noise, slope_bend_noise))
+        found = edge_distance(width, shape.features_rad, shape.noises_rad(slope_noise, slope_bend_noise), ripple)
         steepest_std = curvature_noise / shape.bend_mps2 if shape.bend_mps2 > 0.0 else math.inf
         noise_std = math.hypot(steepest_std, found.noise_std_rad)
         angle = shape.steepest_rad + direction * found.distance_rad
@@ -127,6 +134,7 @@ class ContactLevels:
         plateau_mps2: level in the middle of the contact; the lowest level near 0 where no contact is found.
         baseline_mps2: level of the free belt.
         shapes: at the leading and at the trailing edge; None where no contact is found.
+        ripple_mps2: rms of the free belt's waves above order 18, beyond the overshoots; 0 if the smoothing removes them.
         orders: (k,) orders that the smoothing keeps.
         gain: (k,) with these gains.
     """
@@ -134,6 +142,7 @@ class ContactLevels:
     plateau_mps2: float
     baseline_mps2: float
     shapes: tuple[EdgeShape, EdgeShape] | None
+    ripple_mps2: float
     orders: FloatArray
     gain: FloatArray
 
@@ -155,12 +164,24 @@ def contact_levels(radial_mps2: FloatArray, width: float) -> ContactLevels:
         plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
         crossings = _half_level_crossings(smooth, (first + last) // 2, 0.5 * (plateau + baseline), search)
     if crossings is None:
-        return ContactLevels(plateau, baseline, None, orders, gain)
+        return ContactLevels(plateau, baseline, None, 0.0, orders, gain)
     leading, trailing = (
-        edge_shape(slope, index, direction, baseline - plateau, search)
+        edge_shape(smooth, slope, index, direction, (plateau, baseline), search)
         for index, direction in zip(crossings, (-1, 1), strict=True)
     )
-    return ContactLevels(plateau, baseline, (leading, trailing), orders, gain)
+    ripple = _ripple(radial_mps2, smooth, leading.steepest_rad, trailing.steepest_rad) if width > _WAVES_ABOVE else 0.0
+    return ContactLevels(plateau, baseline, (leading, trailing), ripple, orders, gain)
+
+
+def _ripple(radial_mps2: FloatArray, smooth_mps2: FloatArray, leading_rad: float, trailing_rad: float) -> float:
+    """Return the rms of the waves beside the contact that the usual smoothing keeps and a stronger one removes."""
+    waves = smooth_mps2 - _smooth(radial_mps2, _RIPPLE_ORDER)[0]
+    angles = angle_grid(len(waves))
+    near, far = _RIPPLE_RAD
+    beside = ((angles > trailing_rad + near) & (angles < trailing_rad + far)) | (
+        (angles < leading_rad - near) & (angles > leading_rad - far)
+    )
+    return math.sqrt(float(np.square(waves[beside]).mean())) if beside.any() else 0.0
 
 
 def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> slice | None:
@@ -197,6 +218,12 @@ def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray,
     spectra[1, 1 : len(orders) + 1] = spectra[0, 1 : len(orders) + 1] * (1j * orders)
     curves: FloatArray = np.fft.irfft(spectra, n=n, axis=1)
     return curves[0], curves[1], orders, gain
+
+
+def _band_gain(orders: FloatArray, gain: FloatArray) -> FloatArray:
+    """Return the gains, (k,), of the waves that the usual smoothing keeps and the stronger one removes."""
+    result: FloatArray = gain - np.exp(-0.5 * (orders / _RIPPLE_ORDER) ** 2)
+    return result
 
 
 def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: int) -> tuple[int, int] | None:
