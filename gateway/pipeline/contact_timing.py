@@ -42,6 +42,8 @@ _MIN_JITTER_UPDATES: Final = 8
 _LEAST_WEIGHT: Final = 0.05
 # Revolutions in the average from which its scatter is known. Before, it contains only the sensor's noise.
 _SCATTER_KNOWN: Final = 3
+# Error of either edge per change of the half angle against the template's: its shape is that at another load.
+_OTHER_LOAD_SHARE: Final = 0.2
 # Angle by which the point of the belt that level crossings find may differ from the refined one.
 _CROSSING_STD_RAD: Final = 1e-3
 # Relative error of the speed at a contact before it is measured, counted as one value.
@@ -243,7 +245,8 @@ class ContactTimer:
         step = template.middle_rad - float(self._points.mean())
         limit = _ANCHOR_STEP * centre_std * match.rate
         self._points = self._points + min(max(step, -limit), limit)
-        edge_stds = np.sqrt(np.diag(noise + stretch)) * match.rate
+        other_load = _OTHER_LOAD_SHARE * 0.5 * float(seen[1] - seen[0]) * match.rate
+        edge_stds = np.hypot(np.sqrt(np.diag(noise + stretch)) * match.rate, other_load)
         return TimedContact(
             found=found,
             centre=centre,
