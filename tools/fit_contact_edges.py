@@ -104,7 +104,11 @@ def main() -> None:
         )  # fmt: skip
         table.append((*coefficients, MARGIN * std, *means, *spreads))
     columns = np.array(table).T
-    for name, part in (("_DISTANCES", columns[:6]), ("_FEATURE_MEANS_RAD", columns[6:10]), ("_FEATURE_STDS_RAD", columns[10:])):
+    for name, part in (
+        ("_DISTANCES", columns[:6]),
+        ("_FEATURE_MEANS_RAD", columns[6:10]),
+        ("_FEATURE_STDS_RAD", columns[10:]),
+    ):
         print(f"{name}: Final = (")
         for column in part:
             print("    (" + ", ".join(f"{value:.4f}" for value in column) + "),")

@@ -201,9 +201,7 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
             line_row(first, last, ORDERS, radius_m),
         ]
     )
-    return Slopes(
-        rows @ record.lateral_m, rows, (first, last), parity_rows @ record.lateral_m, parity_rows
-    )
+    return Slopes(rows @ record.lateral_m, rows, (first, last), parity_rows @ record.lateral_m, parity_rows)
 
 
 def _parity_rows(leading_rad: float, trailing_rad: float, radius_m: float) -> FloatArray:

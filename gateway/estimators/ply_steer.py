@@ -149,7 +149,10 @@ class PlySteerEstimator:
         ]
         if not abs(line) > _SIGNIFICANT * line_std:
             chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
-            estimates = [e if name in _OWN_SIGN else Estimate.invalid(name, chance) for name, e in zip(NAMES, estimates, strict=True)]
+            estimates = [
+                e if name in _OWN_SIGN else Estimate.invalid(name, chance)
+                for name, e in zip(NAMES, estimates, strict=True)
+            ]
         estimates.append(_estimate(LINE_NAME, line, line_std, doubt, (orders,)))
         estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
         return (*estimates, _roll_estimate(roll))
@@ -186,7 +189,9 @@ def _conicity(
     """Return conicity's part of the change of slope in the contact."""
     square = (0.5 * (edges_rad[1] - edges_rad[0])) ** 2
     value = difference_rad - _ROLLING_DIFFERENCE * square * line_rad
-    std = math.hypot(stds_rad[1], _ROLLING_DIFFERENCE * square * stds_rad[0], _ROLLING_DIFFERENCE_STD * square * line_rad)
+    std = math.hypot(
+        stds_rad[1], _ROLLING_DIFFERENCE * square * stds_rad[0], _ROLLING_DIFFERENCE_STD * square * line_rad
+    )
     if doubt is None and not abs(value) > _SIGNIFICANT * std:
         doubt = Reason(Code.CONICITY_NOT_SEPARATED)
     return _estimate(CONICITY_NAME, value, std, doubt, ())

@@ -150,9 +150,7 @@ def edge_shape(
     )
 
 
-def edge_distance(
-    width: float, features_rad: FloatArray, noises_rad: FloatArray, ripple: float = 0.0
-) -> EdgeDistance:
+def edge_distance(width: float, features_rad: FloatArray, noises_rad: FloatArray, ripple: float = 0.0) -> EdgeDistance:
     """Return the distance from the features.
 
     The noisier a feature, the more its mean over tires counts in place of it.
