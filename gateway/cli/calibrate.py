@@ -19,7 +19,7 @@ from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
 from gateway.session.batch_estimation import estimate_items
-from gateway.views.output_file import check_outputs, write_whole
+from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
 ESTIMATOR: Final = "weak-form"
 # The first revolutions of a wheel are timed without a running average to compare them with.
@@ -40,7 +40,11 @@ _MIN_REVOLUTIONS: Final = 20
     "--wheel", "positions", multiple=True, metavar="POSITION", help="Use only this wheel; repeat for several."
 )
 @click.option(
-    "--out", "out_path", type=click.Path(path_type=Path), metavar="FILE", help="Write the tables to this file."
+    "--out",
+    "out_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the tables to this file; - is standard output.",
 )
 @force_option
 def calibrate(
@@ -71,13 +75,16 @@ def calibrate(
         )
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
+    to_stdout = is_stdout(out_path)
     for line in _report(points, fit):
-        click.echo(line)
+        click.echo(line, err=to_stdout)
     text = _toml(fit.calibration, reference)
     if out_path is None:
         click.echo("\n" + text, nl=False)
         return
     write_whole(out_path, text, force=force)
+    if to_stdout:
+        return
     click.echo(f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)")
 
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 import click
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
+from gateway.cli import exit_status
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.io.source import LinkEventKind
 from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection, inspect_recording
@@ -32,7 +33,10 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
 
     The time line has one row per wheel. The height of a bar is the received share of the nominal data rate; an `x`
     below it marks lost samples.
+
+    The exit status is 1 if a recording is damaged or has no frames.
     """
+    without_result = False
     for path in recordings:
         bar = click.progressbar(length=path.stat().st_size if path.exists() else 0, label=path.name, file=sys.stderr)
         bar.hidden = not sys.stderr.isatty()
@@ -43,6 +47,9 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
         else:
             for line in _lines(found):
                 click.echo(clean(line))
+        without_result |= found.damage is not None or not any(link.counters.frames for link in found.links.values())
+    if without_result:
+        raise SystemExit(exit_status.NO_RESULT)
 
 
 def _lines(found: Inspection) -> Iterator[str]:

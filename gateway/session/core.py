@@ -12,18 +12,19 @@ from typing import Final
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
 from gateway.config.effects_file import effects_notices, with_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, Thresholds, VehicleConfig
+from gateway.config.vehicle import UNKNOWN_WHEEL, Thresholds, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
-from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
-from gateway.reasons import Code, Level, Notice, Reason
+from gateway.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.security.guard import Guard
 from gateway.session.alarms import alarms, sensor_alarms
 from gateway.session.commands import refusal
 from gateway.session.link_health import LinkHealth, hub_name
+from gateway.session.missing_results import long_missing
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
 from gateway.session.wheel_identity import sensor_ids, unconfigured_wheel
@@ -105,11 +106,12 @@ class SessionCore:
         self._links: dict[str, _Link] = {}
         self._newest_ns = 0
         self._waveform_due_ns: dict[str, int] = {}
-        unknown = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3)
+        unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators)
         self._vehicle = vehicle
         self._unconfigured: set[str] = set()
+        self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._limits = vehicle.thresholds if vehicle is not None else Thresholds()
@@ -265,6 +267,15 @@ class SessionCore:
             if link.connected:
                 self._report(name, link.health.tick(now_ns), now_ns)
         self.check_sensors()
+        self._report_missing(now_ns)
+
+    def _report_missing(self, now_ns: int) -> None:
+        """Report once per wheel and reason why no revolution comes at all; a faulty sensor has an alarm instead."""
+        for wheel in self._pipeline.wheels():
+            missing = long_missing(wheel)
+            if missing is not None and (wheel.position, codes_of((missing,))) not in self._reported_missing:
+                self._reported_missing.add((wheel.position, codes_of((missing,))))
+                self._report("", [Notice(wheel.position, missing)], now_ns)
 
     def dropped(self, link: str, stages: Mapping[Stage, int]) -> None:
         """Set the number of items that the stages of the session have dropped; the first drop is reported."""

@@ -37,6 +37,52 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
     ),
     Code.EFFECTS_OF_OTHER_SENSOR: "the effects were found on sensor {found_on}, but this is sensor {sensor}",
+    # - Revolutions that do not come
+    Code.CONTACTS_NOT_ALIKE: (
+        "no three contacts in a row are those of one rolling wheel (radial axis: mean {mean_mps2:.0f m/s²}, standard "
+        "deviation {std_mps2:.0f m/s²})"
+    ),
+    Code.NO_CONTACT_SEEN: (
+        "no contact with the road is seen: the radial axis has a mean of {mean_mps2:.0f m/s²} and never falls below "
+        "{lowest_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    ),
+    Code.NO_CONTACT_IN_AC_SIGNAL: (
+        "no contact with the road is seen: the AC-coupled radial axis falls by {depth_mps2:.0f m/s²}, but its rotation "
+        "has a centripetal acceleration of {expected_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    ),
+    Code.ALL_FRAMES_REFUSED: "all {count} frames were rejected, because their signatures could not be verified",
+    Code.NO_FRAME_RECEIVED: "no frame was received, so there is nothing to estimate",
+    Code.NO_REVOLUTION: "no revolution in {duration_s:.1f s} of samples: {why}",
+    Code.NO_SAMPLES: "no samples were received",
+    Code.RADIAL_AT_RANGE_END: (
+        "{share:.0%} of the samples are at the end of the sensor's range, {level_mps2:.0f m/s²}: a larger range is "
+        "needed"
+    ),
+    Code.RADIAL_IS_IN_G: (
+        "the radial axis is {ratio:.3f} of the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} of "
+        "{expected_mps2:.0f m/s²}): its unit is g, not m/s² (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    ),
+    Code.RADIAL_IS_IN_MPS2: (
+        "the radial axis is {ratio:.2f} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    ),
+    Code.RADIAL_OUTWARD: "the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign",
+    Code.RATE_DOES_NOT_FIT: (
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
+    ),
+    Code.SAMPLES_INTERRUPTED: (
+        "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
+    ),
+    Code.SAMPLES_TOO_SHORT: "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}",
+    Code.SAMPLES_WITHOUT_HELLO: "no hello describes the {count} blocks of samples: their rate and scale are unknown",
+    Code.WHEEL_STANDS: (
+        "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
+        "{std_mps2:.1f m/s²}"
+    ),
+    Code.WHEEL_TOO_SLOW: (
+        "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
+    ),
     # Estimates
     # Of any estimator
     Code.AC_COUPLED: "AC-coupled: the steady value is lost",
@@ -56,13 +102,42 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SAMPLES_LOST_SHARE: "{share:.1%} of the samples were lost",
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
+    # Of what the signal says against what is stated
+    Code.ERROR_COVERS: "{why}; the standard error covers the difference",
+    Code.GAIN_WOULD_FIT: "a gain of {gain:.3f} would fit",
+    Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
+    Code.MAY_CHANGE_BY: "may be wrong by {effect:.1%}: {why}",
+    Code.NO_SINGLE_CAUSE: "no single cause fits",
+    Code.OFFSET_CONTRADICTED: (
+        "the sensor is stated {stated_m:.1f mm} ± {stated_std_m:.1f mm} below the neutral layer, the circumferential "
+        "axis gives {offset_m:.2f mm} ± {std_m:.2f mm}"
+    ),
+    Code.OFFSET_UNKNOWN: (
+        "offset of the sensor not known (set offset_mm of its mounting): the error includes {std_m:.0f mm}"
+    ),
+    Code.RADIUS_WOULD_FIT: "a belt radius of {radius_m:.0f mm} would fit ({stated_m:.0f mm} stated)",
+    Code.RATE_WOULD_FIT: "a sampling rate of {rate_hz:.0f Hz} would fit ({stated_hz:.0f Hz} stated)",
+    Code.STEADY_VALUE_CONTRADICTED: (
+        "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: {causes}"
+    ),
+    Code.UNIT_IS_G: "values in g taken for m/s² would fit",
+    Code.UNIT_IS_MPS2: "values in m/s² taken for g would fit",
+    Code.WIDTH_CONTRADICTED: (
+        "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
+        "radius are not as stated"
+    ),
+    Code.ZERO_CONTRADICTED: (
+        "several speeds give a zero-g offset of {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²}, "
+        "{stated_std_mps2:.1f m/s²} is its stated error"
+    ),
+    Code.ZERO_WOULD_FIT: "a zero-g offset of {zero_mps2:.0f m/s²} would fit",
     # Of the tire's four numbers
     Code.BENDING_LIKE_SHEAR: "bending and shear of the belt cannot be separated here (correlation {correlation:+.2f})",
     Code.CORRELATED: "correlated {correlation:+.2f} with {number}",
     Code.FIT_AT_ZERO: "not determined: the fit puts {number} at zero",
     Code.FIT_NOT_CONVERGED: "the fit has not converged",
-    Code.LINEAR_RING: "linear ring: model error is not in the standard error",
-    Code.LINEAR_RING_TENSION: "linear ring: the belt's loss of tension in the contact is not in the standard error",
+    Code.LINEAR_RING: "linear ring: its model error is in the standard error",
+    Code.LINEAR_RING_TENSION: "linear ring: the belt's loss of tension in the contact is in the standard error",
     Code.MODEL_ERROR_SHARE: "{share:.0%} of the variance is model error",
     Code.NO_BELT_SHAPE: "the radial signal does not describe a belt",
     Code.NO_FLAT_CONTACT: (
@@ -290,13 +365,12 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.ASSUMED_RADIUS: "belt radius {radius_m:g mm} (no configuration states it)",
     Code.ASSUMED_TEMPERATURE: "temperature steady (neither stated nor measured)",
     Code.FROM_CONFIGURATION: "--config",
-    Code.FROM_CONFIGURATION_DEFAULT: "default, as {source} does not give it",
     Code.FROM_RECORDING: "configuration recorded with it",
     Code.FROM_SENSOR: "measured by the sensor",
     Code.OF_RECORDINGS: "{statement}: {recordings}",
     Code.STATED_LOAD: "load {load_n:.0f N} ({source})",
     Code.STATED_LOAD_RANGE: "load {low_n:.0f} to {high_n:.0f N} ({source})",
-    Code.STATED_OFFSET: "mounting offset {offset_m:g mm} below the neutral layer ({source})",
+    Code.STATED_OFFSET: "mounting offset {offset_m:.1f mm} below the neutral layer ({source})",
     Code.STATED_PITCH: "mounting pitch {pitch_rad:g deg} ({source})",
     Code.STATED_PRESSURE: "pressure {pressure_pa:.0f kPa} ({source})",
     Code.STATED_PRESSURE_RANGE: "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})",
