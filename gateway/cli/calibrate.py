@@ -129,6 +129,7 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
     pressures = [result.conditions.pressure_pa for result in good if result.conditions.pressure_pa is not None]
     if not pressures:
         return "its pressure is unknown"
+    temperatures = [r.conditions.temperature_degc for r in good if r.conditions.temperature_degc is not None]
     return TirePoint(
         name=name,
         load_n=conditions.load_n,
@@ -138,6 +139,7 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
             np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in good])
         ),
         numbers={found.name: found for found in good[-1].estimates},
+        temperature_degc=float(np.mean(temperatures)) if temperatures else None,
     )
 
 
@@ -190,7 +192,12 @@ def _toml(calibration: LoadCalibration, reference: ReferenceNumbers) -> str:
             known[f"{name}_std"] = _rounded(getattr(reference, f"{name}_std"))
     tire: dict[str, object] = {"load_calibration": table.model_dump()}
     if known and reference.pressure_pa is not None:
-        numbers = Reference(**known, pressure_kpa=_rounded(1e-3 * reference.pressure_pa), estimator=reference.estimator)
+        numbers = Reference(
+            **known,
+            pressure_kpa=_rounded(1e-3 * reference.pressure_pa),
+            temperature_degc=None if reference.temperature_degc is None else _rounded(reference.temperature_degc),
+            estimator=reference.estimator,
+        )
         tire["reference"] = numbers.model_dump(exclude_none=True)
     return toml_text({"tire": tire})
 

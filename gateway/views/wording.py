@@ -152,6 +152,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
+    Code.CORRECTED_FOR_WEAR: "corrected for {wear_m:.1f mm} of wear since the calibration",
     Code.FROM_BELT_WIDTH: "from the belt width",
     Code.FROM_CONTACT_ANGLE: "from contact angle and pressure",
     Code.FROM_RATIO: "from {ratio}, because the load is not known",
@@ -175,9 +176,13 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.PRESSURE_OUTSIDE_CALIBRATION: (
         "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"
     ),
+    Code.TEMPERATURE_NOT_COMPENSATED: (
+        "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
+    ),
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
-    Code.WORN_SINCE_CALIBRATION: "calibrated on the new tire, which is now worn by {wear_m:.1f mm}",
+    Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
     # Of the lateral axis
+    Code.CONICITY_NOT_SEPARATED: "conicity cannot be told from ply steer and noise here",
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
     Code.INCLUDES_CONICITY: "ply steer plus conicity",
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
@@ -186,6 +191,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
+    Code.SIGN_NOT_DETERMINED: "the sign is not determined: {errors:.1f} standard errors from zero",
     Code.SPEED_UNUSABLE: "the speed is not known or too high for the sampling",
     Code.ZERO_SLIP_GIVEN: "zero slip as given",
     Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
