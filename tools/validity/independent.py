@@ -18,6 +18,8 @@ from validity.runs import Run, record_wheel
 from validity.tires import World, draw_world
 
 _DEEPEST_MM: Final = 12.0
+# Orders that are kept, and those that are not, over the number of elements.
+_MESH: Final = (0.7, 0.95)
 _RATES_HZ: Final = (4800.0, 6400.0, 9600.0)
 
 
@@ -65,9 +67,20 @@ def rolled_tires(folder: Path) -> list[RolledTire]:
     tires = []
     for path in paths:
         with np.load(path) as kept:
-            shallow, deep = (kept[f"shape_{depth:g}"].mean(axis=1) for depth in (0.0, _DEEPEST_MM))
-            tires.append(RolledTire(json.loads(str(kept["description"])), shallow, deep))
+            about = json.loads(str(kept["description"]))
+            means = (kept[f"shape_{depth:g}"].mean(axis=1) for depth in (0.0, _DEEPEST_MM))
+            shallow, deep = (_without_mesh(mean, about["elements"]) for mean in means)
+            tires.append(RolledTire(about, shallow, deep))
     return tires
+
+
+def _without_mesh(parts: FloatArray, elements: int) -> FloatArray:
+    """Return periodic curves (k, n) without the orders from the number of elements on, which are the mesh's."""
+    spectrum = np.fft.rfft(parts, axis=1)
+    share = np.arange(spectrum.shape[1]) / elements
+    fade = np.clip((share - _MESH[0]) / (_MESH[1] - _MESH[0]), 0.0, 1.0)
+    smooth: FloatArray = np.fft.irfft(spectrum * 0.5 * (1.0 + np.cos(math.pi * fade)), n=parts.shape[1], axis=1)
+    return smooth
 
 
 def rolled_world(tire: RolledTire, seed: int, index: int) -> World:
