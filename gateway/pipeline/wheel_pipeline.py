@@ -253,5 +253,5 @@ class WheelPipeline:
                 revolutions=self._revolutions,
                 revolutions_rejected=self._tire.rejected,
             ),
-            flags=self._sensor.health.flags() if self._sensor is not None else (),
+            flags=(*(self._sensor.health.flags() if self._sensor is not None else ()), *self._tire.flags()),
         )

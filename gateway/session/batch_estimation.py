@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.config.effects_file import with_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Chunk, LinkItem
 from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.security.guard import Guard
@@ -56,7 +56,7 @@ def estimate_items(
         the decoder's counters per link.
     """
     setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
-    pipeline = Pipeline(setups, WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3), estimators)
+    pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
     links: dict[str, LinkBlocks] = {}
 
     def deliver(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:

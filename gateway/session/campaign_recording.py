@@ -14,7 +14,7 @@ from firmware_protocol.block_decoder import FrameBatch
 from gateway.closure.data.campaign_data import Group, Remark
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
-from gateway.config.vehicle import VehicleConfig, Wheel, parse_vehicle
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, Reason
@@ -201,7 +201,9 @@ def _reduced(
     wheel = configured(vehicle, position)
     store = collected.store
     table = store.table()
-    groups = make_groups(table, _declared(order, wheel, last, store), order.folds, store.reject) if len(table) else []
+    groups = (
+        make_groups(table, _declared(order, vehicle, wheel, store), order.folds, store.reject) if len(table) else []
+    )
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
     sensors = collected.sensors.at(vehicle, position)
@@ -228,13 +230,14 @@ def _reduced(
     )
 
 
-def _declared(order: ReadOrder, wheel: Wheel | None, last: RevolutionResult, store: RevolutionStore) -> Declared:
+def _declared(order: ReadOrder, vehicle: VehicleConfig | None, wheel: Wheel | None, store: RevolutionStore) -> Declared:
+    stated_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
     mounting = wheel.mounting if wheel is not None else None
     return Declared(
         name=order.name,
         recording=order.index,
-        radius_m=last.conditions.radius_m,
-        offset_m=mounting.offset_m if mounting is not None else 0.0,
+        radius_m=ASSUMED_RADIUS_MM * 1e-3 if stated_m is None else stated_m,
+        offset_m=(mounting.offset_m if mounting is not None else None) or 0.0,
         roll_rad=mounting.roll_rad if mounting is not None else 0.0,
         pitch_rad=mounting.pitch_rad if mounting is not None else 0.0,
         reverse=order.reverse,

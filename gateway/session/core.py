@@ -12,12 +12,12 @@ from typing import Final
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
 from gateway.config.effects_file import effects_notices, with_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, Thresholds, VehicleConfig
+from gateway.config.vehicle import UNKNOWN_WHEEL, Thresholds, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
-from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Level, Notice, Reason
 from gateway.security.guard import Guard
@@ -105,7 +105,7 @@ class SessionCore:
         self._links: dict[str, _Link] = {}
         self._newest_ns = 0
         self._waveform_due_ns: dict[str, int] = {}
-        unknown = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3)
+        unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators)
         self._vehicle = vehicle

@@ -56,13 +56,42 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SAMPLES_LOST_SHARE: "{share:.1%} of the samples were lost",
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
+    # Of what the signal says against what is stated
+    Code.ERROR_COVERS: "{why}; the standard error covers the difference",
+    Code.GAIN_WOULD_FIT: "a gain of {gain:.3f} would fit",
+    Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
+    Code.MAY_CHANGE_BY: "may be wrong by {effect:.1%}: {why}",
+    Code.NO_SINGLE_CAUSE: "no single cause fits",
+    Code.OFFSET_CONTRADICTED: (
+        "the sensor is stated {stated_m:.1f mm} ± {stated_std_m:.1f mm} below the neutral layer, the circumferential "
+        "axis gives {offset_m:.2f mm} ± {std_m:.2f mm}"
+    ),
+    Code.OFFSET_UNKNOWN: (
+        "offset of the sensor not known (set offset_mm of its mounting): the error includes {std_m:.0f mm}"
+    ),
+    Code.RADIUS_WOULD_FIT: "a belt radius of {radius_m:.0f mm} would fit ({stated_m:.0f mm} stated)",
+    Code.RATE_WOULD_FIT: "a sampling rate of {rate_hz:.0f Hz} would fit ({stated_hz:.0f Hz} stated)",
+    Code.STEADY_VALUE_CONTRADICTED: (
+        "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: {causes}"
+    ),
+    Code.UNIT_IS_G: "values in g taken for m/s² would fit",
+    Code.UNIT_IS_MPS2: "values in m/s² taken for g would fit",
+    Code.WIDTH_CONTRADICTED: (
+        "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
+        "radius are not as stated"
+    ),
+    Code.ZERO_CONTRADICTED: (
+        "several speeds give a zero-g offset of {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²}, "
+        "{stated_std_mps2:.1f m/s²} is its stated error"
+    ),
+    Code.ZERO_WOULD_FIT: "a zero-g offset of {zero_mps2:.0f m/s²} would fit",
     # Of the tire's four numbers
     Code.BENDING_LIKE_SHEAR: "bending and shear of the belt cannot be separated here (correlation {correlation:+.2f})",
     Code.CORRELATED: "correlated {correlation:+.2f} with {number}",
     Code.FIT_AT_ZERO: "not determined: the fit puts {number} at zero",
     Code.FIT_NOT_CONVERGED: "the fit has not converged",
-    Code.LINEAR_RING: "linear ring: model error is not in the standard error",
-    Code.LINEAR_RING_TENSION: "linear ring: the belt's loss of tension in the contact is not in the standard error",
+    Code.LINEAR_RING: "linear ring: its model error is in the standard error",
+    Code.LINEAR_RING_TENSION: "linear ring: the belt's loss of tension in the contact is in the standard error",
     Code.MODEL_ERROR_SHARE: "{share:.0%} of the variance is model error",
     Code.NO_BELT_SHAPE: "the radial signal does not describe a belt",
     Code.NO_FLAT_CONTACT: (
@@ -284,7 +313,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.ASSUMED_RADIUS: "belt radius {radius_m:g mm} (no configuration states it)",
     Code.ASSUMED_TEMPERATURE: "temperature steady (neither stated nor measured)",
     Code.FROM_CONFIGURATION: "--config",
-    Code.FROM_CONFIGURATION_DEFAULT: "default, as {source} does not give it",
     Code.FROM_RECORDING: "configuration recorded with it",
     Code.FROM_SENSOR: "measured by the sensor",
     Code.OF_RECORDINGS: "{statement}: {recordings}",

@@ -26,7 +26,7 @@ TREAD_PER_PRESSURE: Final = 7e7 / TABLE_3_PRESSURE_PA
 _LEAST_SAMPLES: Final = 60.0
 _SPREAD: Final = (0.35, 0.2, 0.25, 0.4)
 # Standard errors of a sensor's data sheet, as the configuration assumes them: gain in percent, zero-g offset in m/s^2.
-GAIN_STD_PERCENT: Final = 3.0
+GAIN_STD_PERCENT: Final = 1.5
 ZERO_G_STD_MPS2: Final = 1.0
 
 
