@@ -99,6 +99,7 @@ def rolled_world(tire: RolledTire, seed: int, index: int) -> World:
         rate_hz=float(rng.choice(_RATES_HZ)),
         noise_mg_rthz=drawn.noise_mg_rthz,
         offset_m=drawn.offset_m,
+        gain_std_percent=drawn.gain_std_percent,
         gain_error=drawn.gain_error,
         zero_g_mps2=drawn.zero_g_mps2,
         tilt_deg=drawn.tilt_deg,
