@@ -11,6 +11,7 @@ from typing import Any, Final
 import click
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
+from gateway.cli import exit_status
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.io.source import LinkEventKind
 from gateway.reasons import Notice
@@ -36,7 +37,10 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
 
     The time line has one row per wheel. The height of a bar is the received share of the nominal data rate; an `x`
     below it marks lost samples.
+
+    The exit status is 1 if a recording is damaged or has no frames.
     """
+    without_result = False
     for path in recordings:
         bar = click.progressbar(length=path.stat().st_size if path.exists() else 0, label=path.name, file=sys.stderr)
         bar.hidden = not sys.stderr.isatty()
@@ -55,6 +59,9 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
         else:
             for line in _lines(found, notices):
                 click.echo(clean(line))
+        without_result |= found.damage is not None or not any(link.counters.frames for link in found.links.values())
+    if without_result:
+        raise SystemExit(exit_status.NO_RESULT)
 
 
 def _lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[str]:
@@ -86,7 +93,9 @@ def _lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[str]:
             what = words if event.kind is LinkEventKind.MARK else f"{event.link}: {words}"
             yield f"    {at:9.2f} s  {what}"
         if len(found.events) > _EVENTS_SHOWN:
-            yield f"    ... and {len(found.events) - _EVENTS_SHOWN} more (--json prints all)"
+            printed = f"the first {len(found.events)}" if found.events_omitted else "all"
+            more = len(found.events) + found.events_omitted - _EVENTS_SHOWN
+            yield f"    ... and {more} more (--json prints {printed})"
     if found.topics:
         yield ""
         yield "  decoded topics: " + ", ".join(f"{topic} ({count})" for topic, count in sorted(found.topics.items()))
@@ -194,6 +203,7 @@ def _as_json(found: Inspection, notices: Sequence[Notice]) -> dict[str, Any]:
             }
             for event in found.events
         ],
+        "events_omitted": found.events_omitted,
         "topics": found.topics,
     }
 

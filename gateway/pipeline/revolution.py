@@ -131,7 +131,7 @@ def revolution_in_angle(
     missing = buffer.missing_between(math.floor(timed.start.centre), math.ceil(timed.end.centre)) / period
     radial_counts = counts[:, reading.radial_column]
     saturated = reading.is_saturated(radial_counts)
-    clipped = not saturated and (is_clipped(radial_counts) or is_clipped(-radial_counts))
+    clipped = not saturated and is_clipped(radial_counts * reading.sign)
     return Revolution(
         index=index,
         start_s=start_s,

@@ -5,7 +5,7 @@ Synchronous and deterministic: no clock, no I/O. The results do not depend on th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from operator import itemgetter
@@ -235,9 +235,9 @@ class Pipeline:
         """Return the running average of a wheel's radial axis, None before its first revolution."""
         return next((wheel.average_mps2 for wheel in self._order if wheel.setup.position == position), None)
 
-    def latency_s(self, link: str) -> float | None:
-        """Return the delay of the newest frame of `link` relative to the fastest, None before the first frame."""
-        known = [hub.host.latency_s for (of, _), hub in self._hubs.items() if of == link]
+    def latency_s(self, link: str, hubs: Container[int]) -> float | None:
+        """Return the delay of the newest frame of these hubs relative to the fastest, None before the first frame."""
+        known = [hub.host.latency_s for (of, number), hub in self._hubs.items() if of == link and number in hubs]
         return max((value for value in known if value is not None), default=None)
 
 

@@ -20,12 +20,16 @@ from firmware_protocol.wheel_limit import WheelLimit
 from gateway.io.source import LinkEvent
 from gateway.reasons import Reason
 from gateway.recording.decoder_blocks import LinkBlocks
-from gateway.recording.mcap_layout import RAW_ENCODING, message_to_item
+from gateway.recording.mcap_layout import RAW_ENCODING, link_items
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _SECOND_NS: Final = 1_000_000_000
 # Lines of a hub's log that are kept; they are for people to read.
 _MOST_LOG_LINES: Final = 1000
+MAX_EVENTS: Final = 10_000
+"""Largest number of events that an inspection keeps."""
+# A day; the time line of a longer recording shows the rest in its last second.
+_MAX_SECONDS: Final = 86_400
 
 
 @dataclass(slots=True)
@@ -74,6 +78,8 @@ class WheelInspection:
             self._next = self._first = self._tick = None
         expected = self._next
         first = number if expected is None else unwrap(expected, number)
+        if host_s not in self.seconds and len(self.seconds) >= _MAX_SECONDS:
+            host_s = next(reversed(self.seconds))
         second = self.seconds.setdefault(host_s, [0, 0])
         self.samples += n
         second[0] += n
@@ -152,7 +158,8 @@ class Inspection:
     Attributes:
         info: description of the recording.
         links: inspection of each link, by name.
-        events: link events and marks in order.
+        events: the first link events and marks in order, at most MAX_EVENTS.
+        events_omitted: number of further ones.
         topics: number of messages by decoded topic.
         damage: the first unreadable part, None when everything was read.
     """
@@ -160,6 +167,7 @@ class Inspection:
     info: RecordingInfo
     links: dict[str, LinkInspection]
     events: tuple[LinkEvent, ...]
+    events_omitted: int
     topics: dict[str, int]
     damage: Reason | None
 
@@ -192,6 +200,7 @@ def inspect_recording(
     blocks: dict[str, LinkBlocks] = {}
     events: list[LinkEvent] = []
     topics: Counter[str] = Counter()
+    omitted = 0
 
     def count(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
         for batch, arrivals_ns in batches:
@@ -202,23 +211,25 @@ def inspect_recording(
     for message in reader.messages():
         if on_position is not None:
             on_position(reader.position)
-        item = message_to_item(message)
-        if isinstance(item, LinkEvent):
-            events.append(item)
         if message.channel.encoding != RAW_ENCODING:
             topics[message.channel.topic] += 1
-        if item is None or isinstance(item, LinkEvent):
-            continue
-        link = links.setdefault(item.link, LinkInspection(first_ns=item.host_ns, last_ns=item.host_ns))
-        link.chunks += 1
-        link.bytes_received += len(item.data)
-        link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - link.last_ns) * 1e-9)
-        link.last_ns = max(link.last_ns, item.host_ns)
-        count(item.link, blocks.setdefault(item.link, LinkBlocks(item.link)).add(item))
+        for item in link_items(message):
+            if isinstance(item, LinkEvent):
+                if len(events) < MAX_EVENTS:
+                    events.append(item)
+                else:
+                    omitted += 1
+                continue
+            link = links.setdefault(item.link, LinkInspection(first_ns=item.host_ns, last_ns=item.host_ns))
+            link.chunks += 1
+            link.bytes_received += len(item.data)
+            link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - link.last_ns) * 1e-9)
+            link.last_ns = max(link.last_ns, item.host_ns)
+            count(item.link, blocks.setdefault(item.link, LinkBlocks(item.link)).add(item))
     for name, rest in blocks.items():
         count(name, rest.finish())
         links[name].counters = rest.counters
-    return Inspection(reader.info, links, tuple(events), dict(topics), reader.damage)
+    return Inspection(reader.info, links, tuple(events), omitted, dict(topics), reader.damage)
 
 
 def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:

@@ -14,7 +14,7 @@ from firmware_protocol.block_decoder import FrameBatch
 from gateway.closure.data.campaign_data import Group, Remark
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, parse_vehicle
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, recorded_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, Reason
@@ -29,6 +29,8 @@ from gateway.views.wording import notice_text
 
 # With several wheels and none chosen, revolutions read on to learn the names of all wheels.
 _NAMING_REVOLUTIONS: Final = 200
+# Standard error below which a measured offset of the sensor is used where none is stated.
+_OFFSET_KNOWN_M: Final = 5e-4
 # Links whose arrival times are derived from the times of the samples.
 _WITHOUT_HOST_TIME: Final = ("import:", "dump:")
 
@@ -145,7 +147,7 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     reader = RecordingReader(order.path)
     vehicle = order.vehicle
     if vehicle is None and reader.vehicle_toml:
-        vehicle = parse_vehicle(reader.vehicle_toml, str(order.path))
+        vehicle = recorded_vehicle(reader.vehicle_toml, str(order.path))
     collected = _Collector(order, vehicle)
     report = on_position or (lambda _: None)
     guard = open_guard(vehicle, order.key_file, remembers=False)
@@ -205,9 +207,8 @@ def _reduced(
     wheel = configured(vehicle, position)
     store = collected.store
     table = store.table()
-    groups = (
-        make_groups(table, _declared(order, vehicle, wheel, store), order.folds, store.reject) if len(table) else []
-    )
+    declared = _declared(order, vehicle, wheel, last, store)
+    groups = make_groups(table, declared, order.folds, store.reject) if len(table) else []
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
     sensors = collected.sensors.at(vehicle, position)
@@ -234,14 +235,24 @@ def _reduced(
     )
 
 
-def _declared(order: ReadOrder, vehicle: VehicleConfig | None, wheel: Wheel | None, store: RevolutionStore) -> Declared:
+def _declared(
+    order: ReadOrder,
+    vehicle: VehicleConfig | None,
+    wheel: Wheel | None,
+    last: RevolutionResult,
+    store: RevolutionStore,
+) -> Declared:
     stated_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
     mounting = wheel.mounting if wheel is not None else None
+    offset_m = mounting.offset_m if mounting is not None else None
+    if offset_m is None:
+        in_use = last.conditions
+        offset_m = in_use.sensor_offset_m if in_use.sensor_offset_std_m < _OFFSET_KNOWN_M else 0.0
     return Declared(
         name=order.name,
         recording=order.index,
         radius_m=ASSUMED_RADIUS_MM * 1e-3 if stated_m is None else stated_m,
-        offset_m=(mounting.offset_m if mounting is not None else None) or 0.0,
+        offset_m=offset_m,
         roll_rad=mounting.roll_rad if mounting is not None else 0.0,
         pitch_rad=mounting.pitch_rad if mounting is not None else 0.0,
         reverse=order.reverse,

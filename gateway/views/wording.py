@@ -38,6 +38,52 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
     ),
     Code.EFFECTS_OF_OTHER_SENSOR: "the effects were found on sensor {found_on}, but this is sensor {sensor}",
+    # - Revolutions that do not come
+    Code.CONTACTS_NOT_ALIKE: (
+        "no three contacts in a row are those of one rolling wheel (radial axis: mean {mean_mps2:.0f m/s²}, standard "
+        "deviation {std_mps2:.0f m/s²})"
+    ),
+    Code.NO_CONTACT_SEEN: (
+        "no contact with the road is seen: the radial axis has a mean of {mean_mps2:.0f m/s²} and never falls below "
+        "{lowest_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    ),
+    Code.NO_CONTACT_IN_AC_SIGNAL: (
+        "no contact with the road is seen: the AC-coupled radial axis falls by {depth_mps2:.0f m/s²}, but its rotation "
+        "has a centripetal acceleration of {expected_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    ),
+    Code.ALL_FRAMES_REFUSED: "all {count} frames were rejected, because their signatures could not be verified",
+    Code.NO_FRAME_RECEIVED: "no frame was received, so there is nothing to estimate",
+    Code.NO_REVOLUTION: "no revolution in {duration_s:.1f s} of samples: {why}",
+    Code.NO_SAMPLES: "no samples were received",
+    Code.RADIAL_AT_RANGE_END: (
+        "{share:.0%} of the samples are at the end of the sensor's range, {level_mps2:.0f m/s²}: a larger range is "
+        "needed"
+    ),
+    Code.RADIAL_IS_IN_G: (
+        "the radial axis is {ratio:.3f} of the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} of "
+        "{expected_mps2:.0f m/s²}): its unit is g, not m/s² (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    ),
+    Code.RADIAL_IS_IN_MPS2: (
+        "the radial axis is {ratio:.2f} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    ),
+    Code.RADIAL_OUTWARD: "the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign",
+    Code.RATE_DOES_NOT_FIT: (
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
+    ),
+    Code.SAMPLES_INTERRUPTED: (
+        "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
+    ),
+    Code.SAMPLES_TOO_SHORT: "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}",
+    Code.SAMPLES_WITHOUT_HELLO: "no hello describes the {count} blocks of samples: their rate and scale are unknown",
+    Code.WHEEL_STANDS: (
+        "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
+        "{std_mps2:.1f m/s²}"
+    ),
+    Code.WHEEL_TOO_SLOW: (
+        "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
+    ),
     # Estimates
     # Of any estimator
     Code.AC_COUPLED: "AC-coupled: the steady value is lost",
@@ -106,6 +152,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
+    Code.CORRECTED_FOR_WEAR: "corrected for {wear_m:.1f mm} of wear since the calibration",
     Code.FROM_BELT_WIDTH: "from the belt width",
     Code.FROM_CONTACT_ANGLE: "from contact angle and pressure",
     Code.FROM_RATIO: "from {ratio}, because the load is not known",
@@ -124,13 +171,18 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NO_LOAD_FROM_CONTACT_ANGLE: "not from the contact angle: {why}",
     Code.NUMBER_MISSING: "the estimator {estimator} does not give {number}",
     Code.OVER_REVOLUTIONS: "over {revolutions:.0f} revolutions",
+    Code.PRESSURE_OLD: "rests on a pressure that is {age_s:.0f s} old",
     Code.PRESSURE_NOT_COMPENSATED: "pressure not compensated",
     Code.PRESSURE_OUTSIDE_CALIBRATION: (
         "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"
     ),
+    Code.TEMPERATURE_NOT_COMPENSATED: (
+        "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
+    ),
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
-    Code.WORN_SINCE_CALIBRATION: "calibrated on the new tire, which is now worn by {wear_m:.1f mm}",
+    Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
     # Of the lateral axis
+    Code.CONICITY_NOT_SEPARATED: "conicity cannot be told from ply steer and noise here",
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
     Code.INCLUDES_CONICITY: "ply steer plus conicity",
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
@@ -139,6 +191,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
+    Code.SIGN_NOT_DETERMINED: "the sign is not determined: {errors:.1f} standard errors from zero",
     Code.SPEED_UNUSABLE: "the speed is not known or too high for the sampling",
     Code.ZERO_SLIP_GIVEN: "zero slip as given",
     Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
@@ -173,17 +226,51 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "are swapped"
     ),
     # Wheels, links and alarms
+    # - Alarms as events
+    Code.ALARM_CLEARED: "alarm over at {at_s:.1f s}, after {duration_s:.1f s}: {what}",
+    Code.ALARM_COMES_AND_GOES: (
+        "ALARM at {at_s:.1f s}: {alarm}. It comes and goes: it is reported again after a minute without change"
+    ),
+    Code.ALARM_RAISED: "ALARM at {at_s:.1f s}: {alarm}",
+    Code.ALARM_STANDS: "ALARM still at {at_s:.1f s}: {alarm}",
     # - Thresholds
     Code.BATTERY_BELOW_LIMIT: "battery at {level:.0f %}, below {limit:.0f %}",
+    Code.BATTERY_NOW: "battery at {level:.0f %}",
     Code.FRAME_LOSS_ABOVE_LIMIT: "{share:.2f %} of the frames lost, above {limit:.2f %}",
+    Code.FRAME_LOSS_NOW: "{share:.2f %} of the frames lost",
     Code.LINK_DOWN: "link is down: {state}",
     Code.LOAD_ABOVE_LIMIT: "load {load_n:.0f N} is above {limit_n:.0f N}",
+    Code.LOAD_NOW: "load {load_n:.0f N}",
     Code.PRESSURE_ABOVE_LIMIT: "pressure {pressure_pa:.0f kPa} is above {limit_pa:.0f kPa}",
     Code.PRESSURE_BELOW_LIMIT: "pressure {pressure_pa:.0f kPa} is below {limit_pa:.0f kPa}",
+    Code.PRESSURE_NOW: "pressure {pressure_pa:.0f kPa}",
     Code.SENSOR_RANGE_REACHED: "{count} samples at the end of the sensor's range",
     Code.SPEED_ABOVE_LIMIT: "speed {speed_mps:.0f km/h} is above {limit_mps:.0f km/h}",
+    Code.SPEED_NOW: "speed {speed_mps:.0f km/h}",
     Code.TEMPERATURE_ABOVE_LIMIT: "inner liner at {temperature_degc:.0f degC}, above {limit_degc:.0f degC}",
+    Code.TEMPERATURE_NOW: "inner liner at {temperature_degc:.0f degC}",
     Code.WEAR_ABOVE_LIMIT: "wear {wear_m:.1f mm} is above {limit_m:.1f mm}",
+    Code.WEAR_NOW: "wear {wear_m:.1f mm}",
+    # - Silence
+    Code.AXIS_SILENT: (
+        "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
+    ),
+    Code.ENVIRONMENT_SILENT: "no pressure or temperature for {silence_s:.0f s}: the last values are that old",
+    Code.HUB_OF_WHEEL_SILENT: "no frame of its hub for {silence_s:.0f s}",
+    Code.HUB_SILENT: "no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?",
+    Code.SAMPLES_MISSING: "no samples for {silence_s:.0f s}",
+    Code.SAMPLES_SILENT: (
+        "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "
+        "firmware?"
+    ),
+    Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
+    Code.SENSOR_NEVER_HEARD: (
+        "nothing received from its sensor in {silence_s:.0f s}. Is it switched on, and are hub and wheel number as "
+        "configured?"
+    ),
+    Code.SENSOR_SILENT: (
+        "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
+    ),
     # - Events of links and devices
     Code.BATTERY_LEVEL: "battery {level:.0f %}",
     Code.BLE_DEVICE: "{device}",
@@ -197,6 +284,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LINK_RESTORED: "reconnected",
     Code.LINK_RETRYING: "reconnecting fails",
     Code.MARK: "mark: {text}",
+    Code.MARK_NOT_KEPT: "not kept, because this session is not recorded",
     Code.MTU: "MTU {mtu}",
     Code.MTU_TOO_SMALL: "MTU {mtu} is less than the {needed} that frames need: expect losses",
     Code.MTU_UNKNOWN: "MTU unknown (frames need {needed})",
@@ -220,7 +308,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_WITH_UNKNOWN_FLAGS: "frames with unknown flags are skipped and counted",
     Code.HUB_RESTARTED: "restarted (boot count {boot_count}); its counters and times start again",
     Code.HUB_RESTARTS_REPEATEDLY: "restarts again and again. Check its supply. Further restarts are not reported",
-    Code.HUB_SILENT: "sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?",
     Code.LINK_NO_DATA_YET: (
         "open, but no data yet. Is the hub powered, awake and set to send? Are TX and RX connected correctly?"
     ),
@@ -236,15 +323,12 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
         "is skipped and counted. Update treadlink"
     ),
-    Code.NO_FRAMES: "data arrives, but it contains no frame ({frames} before): {content}",
+    Code.NO_FRAMES: "data arrives, but it contains no frame: {content}",
+    Code.NO_FRAMES_ANY_MORE: "data arrives, but no frame any more, after {frames} frames: {content}",
     Code.NO_HELLO: (
         "samples arrive, but no hello for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
         "hub sends a hello every 2 s. Restart the hub or update its firmware"
     ),
-    Code.SENSOR_SILENT: (
-        "its sensor sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?"
-    ),
-    Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
     # - Content of a line without frames
     Code.CHECK_SOURCE_ADDRESS: "Check the address of the source",
     Code.CHOOSE_HUB_PORT: "Choose the hub's port; `treadlink doctor` lists the ports",
@@ -397,7 +481,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.OF_RECORDINGS: "{statement}: {recordings}",
     Code.STATED_LOAD: "load {load_n:.0f N} ({source})",
     Code.STATED_LOAD_RANGE: "load {low_n:.0f} to {high_n:.0f N} ({source})",
-    Code.STATED_OFFSET: "mounting offset {offset_m:g mm} below the neutral layer ({source})",
+    Code.STATED_OFFSET: "mounting offset {offset_m:.1f mm} below the neutral layer ({source})",
     Code.STATED_PITCH: "mounting pitch {pitch_rad:g deg} ({source})",
     Code.STATED_PRESSURE: "pressure {pressure_pa:.0f kPa} ({source})",
     Code.STATED_PRESSURE_RANGE: "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})",
@@ -477,6 +561,15 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.RECORDING_RECORD_MISSING: (
         "'{recording}' has no valid record at byte {at_byte:d}; the rest is not read. `treadlink repair` recovers it"
+    ),
+    Code.RECORDING_RECORD_TOO_LARGE: (
+        "'{recording}' has {size_bytes:.1f MB} in one chunk or record at byte {at_byte:d}, which is skipped; at most "
+        "{largest_bytes:.1f MB} are read at once. Check where the file comes from"
+    ),
+    Code.UNIT_UNLIKELY: (
+        "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
+        "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
+        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
     ),
     # Diagnosis: acceptance tests
     Code.IMPLAUSIBLE_PARAMETER: (
@@ -596,6 +689,7 @@ _UNITS: Final = {
     "kPa": 1e-3,
     "m": 1.0,
     "m/s²": 1.0,
+    "MB": 1e-6,
     "mm": 1e3,
     "ms": 1e3,
     "ppm": 1e6,

@@ -109,6 +109,8 @@ def judge(
     """Yield the judged estimates of one run; a run without results yields invalid ones."""
     running = in_order(name for name in estimators if name not in statement.left_out)
     able = determinable(run)
+    if statement.calibration is None:
+        able["load_by_angle_n"] = False
     first = next((name for name in running if name in NUMBER_ESTIMATORS), "")
     expected = [(OWNERS[name], name) for name in OWNERS if OWNERS[name] in running]
     expected += [(own, name) for own in running if own in NUMBER_ESTIMATORS for name in (*RING_NUMBERS, *RING_RATIOS)]

@@ -106,15 +106,19 @@ class Run:
         frames: decoded frames.
         truth: of the simulated wheel.
         bottoms_s: times at which the sensor is directly below the axle.
+        lateral: whether the lateral axis has a signal.
     """
 
     world: World
     frames: tuple[Frame, ...]
     truth: WheelTruth
     bottoms_s: FloatArray
+    lateral: bool = True
 
     def slopes(self) -> LateralSlopes:
-        """Return the slopes of the belt in the contact, at the middle of the run."""
+        """Return the slopes of the belt in the contact, at the middle of the run; NaN without a lateral axis."""
+        if not self.lateral:
+            return LateralSlopes(math.nan, math.nan, math.nan)
         plan = self.truth.plan
         middle_s = 0.5 * self.world.seconds
         omega = self.truth.omega_radps(middle_s) if plan.tire.depends_on_speed else 0.0
@@ -128,7 +132,12 @@ def record(world: World, seed: Sequence[int]) -> Run:
 
 
 def record_wheel(
-    world: World, plan: WheelPlan, waveforms: Callable[[WheelPlan, World], Any], seed: Sequence[int]
+    world: World,
+    plan: WheelPlan,
+    waveforms: Callable[[WheelPlan, World], Any],
+    seed: Sequence[int],
+    *,
+    lateral: bool = True,
 ) -> Run:
     """Return a run of a wheel whose waveforms come from anywhere.
 
@@ -137,6 +146,7 @@ def record_wheel(
         plan: the simulated wheel.
         waveforms: gives the table of waveforms, as a `TireTable`.
         seed: of phase and noise.
+        lateral: whether the lateral axis has a signal.
     """
     table = FilteredTable(waveforms(plan, world), 0.5 * world.rate_hz * 2.0 * math.pi / world.omega_radps)
     own = BenchPlan(**{field.name: getattr(plan, field.name) for field in fields(plan)}, waveforms=table)
@@ -148,7 +158,7 @@ def record_wheel(
         sent = hub.advance(min((block + 1) * BLOCK_S, world.seconds))
         frames += decoder.feed(b"".join(frame.data for frame in sent))
     truth = WheelTruth(own, wheel.phase_rad)
-    return Run(world, tuple(frames), truth, truth.bottom_times_s(0.0, world.seconds))
+    return Run(world, tuple(frames), truth, truth.bottom_times_s(0.0, world.seconds), lateral)
 
 
 def _waveforms(plan: WheelPlan, world: World) -> TireTable:
