@@ -140,6 +140,7 @@ class WheelSnapshot:
         wear_mm: tread wear; None when no estimator gives it.
         counters: sample and revolution counts.
         flags: present faults of the sensor.
+        missing: why not a single revolution has come, None when one has, or when it is too early to say.
         silences: what of it is silent, the widest first.
     """
 
@@ -155,6 +156,7 @@ class WheelSnapshot:
     wear_mm: Estimate | None = None
     counters: WheelCounters = field(default_factory=WheelCounters)
     flags: tuple[SensorFlag, ...] = ()
+    missing: Reason | None = None
     silences: tuple[Silence, ...] = ()
 
     @property

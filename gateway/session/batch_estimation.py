@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.config.effects_file import with_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Chunk, LinkItem
-from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.security.guard import Guard
@@ -39,6 +39,7 @@ def estimate_items(
     on_bytes: Callable[[int], None] | None = None,
     guard: Guard | None = None,
     on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
+    on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
     alarms: BatchAlarms | None = None,
 ) -> dict[str, LinkCounters]:
@@ -52,6 +53,7 @@ def estimate_items(
         guard: verifies every frame first; None when signatures are not checked.
         on_bytes: called with the number of link bytes of each chunk, for a progress bar.
         on_batch: called with the link, a block of its frames and their arrival times, before its revolutions.
+        on_wheels: called once with the last state of every wheel.
         effects: known effects to subtract, one table per wheel.
         alarms: takes frames, events of links and results; every result then has its alarms.
 
@@ -59,7 +61,7 @@ def estimate_items(
         the decoder's counters per link.
     """
     setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
-    pipeline = Pipeline(setups, WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3), estimators)
+    pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
     links: dict[str, LinkBlocks] = {}
     if alarms is not None:
         alarms.begin(pipeline)
@@ -94,4 +96,6 @@ def estimate_items(
         deliver(name, blocks.finish())
     for result in pipeline.finish():
         hand_over(result)
+    if on_wheels is not None:
+        on_wheels(pipeline.wheels())
     return {name: blocks.counters for name, blocks in links.items()}

@@ -12,21 +12,24 @@ from typing import Final
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
 from gateway.config.effects_file import effects_notices, with_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, SilentPart, WheelSnapshot
-from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
-from gateway.reasons import Code, Level, Notice, Reason
+from gateway.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.security.guard import Guard
 from gateway.session.alarm_watch import AlarmWatch, State
 from gateway.session.commands import refusal
+from gateway.session.contradictions import ContradictionWatch
+from gateway.session.hub_log import HubLog
 from gateway.session.link_health import LinkHealth, hub_name
+from gateway.session.missing_results import long_missing
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
-from gateway.session.wheel_identity import unconfigured_wheel
+from gateway.session.wheel_identity import positions, unconfigured_wheel
 from gateway.views.recording_topics import (
     log_level,
     message_topic,
@@ -57,6 +60,7 @@ class _Link:
 
     health: LinkHealth
     decoder: FrameDecoder
+    hub_log: HubLog
     connected: bool = False
     note: Reason = field(default_factory=lambda: Reason(Code.LINK_NOT_OPEN))
     bytes_received: int = 0
@@ -106,12 +110,14 @@ class SessionCore:
         self._links: dict[str, _Link] = {}
         self._newest_ns = 0
         self._waveform_due_ns: dict[str, int] = {}
-        unknown = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3)
+        unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators)
         self._vehicle = vehicle
         self._unconfigured: set[str] = set()
+        self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
+        self._contradictions = ContradictionWatch(positions(vehicle), self._pipeline.limit)
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._alarms = AlarmWatch(vehicle, self._pipeline.position, self._state)
         for notice in vehicle.notices() if vehicle is not None else ():
@@ -151,6 +157,7 @@ class SessionCore:
         link.newest_ns = item.host_ns
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         self._log_resync(item.link, link)
+        self._report(item.link, self._contradictions.new(), item.host_ns)
         self._report(item.link, self._watch.take_notices(), item.host_ns)
         self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
@@ -159,7 +166,7 @@ class SessionCore:
         link = self._links.get(name)
         if link is None:
             health = LinkHealth(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
-            link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)))
+            link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)), HubLog(name))
         return link
 
     def _log_resync(self, name: str, link: _Link) -> None:
@@ -191,6 +198,7 @@ class SessionCore:
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
         if link.connected:
             link.health.reconnected()
+            self._contradictions.reopened(event.link)
             self._alarms.silence.opened(event.link, event.host_ns)
         else:
             self._alarms.silence.closed(event.link, event.host_ns, reason)
@@ -202,9 +210,10 @@ class SessionCore:
         link.note = reason
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
+        self._contradictions.frames(name, frames)
         for frame in frames:
             self._alarms.silence.frame(name, frame, host_ns)
-            if frame.type != MessageType.SAMPLES:
+            if frame.type != MessageType.SAMPLES and self._pipeline.limit.admits(name, frame.hub, frame.wheel):
                 self._slow_message(name, link, frame, host_ns)
         return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
 
@@ -216,15 +225,23 @@ class SessionCore:
             link.status = message
         elif isinstance(message, LogText):
             logged = Reason(Code.HUB_LOG, severity=log_level(message), text=message.text)
-            self.notify(Notice(hub_name(frame.hub), logged))
+            self._hub_line(link, Notice(self._hub_name(name, frame.hub), logged), host_ns)
         elif isinstance(message, CommandResult):
             refused = refusal(message)
             if refused is not None:
-                self.notify(Notice(hub_name(frame.hub), refused, Level.WARNING))
+                self._hub_line(link, Notice(self._hub_name(name, frame.hub), refused, Level.WARNING), host_ns)
         if self.recorder is not None:
             entry = message_topic(frame, self._pipeline.position(name, frame.hub, frame.wheel), name)
             if entry is not None:
                 self._record(lambda recorder: recorder.write_topic(entry[0], host_ns, entry[1]))
+
+    def _hub_line(self, link: _Link, notice: Notice, host_ns: int) -> None:
+        """Show a line that a hub has caused, within the limit of its link."""
+        for shown in link.hub_log.take(notice, host_ns):
+            self.notify(shown)
+
+    def _hub_name(self, link: str, hub: int) -> str:
+        return hub_name(hub) if len(self._links) == 1 else f"{link}, {hub_name(hub)}"
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
         for result in results:
@@ -283,6 +300,18 @@ class SessionCore:
             self._report(name, self._alarms.advance(name, link_ns), now_ns)
             if link.connected:
                 self._report(name, link.health.tick(link_ns), now_ns)
+            self._contradictions.counters(name, link.decoder.counters)
+            self._report(name, link.hub_log.tick(link_ns), now_ns)
+        self._report("", self._contradictions.new(), now_ns)
+        self._report_missing(now_ns)
+
+    def _report_missing(self, now_ns: int) -> None:
+        """Report once per wheel and reason why no revolution comes at all; a faulty sensor has an alarm instead."""
+        for wheel in self._pipeline.wheels():
+            missing = long_missing(wheel)
+            if missing is not None and (wheel.position, codes_of((missing,))) not in self._reported_missing:
+                self._reported_missing.add((wheel.position, codes_of((missing,))))
+                self._report("", [Notice(wheel.position, missing)], now_ns)
 
     def dropped(self, link: str, stages: Mapping[Stage, int]) -> None:
         """Set the number of items that the stages of the session have dropped; the first drop is reported."""
@@ -297,6 +326,10 @@ class SessionCore:
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
             results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
+            self._contradictions.counters(name, link.decoder.counters)
+            self._report(name, link.hub_log.finish(), self._newest_ns)
+        self.contradictions()
+        self._report("", self._contradictions.new(), self._newest_ns)
         results += self._deliver(self._pipeline.finish(), self._newest_ns)
         self._report("", self._alarms.review(), self._newest_ns)
         self._report("", self._watch.finish(), self._newest_ns)
@@ -317,6 +350,10 @@ class SessionCore:
         found = self._alarms.alarms(wheels, links) if not ended else ()
         notices, records = tuple(self._notices), self._alarms.records()
         return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records)
+
+    def contradictions(self) -> list[Notice]:
+        """Return what hubs stated against what they sent, with the present counts, for the summary."""
+        return self._contradictions.found()
 
     def _at_end(self, wheels: tuple[WheelSnapshot, ...]) -> tuple[WheelSnapshot, ...]:
         """Return wheels as they were at the end: a link that has ended as it should has not fallen silent."""
