@@ -55,6 +55,8 @@ _HORIZON_REVOLUTIONS: Final = 2000.0
 _SEPARATED: Final = 0.3
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 _LEAST_REVOLUTIONS: Final = 8
+# The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
+_LEAST_OF_OFFSET: Final = 3
 _BELT_EVERY: Final = 8
 
 
@@ -233,7 +235,7 @@ class SelfCalibrationEstimator:
         """Result of the revolutions so far; None before the first."""
         if self._belt is None:
             return None
-        found = self._mounting_found() if self._count >= _LEAST_REVOLUTIONS else None
+        found = self._mounting_found() if self._count >= _LEAST_OF_OFFSET else None
         floor = self._floor
         return Measured(
             revolutions=self._count,

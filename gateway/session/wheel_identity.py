@@ -19,6 +19,11 @@ def sensor_ids(vehicle: VehicleConfig | None) -> dict[str, str]:
     return {wheel.position: f"{wheel.sensor_number:08x}" for wheel in wheels if wheel.sensor_number is not None}
 
 
+def positions(vehicle: VehicleConfig | None) -> dict[tuple[int, int], str]:
+    """Return the configured positions by (hub, wheel)."""
+    return {(wheel.hub, wheel.wheel): wheel.position for wheel in (vehicle.wheel if vehicle is not None else ())}
+
+
 def misplaced_sensor(position: str, sensor_id: str, configured: Mapping[str, str]) -> Reason | None:
     """Return the fault when a wheel has another sensor than the configured one, None when it has not.
 

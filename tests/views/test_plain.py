@@ -65,12 +65,12 @@ def test_no_escape_code_no_nan(made, plain):
     view.result(
         made.result(status=Status.INVALID, reasons=(Reason(Code.UNKNOWN_ESTIMATOR, estimator="bad\x07bell\nnext"),))
     )
-    view.notice(Notice("hub 1", Reason(Code.QUOTED_TEXT, text="\x1b]0;title\x07\nand a second line")))
+    view.notice(Notice("hub 1", Reason(Code.QUOTED_TEXT, text="\x1b]0;title\x07\nthen a second line")))
     written = "".join(lines)
     assert written.isprintable()
     assert "nan" not in written
     assert "inf" not in written
-    assert lines[-2:] == ["# hub 1:  ]0;title ", "# and a second line"]
+    assert lines[-1] == "# hub 1: \\x1b]0;title\\x07\\nthen a second line"
 
 
 def test_long_reason_is_written_in_full_once(made, plain):
