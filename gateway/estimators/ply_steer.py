@@ -45,7 +45,7 @@ HORIZON_REVOLUTIONS: Final = 100.0
 _SIGNIFICANT: Final = 3.0
 # Ply steer's share of the difference between second and first half of a rolling contact, over the contact line and the
 # square of the half angle, and its standard deviation over belts and treads (docs/explanation/ply-steer.md).
-_ROLLING_DIFFERENCE: Final = 2.7
+_ROLLING_DIFFERENCE: Final = 2.9
 _ROLLING_DIFFERENCE_STD: Final = 1.4
 # Least number of orders: with fewer the peak is wrong by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
