@@ -73,6 +73,9 @@ def _stated(
     mounting = wheel.mounting
     if mounting.offset_m is not None:
         yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=mounting.offset_m, source=source)
+    elif measured_m := [group.declared_offset_m for group in groups if group.declared_offset_m]:
+        by = Reason(Code.FROM_SENSOR)
+        yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=sum(measured_m) / len(measured_m), source=by)
     if mounting.roll_deg:
         yield Quantity.ROLL, Reason(Code.STATED_ROLL, roll_rad=math.radians(mounting.roll_deg), source=source)
     if mounting.pitch_deg:
