@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 from gateway.clock import ManualClock
 from gateway.io.playback import PlayedSource
@@ -51,8 +52,9 @@ def test_other_properties_are_those_of_the_source() -> None:
     assert source.closed
 
 
-def test_limited_playback_can_be_paused() -> None:
-    played = open_source("sim:lab", ManualClock())
+def test_limited_replay_can_be_paused(tmp_path: Path) -> None:
+    (tmp_path / "x.bin").write_bytes(b"x")
+    played = open_source(f"replay:{tmp_path}/x.bin?rate=100", ManualClock())
     source = limited(played, 5.0)
     assert isinstance(source, PlayedSource)
     assert source.playback is played.playback  # type: ignore[attr-defined]
