@@ -57,11 +57,10 @@ class BatchAlarms:
     def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         """Take a block of frames before its results."""
         for host_ns, frame in self._silence.thinned(batch, arrivals_ns):
-            if not self._pipeline.limit.admits(link, frame.hub, frame.wheel):
-                continue
             self._take_events(link, host_ns)
             self._advance(link, host_ns)
-            self._silence.frame(link, frame, host_ns)
+            if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
+                self._silence.frame(link, frame, host_ns)
         self._review()
 
     def result(self, result: RevolutionResult) -> RevolutionResult:

@@ -212,11 +212,10 @@ class SessionCore:
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
         self._contradictions.frames(name, frames)
         for frame in frames:
-            if not self._pipeline.limit.admits(name, frame.hub, frame.wheel):
-                continue
-            self._alarms.silence.frame(name, frame, host_ns)
-            if frame.type != MessageType.SAMPLES:
-                self._slow_message(name, link, frame, host_ns)
+            if self._pipeline.limit.admits(name, frame.hub, frame.wheel):
+                self._alarms.silence.frame(name, frame, host_ns)
+                if frame.type != MessageType.SAMPLES:
+                    self._slow_message(name, link, frame, host_ns)
         return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
 
     def _slow_message(self, name: str, link: _Link, frame: Frame, host_ns: int) -> None:
