@@ -4,9 +4,9 @@
     python -m tools.fuzz_files                                       # every kind, a short run
     python -m tools.fuzz_files --kind mat --seed 1 --only 1234       # one case again, with its traceback
 
-Each case ends with success or with a message for the user. Anything else is a failure: a traceback, a crash of the
-process, more than MEMORY_MB of further memory, more than LIMIT_S seconds of computing. A failing input is kept in
-`build/fuzz`.
+Each case ends with success or with a message for the user. Anything else is a failure: a traceback, a warning, a
+crash of the process, more than MEMORY_MB of further memory, more than LIMIT_S seconds of computing. A failing input is
+kept in `build/fuzz`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -160,6 +161,7 @@ def _alarm() -> Iterator[None]:
 def work(kind: str, seed: int, first: int, end: int, current: str) -> None:
     """Run cases in this process with limited memory, and print their counts as JSON."""
     faulthandler.enable()
+    warnings.simplefilter("error", RuntimeWarning)
     _limit_memory(kind, seed)
     print(json.dumps(asdict(run_cases(kind, seed, first, end, Path(current)))))
 
