@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from typing import IO, Any, Final, Protocol
 
 from gateway.errors import OutputError
@@ -27,7 +26,7 @@ class RowSink(Protocol):
         ...
 
     def end(self) -> None:
-        """Finish and close the file."""
+        """Write what is left; the file stays open."""
         ...
 
 
@@ -38,9 +37,8 @@ class CsvSink:
     """
 
     def __init__(self, file: IO[bytes]) -> None:
-        """Take the open file; `end` closes it."""
-        self._text = io.TextIOWrapper(file, encoding="utf-8", newline="")
-        self._rows = csv.writer(self._text)
+        """Take the open file."""
+        self._rows = csv.writer(_Utf8(file))
 
     def begin(self, columns: dict[str, type]) -> None:
         """Write the header."""
@@ -51,8 +49,17 @@ class CsvSink:
         self._rows.writerow([_harmless(cell) for cell in cells])
 
     def end(self) -> None:
-        """Finish and close the file."""
-        self._text.close()
+        """Do nothing: every row is in the file."""
+
+
+class _Utf8:
+    """Text file of a binary one that does not close it."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def write(self, text: str) -> int:
+        return self._file.write(text.encode())
 
 
 def _harmless(cell: Cell) -> Cell:
@@ -75,7 +82,7 @@ class ParquetSink:
     """Columns of plain types, in row groups; `host_utc` is a timestamp."""
 
     def __init__(self, file: IO[bytes]) -> None:
-        """Take the open file; `end` closes it."""
+        """Take the open file."""
         self._file = file
         self._writer: Any = None
         self._schema: Any = None
@@ -101,10 +108,9 @@ class ParquetSink:
             self._flush()
 
     def end(self) -> None:
-        """Finish and close the file."""
+        """Write what is left and the index."""
         self._flush()
         self._writer.close()
-        self._file.close()
 
     def _flush(self) -> None:
         import pyarrow as pa
