@@ -126,7 +126,8 @@ def run(kind: str, seed: int, count: int, most_s: float = math.inf) -> Outcome:
         while first < count and time.monotonic() <= stop_s:
             current.write_bytes(b"")
             # Not with -m: processes that the worker starts would import this module again, each of them.
-            code = f"from tools.fuzz_files import work; work({kind!r}, {seed}, {first}, {count}, {str(current)!r}, {str(stop_s)!r})"
+            arguments = (kind, seed, first, count, str(current), str(stop_s))
+            code = f"from tools.fuzz_files import work; work(*{arguments!r})"
             done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
             if done.returncode == 0:
                 _add(total, json.loads(done.stdout.splitlines()[-1]))
