@@ -2,9 +2,9 @@
 
 There are two methods. One is a power law of contact half angle and pressure, calibrated for the tire (`treadlink
 calibrate`); it follows every revolution. Wear makes the ring more flexible and so the contact longer under the same
-load: on the exact ring Q ~ EI^beta at a half angle and pressure. This is corrected for the wear that is estimated; where
-none is, the standard error includes the wear that a tire in use may have. The other uses the belt width, which wear does not change: all four numbers
-are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
+load: on the exact ring Q ~ EI^beta at a half angle and pressure. This is corrected for the wear that is estimated;
+where none is, the standard error includes the wear that a tire in use may have. The other uses the belt width, which
+wear does not change: all four numbers are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number
 _ASSUMED_LOAD_N: Final = 4000.0
 # Wear from which its correction is reported.
 _WORN_MM: Final = 0.5
-# beta on random tires of the exact ring: mean and standard deviation, and its change with ln Bs about the mean of ln Bs.
+# beta on random tires of the exact ring: mean, standard deviation, and change with ln Bs about the mean of ln Bs.
 _BETA: Final = 0.13
 _BETA_STD: Final = 0.07
 _BETA_STD_KNOWN_BS: Final = 0.055

@@ -13,12 +13,15 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
+    CIRCUMFERENTIAL,
     DEFINITIONS,
     ORDERS,
     LateralAverage,
+    LateralRecord,
     contact_edges,
     edge_errors,
     has_lateral,
@@ -42,7 +45,7 @@ HORIZON_REVOLUTIONS: Final = 100.0
 _SIGNIFICANT: Final = 3.0
 # Ply steer's share of the difference between second and first half of a rolling contact, over the contact line and the
 # square of the half angle, and its standard deviation over belts and treads (docs/explanation/ply-steer.md).
-_ROLLING_DIFFERENCE: Final = 2.7
+_ROLLING_DIFFERENCE: Final = 2.9
 _ROLLING_DIFFERENCE_STD: Final = 1.4
 # Least number of orders: with fewer the peak is wrong by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
@@ -135,7 +138,10 @@ class PlySteerEstimator:
         # The place of the peak is the largest of several places: their noise counts once more.
         variance[0] *= 2.0
         variance += np.square(rows @ record.radial_m * roll.roll_std_rad)
-        variance += np.square(rows @ record.along_m * MOUNTING_STD_RAD)
+        variance += np.square(rows @ _along(record, revolution, conditions) * MOUNTING_STD_RAD)
+        # The slopes scale with the lateral axis's gain over the radius.
+        scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m)
+        variance += np.square(rows @ record.lateral_m * scale_std)
         edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
         variance += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
         doubt = unusable or self._doubt(record.order_max)
@@ -177,6 +183,20 @@ def _estimate(name: str, value: float, std: float, doubt: Reason | None, notes: 
     if doubt is not None:
         return Estimate(name, value, std, Status.PROVISIONAL, (*notes, doubt))
     return Estimate(name, value, std, Status.VALID, notes)
+
+
+def _along(record: LateralRecord, revolution: Revolution, conditions: TireConditions) -> FloatArray:
+    """Return the coefficients of the circumferential axis over Omega^2, (2 k,) m.
+
+    Without that axis it is -(e / R) ds/dtheta and gravity, which a sensor e below the neutral layer would read.
+    """
+    if not np.isnan(revolution.axes_mps2[CIRCUMFERENTIAL]).all():
+        return record.along_m
+    depth = math.hypot(conditions.sensor_offset_m, conditions.sensor_offset_std_m)
+    cosine, sine = record.radial_m.reshape(2, -1) * np.asarray(ORDERS)
+    result: FloatArray = np.concatenate([-sine, cosine]) * (depth / conditions.radius_m)
+    result[len(ORDERS)] += STANDARD_GRAVITY_MPS2 / revolution.omega_radps**2
+    return result
 
 
 def _conicity(

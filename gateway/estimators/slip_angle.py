@@ -36,7 +36,7 @@ SLIP_NAME: Final = "slip_angle_rad"
 # Memory of the learnt zero in revolutions: long compared with a bend, short compared with changes of temperature.
 REFERENCE_HORIZON: Final = 500.0
 REFERENCE_SETTLED: Final = 50.0
-# Usual mean slip of a wheel on a straight road (toe, crown), times a usual belt's share: error of a zero that is learnt.
+# Usual mean slip of a wheel on a straight road (toe, crown), times a usual share of the belt: error of a learnt zero.
 _LEARNT_ZERO_STD_RAD: Final = math.radians(0.15) * 0.3
 # Standard errors from zero beyond which slip has a direction.
 _SIGNIFICANT: Final = 3.0
@@ -102,9 +102,9 @@ class SlipAngleEstimator:
 
         Positive slip pulls the tire to the left. Slip that is constant while the zero is learnt becomes part of the
         zero, so the standard error includes a usual mean slip. slip_direction is 1, -1, or 0 when slip is within three
-        standard errors of zero; a reason says so. left_right_asymmetry is the sum of the mean lateral_asymmetry at left and at right slip, 0 for a
-        tire without ply steer and conicity. slip_angle_rad needs the belt's share. There are no estimates without a
-        lateral axis. Never raises on values.
+        standard errors of zero; a reason says so. left_right_asymmetry is the sum of the mean lateral_asymmetry at left
+        and at right slip, 0 for a tire without ply steer and conicity. slip_angle_rad needs the belt's share. There are
+        no estimates without a lateral axis. Never raises on values.
         """
         if not has_lateral(revolution):
             return ()

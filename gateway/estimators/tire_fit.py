@@ -70,7 +70,8 @@ def fit_load_calibration(points: Sequence[TirePoint]) -> LoadFit:
     """Fit load = f(half angle, pressure) to at least one point.
 
     The calibration's standard error is the root mean square error of leaving each point out in turn, and at least that
-    of the law on the exact ring, since a few points may agree by chance. With fewer than three points it is the error that the prior of the exponents leaves over a factor of two in load, and at least 5 %.
+    of the law on the exact ring, since a few points may agree by chance. With fewer than three points it is the error
+    that the prior of the exponents leaves over a factor of two in load, and at least 5 %.
     """
     calibration = _fit(points)
     load = np.array([point.load_n for point in points])

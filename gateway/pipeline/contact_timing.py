@@ -240,7 +240,7 @@ class ContactTimer:
         share = float(variance[0, 0] - variance[0, 1]) / total if total > 0.0 and math.isfinite(total) else 0.5
         weights = np.array([1.0 - share, share])
         centre_std = math.sqrt(max(float(weights @ (noise + stretch) @ weights), float(weights @ variance @ weights)))
-        # A change of the weights must not move the timed point: only the deviation of the distance from its mean counts.
+        # A change of the weights must not move the timed point: only the distance's deviation from its mean counts.
         centre = leading + share * (trailing - leading - apart) + 0.5 * apart
         step = template.middle_rad - float(self._points.mean())
         limit = _ANCHOR_STEP * centre_std * match.rate

@@ -91,7 +91,7 @@ class AlarmLog:
         Args:
             present: the alarms.
             at_s: time from the beginning of the session or recording.
-            hidden: alarms that end without a notice, because a wider one covers them.
+            hidden: alarms that stay as they are, because a wider one covers them: they are neither present nor over.
             values: returns the present values of what raised alarms.
             covers: whether this call decides on an alarm; others stay as they are.
         """
@@ -102,10 +102,11 @@ class AlarmLog:
             if covers(key):
                 seen.add(key)
                 notices += self._stands(key, alarm, at_s)
-        over = [key for key, entry in self._entries.items() if entry.is_standing and key not in seen and covers(key)]
-        known = values() if any(key not in hidden for key in over) else {}
+        standing = [key for key, entry in self._entries.items() if entry.is_standing]
+        over = [key for key in standing if key not in seen and key not in hidden and covers(key)]
+        known = values() if over else {}
         for key in over:
-            notices += self._is_over(key, at_s, known.get(key), is_hidden=key in hidden)
+            notices += self._is_over(key, at_s, known.get(key))
         for notice in notices:
             _logger.info("%s", notice_text(notice))
         return notices
@@ -142,7 +143,7 @@ class AlarmLog:
         entry.reminded_s = due_s
         return self._notice(entry.alarm, Reason(Code.ALARM_STANDS, at_s=at_s, alarm=entry.alarm.reason))
 
-    def _is_over(self, key: AlarmKey, at_s: float, value: Reason | None, *, is_hidden: bool) -> list[Notice]:
+    def _is_over(self, key: AlarmKey, at_s: float, value: Reason | None) -> list[Notice]:
         entry = self._entries[key]
         entry.is_standing = False
         duration_s = at_s - entry.raised_s
@@ -154,7 +155,7 @@ class AlarmLog:
             assert isinstance(age_s, float)
             what = Reason(Code.SENDS_AGAIN, away_s=age_s + at_s - entry.seen_s)
         entry.seen_s = at_s
-        if is_hidden or entry.is_muted:
+        if entry.is_muted:
             return []
         over = Reason(Code.ALARM_CLEARED, at_s=at_s, duration_s=duration_s, what=what)
         return self._notice(entry.alarm, over, Level.INFO)

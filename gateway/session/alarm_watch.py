@@ -63,7 +63,7 @@ class AlarmWatch:
         return self.log.update(
             present,
             self.silence.elapsed_s(),
-            hidden=superseded(wheels),
+            hidden=superseded(wheels, self.silence.silent_hubs(of_down_links=True), several_links=len(links) > 1),
             values=lambda: present_values(wheels, links, self.thresholds),
         )
 

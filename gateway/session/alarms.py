@@ -99,9 +99,11 @@ def silence_alarms(wheels: Iterable[WheelSnapshot]) -> Iterator[Alarm]:
                 yield Alarm(wheel.position, AlarmName.ENVIRONMENT if is_old else AlarmName.SILENT, silence.reason)
 
 
-def superseded(wheels: Iterable[WheelSnapshot]) -> frozenset[AlarmKey]:
-    """Return the alarms that a wider silence hides: their values are old, and they are neither present nor over."""
-    hidden: set[AlarmKey] = set()
+def superseded(
+    wheels: Iterable[WheelSnapshot], hubs_of_down_links: Iterable[SilentHub] = (), *, several_links: bool = False
+) -> frozenset[AlarmKey]:
+    """Return the alarms that a wider silence hides: nothing new is known of them, so they are not over."""
+    hidden = {(alarm.position, alarm.name) for alarm in hub_alarms(hubs_of_down_links, several_links)}
     for wheel in wheels:
         silence = wheel.silence
         if silence is None:

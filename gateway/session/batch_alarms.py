@@ -114,21 +114,18 @@ class BatchAlarms:
             self._review()
 
     def _review(self) -> None:
-        silent = self._silence.of_wheels()
+        silent, several = self._silence.of_wheels(), len(self._silence.links()) > 1
         wheels = [WheelSnapshot(position, silences=silences) for position, silences in silent.items()]
         self._log.update(
-            [*self._link_alarms(), *self._hub_alarms(), *silence_alarms(wheels)],
+            [*self._link_alarms(), *hub_alarms(self._silence.silent_hubs(), several), *silence_alarms(wheels)],
             self._silence.elapsed_s(),
-            hidden=superseded(wheels),
+            hidden=superseded(wheels, self._silence.silent_hubs(of_down_links=True), several_links=several),
             covers=lambda key: key[1] in _OF_STREAMS,
         )
 
     def _link_alarms(self) -> Iterator[Alarm]:
         for link, state in self._silence.down_links():
             yield Alarm(link, AlarmName.LINK, Reason(Code.LINK_DOWN, state=state))
-
-    def _hub_alarms(self) -> Iterator[Alarm]:
-        return hub_alarms(self._silence.silent_hubs(), several_links=len(self._silence.links()) > 1)
 
 
 def _as_snapshot(result: RevolutionResult) -> WheelSnapshot:

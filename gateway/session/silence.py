@@ -401,11 +401,11 @@ class SilenceWatch:
                     found[position] = (Silence(SilentPart.SENSOR, waited_s, reason),)
         return found
 
-    def silent_hubs(self) -> Iterator[SilentHub]:
-        """Yield the silent hubs of links that are open."""
+    def silent_hubs(self, *, of_down_links: bool = False) -> Iterator[SilentHub]:
+        """Yield the silent hubs of links that are open, or every hub of those that are down."""
         for name, link in self._links.items():
             for number, hub in link.hubs.items():
-                if link.down is None and hub.is_silent(link.now_ns):
+                if link.down is not None if of_down_links else link.down is None and hub.is_silent(link.now_ns):
                     positions = tuple(self._position_of(name, number, wheel) for wheel in sorted(hub.sensors))
                     yield SilentHub(name, number, (link.now_ns - hub.last_ns) / _S, positions)
 

@@ -134,7 +134,7 @@ class ContactLevels:
         plateau_mps2: level in the middle of the contact; the lowest level near 0 where no contact is found.
         baseline_mps2: level of the free belt.
         shapes: at the leading and at the trailing edge; None where no contact is found.
-        ripple_mps2: rms of the free belt's waves above order 18, beyond the overshoots; 0 if the smoothing removes them.
+        ripple_mps2: rms of the free belt's waves above order 18, beyond the overshoots; 0 if smoothing removes them.
         orders: (k,) orders that the smoothing keeps.
         gain: (k,) with these gains.
     """

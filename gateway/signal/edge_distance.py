@@ -19,7 +19,7 @@ import numpy as np
 
 from gateway.types import FloatArray
 
-# Width of the smoothing in orders, and for each: the mean distance and its change per feature about the features' means,
+# Width of the smoothing in orders, and for each: the mean distance, its change per feature about the features' means,
 # then the standard error. Means and standard deviations of the features over tires. rad.
 _WIDTHS: Final = (15.0, 17.5, 20.0, 25.0, 30.0, 40.0)
 _DISTANCES: Final = (

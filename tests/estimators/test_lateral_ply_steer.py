@@ -274,3 +274,27 @@ def test_contact_line_does_not_contain_conicity(conicity_deg: float) -> None:
     assert abs(coned[NAMES[1]].value - plain[NAMES[1]].value) > math.radians(0.03)
     assert plain[CONICITY_NAME].status is Status.PROVISIONAL
     assert codes_of(plain[CONICITY_NAME].reasons) == (Code.CONICITY_NOT_SEPARATED,)
+
+
+def test_missing_circumferential_axis_keeps_the_error_of_yaw() -> None:
+    deep = radial(offset_m=5e-3)
+    revolutions = rolled(deep)
+    whole = estimate(revolutions)[LINE_NAME]
+    estimator, average = PlySteerEstimator(), settled(revolutions[0])
+    conditions = replace(CONDITIONS, sensor_offset_m=4e-3, sensor_offset_std_m=3e-3)
+    for revolution in revolutions:
+        axes = revolution.axes_mps2.copy()
+        axes[0] = np.nan
+        found = {e.name: e for e in estimator.update(replace(revolution, axes_mps2=axes), average, conditions)}
+    assert found[LINE_NAME].std == pytest.approx(whole.std, rel=0.3)
+
+
+def test_gain_and_radius_errors_scale_the_angle() -> None:
+    revolutions, estimator = rolled(radial()), PlySteerEstimator()
+    average = settled(revolutions[0])
+    conditions = replace(CONDITIONS, gain_std=0.03, radius_std_m=0.04 * RADIUS_M)
+    for revolution in revolutions:
+        found = {e.name: e for e in estimator.update(revolution, average, conditions)}
+    plain = estimate(revolutions)
+    for name in (*NAMES, LINE_NAME):
+        assert found[name].std == pytest.approx(math.hypot(plain[name].std, 0.05 * plain[name].value))

@@ -64,11 +64,13 @@ def test_other_reason_of_the_same_alarm_is_reported() -> None:
     assert notice.reason["alarm"].code is Code.SENSOR_SILENT
 
 
-def test_hidden_alarm_ends_without_a_notice() -> None:
+def test_hidden_alarm_is_neither_reported_nor_over() -> None:
     log = AlarmLog()
     log.update([silent(2.0)], 0.0)
     assert log.update([], 1.0, hidden=[("W1", AlarmName.SILENT)]) == []
-    assert log.standing() == {}
+    assert log.standing() == {("W1", AlarmName.SILENT): Code.SAMPLES_SILENT}
+    (over,) = log.update([], 9.0)
+    assert over.reason["what"] == Reason(Code.SENDS_AGAIN, away_s=11.0)
 
 
 def test_update_leaves_alarms_that_it_does_not_cover() -> None:

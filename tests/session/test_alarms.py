@@ -118,6 +118,7 @@ def test_hubs_of_several_links_are_told_apart() -> None:
     (alone,) = alarms([], [LINK], LIMITS, silent_hubs=[silent])
     (among,) = alarms([], [LINK, replace(LINK, link="ble:y")], LIMITS, silent_hubs=[silent])
     assert (alone.position, among.position) == ("hub 0", "hub 0 on ble:x")
+    assert superseded([], [silent], several_links=True) == {("hub 0 on ble:x", AlarmName.SILENT)}
 
 
 def test_unknown_values_and_limits_give_no_alarm() -> None:

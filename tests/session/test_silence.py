@@ -178,6 +178,19 @@ def test_wheel_of_a_lost_link_is_silent(hub) -> None:
     assert "connection lost" in text(wheel.silence.reason)
 
 
+def test_silent_hub_of_a_lost_link_is_not_over(hub) -> None:
+    items, vehicle = hub
+    core = run(items, vehicle)
+    core.tick(items[-1].host_ns + 5 * S)
+    core.take(LinkEvent("sim:lab", items[-1].host_ns + 6 * S, LinkEventKind.LOST))
+    core.tick(items[-1].host_ns + 7 * S)
+    assert Code.ALARM_CLEARED not in {notice.reason.code for notice in core.take_notices()}
+    assert [(one.position, one.is_standing) for one in core.snapshot(0.0).alarm_records] == [
+        ("hub 0", True),
+        ("sim:lab", True),
+    ]
+
+
 def test_ended_session_keeps_the_last_numbers(hub) -> None:
     items, vehicle = hub
     core = run([*items, LinkEvent("sim:lab", items[-1].host_ns, LinkEventKind.ENDED)], vehicle)

@@ -91,6 +91,13 @@ def test_remark_on_valid_numbers_is_written_once(made, plain):
     assert all(line.endswith(" ok") for line in lines if line.startswith("F"))
 
 
+def test_usual_reasons_fit_the_last_column(made, plain):
+    view, lines = plain
+    for reason in (Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0), Reason(Code.PRESSURE_OLD, age_s=12.0)):
+        view.result(made.result(status=Status.PROVISIONAL, reasons=(reason,)))
+        assert lines[-1].endswith(text(reason)), lines[-1]
+
+
 def test_ratios_are_named_as_such(made, plain):
     view, lines = plain
     view.result(made.result(load_n=None))

@@ -189,7 +189,8 @@ class RoadForce:
         sinking = -(moving * normal).sum(axis=-1)
         grown = np.clip(depth / _GROWS_OVER_M, 0.0, 1.0)
         damper = belt.tread_damping_nspm2 * grown
-        push = np.where(depth > 0.0, np.maximum(belt.tread_npm2 * depth + damper * sinking, 0.0), 0.0)
+        unclipped = belt.tread_npm2 * depth + damper * sinking
+        push = np.maximum(unclipped, 0.0)
         alive = push > 0.0
         width = _REGULAR * belt.speed_mps
         held = np.tanh(((moving * along).sum(axis=-1) - self.road_mps) / width)
@@ -210,7 +211,7 @@ class RoadForce:
         whole[elements] += nodal[:, :2]
         whole[after] += nodal[:, 2:]
         lever = place[..., 0] * force[..., 1] - place[..., 1] * force[..., 0]
-        edges = _edges((angle[elements][:, None] + self._local_rad).reshape(-1), depth.reshape(-1))
+        edges = _edges((angle[elements][:, None] + self._local_rad).reshape(-1), unclipped.reshape(-1))
         return Road(
             force=whole.reshape(-1),
             by_position=by_position,
@@ -239,17 +240,17 @@ class RoadForce:
         return np.stack([rows[used], columns[used], values[used]], axis=1)
 
 
-def _edges(angle: Array, depth: Array) -> tuple[float, float]:
-    """Return the angles at which the belt meets and leaves the road, by the depth of points in the order of angle."""
-    touching = np.flatnonzero(depth > 0.0)
+def _edges(angle: Array, push: Array) -> tuple[float, float]:
+    """Return the angles between which the road pushes, by its push on points in the order of angle, unclipped."""
+    touching = np.flatnonzero(push > 0.0)
     if not len(touching):
         return math.nan, math.nan
     first, last = int(touching[0]), int(touching[-1])
-    if first == 0 or last == len(depth) - 1:
+    if first == 0 or last == len(push) - 1:
         return math.nan, math.nan
     return (
-        float(np.interp(0.0, depth[first - 1 : first + 1], angle[first - 1 : first + 1])),
-        float(np.interp(0.0, depth[last : last + 2][::-1], angle[last : last + 2][::-1])),
+        float(np.interp(0.0, push[first - 1 : first + 1], angle[first - 1 : first + 1])),
+        float(np.interp(0.0, push[last : last + 2][::-1], angle[last : last + 2][::-1])),
     )
 
 
@@ -376,7 +377,7 @@ def _integrate(mbs: Any, exu: Any, belt: Belt, road: RoadForce, quiet: bool) -> 
         found = road.at(time_s, q, v)
         if belt.friction and found.push_n > 0.0:
             # The road follows the belt until nothing pulls: free rolling.
-            road.road_mps += _FREE_ROLLING * found.drag_n / found.push_n * belt.speed_mps / belt.steps
+            road.road_mps -= _FREE_ROLLING * found.drag_n / found.push_n * belt.speed_mps / belt.steps
         if time_s >= begin_s - 1e-12:
             a = states.GetODE2Coordinates_tt()
             rows.append((time_s, q[:COORDINATES], v[:COORDINATES], a[:COORDINATES], found.push_n, found.drag_n,
