@@ -15,10 +15,12 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Coupling, MessageType, SetRate, SetStream, TimeSync
 from gateway.cli.estimate import estimate
 from gateway.cli.inspect import inspect
+from gateway.cli.replay import replay
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.writer import RecordingWriter
+from gateway.session.campaign_recording import ReadOrder, read_recording
 from gateway.session.contradictions import ContradictionWatch
 from gateway.session.core import SessionCore
 from gateway.views.wording import notice_text
@@ -261,6 +263,14 @@ def test_outputs_show_it(tmp_path) -> None:
     said = "hub0.wheel0: HELLO states 4800 Hz, but samples come at 9600 Hz by the hub's clock (4 so far, each over 2 s)"
     assert said in CliRunner().invoke(inspect, [str(path)]).output
     assert said in CliRunner().invoke(estimate, [str(path)]).output
+    read = read_recording(ReadOrder(path, 0, "x", None, None, 2))
+    assert [notice.reason.code for notice in read.notices] == [Code.HELLO_RATE_DIFFERS]
+    lines = CliRunner().invoke(replay, [str(path), "--plain", "--speed", "max"]).output.splitlines()
+    notices = [line for line in lines if "HELLO states 4800 Hz" in line]
+    # Once when it is found, with the count so far, and once in the summary.
+    assert len(notices) == 2
+    assert notices[0].startswith("# hub0.wheel0: ")
+    assert notices[1].startswith(said)
     (entry,) = json.loads(CliRunner().invoke(inspect, [str(path), "--json"]).output)["notices"]
     assert entry["subject"] == "hub0.wheel0"
     assert entry["level"] == "warning"
