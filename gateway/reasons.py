@@ -257,7 +257,6 @@ class Code(StrEnum):
     ONLY_UNREADABLE_FRAMES = "only_unreadable_frames"
     PRESSURE_IMPOSSIBLE = "pressure_impossible"
     SAMPLES_REPEATED = "samples_repeated"
-    SAMPLES_WITHOUT_HELLO = "samples_without_hello"
     SAMPLE_NUMBERS_JUMP = "sample_numbers_jump"
     TEMPERATURE_IMPOSSIBLE = "temperature_impossible"
     WHEELS_REFUSED = "wheels_refused"

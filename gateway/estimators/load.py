@@ -35,8 +35,6 @@ _UNKNOWN_WEAR_STD_M: Final = 3e-3
 _USUAL_THICKNESS_M: Final = 0.015
 # The ring wears down to its belt at most.
 _LEAST_THICKNESS_SHARE: Final = 0.3
-# Standard errors between two loads that exclude an explanation.
-_EXCLUDED: Final = 3.0
 
 
 class LoadEstimator:
@@ -68,16 +66,10 @@ class LoadEstimator:
             _error_beyond_definition(revolution.leading_edge_std_rad),
             _error_beyond_definition(revolution.trailing_edge_std_rad),
         )
-        by_width = self._by_width(revolution, average, conditions)
         by_angle = _by_angle(revolution, conditions, half, half_std, pressure)
-        contradicted = _width_contradiction(conditions)
-        if contradicted is not None and not _pressure_is_right(by_angle, by_width, conditions):
-            by_angle = _doubted(by_angle, contradicted)
+        by_width = self._by_width(revolution, average, conditions)
         load = _better(by_angle, by_width)
-        number = _pressure_number(load, conditions, half, half_std, pressure)
-        if contradicted is not None:
-            number = _doubted(number, contradicted)
-        return load, by_angle, by_width, number
+        return load, by_angle, by_width, _pressure_number(load, conditions, half, half_std, pressure)
 
     def _by_width(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> Estimate:
         reference = conditions.tire.reference
@@ -128,34 +120,6 @@ def _by_angle(
     return Estimate(NAMES[1], load, load * relative, status, (*doubts, *wear_notes))
 
 
-def _width_contradiction(conditions: TireConditions) -> Reason | None:
-    """Return the contradiction of the belt's width to that of the new tire: load, pressure or radius is wrong."""
-    width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
-    reasons = () if width is None else width.reasons
-    return next((reason for reason in reasons if reason.code is Code.WIDTH_CONTRADICTED), None)
-
-
-def _pressure_is_right(by_angle: Estimate, by_width: Estimate, conditions: TireConditions) -> bool:
-    """Return whether both loads together exclude that the pressure explains the contradiction.
-
-    The load by angle goes with the power m of the pressure, the load by width with the pressure itself: a wrong
-    pressure would part them by the power 1 - m of its error.
-    """
-    calibration, stated_n = conditions.tire.load_calibration, conditions.load_n
-    if calibration is None or stated_n is None or not (by_angle.value > 0.0 and by_width.value > 0.0):
-        return False
-    expected = (calibration.pressure_exponent - 1.0) * math.log(stated_n / by_width.value)
-    apart = math.log(by_width.value / by_angle.value)
-    std = math.hypot(by_width.std / by_width.value, by_angle.std / by_angle.value)
-    return abs(apart - expected) > _EXCLUDED * std
-
-
-def _doubted(estimate: Estimate, doubt: Reason) -> Estimate:
-    if estimate.status is Status.INVALID:
-        return estimate
-    return replace(estimate, status=Status.PROVISIONAL, reasons=(doubt, *estimate.reasons))
-
-
 def _wear_effect(conditions: TireConditions) -> tuple[float, float, tuple[Reason, ...]]:
     """Return the logarithm of the correction for wear since the calibration, its error, and notes."""
     thickness = conditions.tire.ring_thickness_m or _USUAL_THICKNESS_M
@@ -203,8 +167,7 @@ def _pressure_number(
     number = value / (2.0 * pressure * half * conditions.radius_m**2)
     # The error of the edge's definition counts here, because the number is compared between tires.
     half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)
-    radius = conditions.radius_std_m / conditions.radius_m
-    relative = math.hypot(std / value, half_std / half, conditions.pressure_std_pa / pressure, 2.0 * radius)
+    relative = math.hypot(std / value, half_std / half, conditions.pressure_std_pa / pressure)
     return Estimate(NAMES[3], number, number * relative, status, reasons)
 
 

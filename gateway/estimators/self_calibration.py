@@ -55,7 +55,7 @@ _HORIZON_REVOLUTIONS: Final = 2000.0
 _SEPARATED: Final = 0.3
 # Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
 # mean depends on, are known better from revolution to revolution, and the sensor warms up.
-_MEAN_WITH_SPEED: Final = 1e-4
+_MEAN_WITH_SPEED: Final = 4e-5
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 _LEAST_REVOLUTIONS: Final = 8
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.

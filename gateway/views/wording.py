@@ -424,10 +424,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SAMPLES_REPEATED: (
         "sends samples again under new counters: {count} blocks are not used. A fault of the firmware"
     ),
-    Code.SAMPLES_WITHOUT_HELLO: (
-        "{count} blocks of samples, but no HELLO: without rate and scale nothing can be estimated. A hub sends a HELLO "
-        "every 2 s. Restart the hub or update its firmware"
-    ),
     Code.SAMPLE_NUMBERS_JUMP: (
         "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} times): a restart of the "
         "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
