@@ -101,6 +101,7 @@ class Code(StrEnum):
     FROM_CONTACT_ANGLE = "from_contact_angle"
     FROM_RATIO = "from_ratio"
     HALF_ANGLE_OUTSIDE_CALIBRATION = "half_angle_outside_calibration"
+    LOAD_CONTRADICTED = "load_contradicted"
     NEEDS_ESTIMATOR = "needs_estimator"
     NEEDS_LOAD_CALIBRATION = "needs_load_calibration"
     NEEDS_REFERENCE_NUMBER = "needs_reference_number"
