@@ -43,7 +43,6 @@ class Code(StrEnum):
     RATE_DOES_NOT_FIT = "rate_does_not_fit"
     SAMPLES_INTERRUPTED = "samples_interrupted"
     SAMPLES_TOO_SHORT = "samples_too_short"
-    SAMPLES_WITHOUT_HELLO = "samples_without_hello"
     WHEEL_STANDS = "wheel_stands"
     WHEEL_TOO_SLOW = "wheel_too_slow"
 

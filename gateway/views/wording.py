@@ -76,10 +76,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
     ),
     Code.SAMPLES_TOO_SHORT: "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}",
-    Code.SAMPLES_WITHOUT_HELLO: (
-        "{count} blocks of samples, but no HELLO: without rate and scale nothing can be estimated. A hub sends a HELLO "
-        "every 2 s. Restart the hub or update its firmware"
-    ),
     Code.WHEEL_STANDS: (
         "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
         "{std_mps2:.1f m/s²}"
