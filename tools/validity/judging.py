@@ -62,6 +62,7 @@ class Judged:
         case: name of the case.
         size: of the misstatement.
         tire: number of the tire.
+        kind: class of the vehicle, or name of the independent tire.
         when: which of the judged results, 0 for the first.
         estimator: that made it.
         quantity: name.
@@ -76,6 +77,7 @@ class Judged:
     case: str
     size: float
     tire: int
+    kind: str
     when: int
     estimator: str
     quantity: str
@@ -126,7 +128,7 @@ def judge(
         for estimator, name in expected:
             estimate = found.get((estimator, name)) or Estimate.invalid(name)
             yield Judged(
-                case.name, size, tire, when, estimator, name, estimate.value, estimate.std,
+                case.name, size, tire, run.world.kind, when, estimator, name, estimate.value, estimate.std,
                 truth.get(name, math.nan), str(estimate.status),
                 able.get(name, True) and estimator not in REFERENCES,
                 tuple(str(reason.code.name) for reason in estimate.reasons),
