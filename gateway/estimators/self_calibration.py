@@ -53,6 +53,9 @@ _PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
 # Share of its prior error below which the zero-g offset counts as determined.
 _SEPARATED: Final = 0.3
+# Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
+# mean depends on, are known better from revolution to revolution, and the sensor warms up.
+_MEAN_WITH_SPEED: Final = 4e-5
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 # Relative change of the speed within a revolution up to which gravity is told from it. It is not known, and given as 0,
 # in a first revolution.
@@ -314,6 +317,8 @@ class SelfCalibrationEstimator:
         change = covariance @ self._weighted
         steady = covariance @ self._steady * _CLOSURE_STD
         errors = np.sqrt(np.diag(covariance) + np.square(steady))
+        by_speed = speed_errors(self._by_mean[0])
+        errors[1] = math.hypot(errors[1], by_speed.zero_mps2)
         here = np.array([1.0, 0.0, self._warm, 0.0])
         gain = 1.0 + float(here @ change)
         radius = conditions.radius_std_m / conditions.radius_m
@@ -321,6 +326,8 @@ class SelfCalibrationEstimator:
         doubt = refused or self._unsettled()
         one_speed = Reason(Code.NEEDS_TWO_SPEEDS, quantity="gain")
         together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
+        if not together:
+            gain_std = math.hypot(gain_std, by_speed.gain)
         return (
             _estimate(NAMES[0], _Found(gain, gain_std), doubt or (one_speed if together else None)),
             Estimate.invalid(NAMES[1], one_speed)
@@ -335,6 +342,32 @@ class SelfCalibrationEstimator:
         if self._count >= _LEAST_REVOLUTIONS:
             return None
         return Reason(Code.NOT_SETTLED, revolutions=self._count, needed=_LEAST_REVOLUTIONS)
+
+
+class SpeedErrors(NamedTuple):
+    """Errors of the relative steady value and of the zero-g offset that means at different speeds share."""
+
+    gain: float
+    zero_mps2: float
+
+
+def speed_errors(information: FloatArray) -> SpeedErrors:
+    """Return the errors by a relative error of the steady value that goes with the speed.
+
+    A steady value that is wrong in proportion to its deviation from its mean looks like a zero-g offset.
+
+    Args:
+        information: (2, 2) of `Measured.by_mean`.
+
+    Returns:
+        The errors; infinite at one speed.
+    """
+    mean = float(information[0, 1] / information[1, 1])
+    spread2 = float(information[0, 0] / information[1, 1]) - mean**2
+    if not spread2 > 1e-12 * mean**2:
+        return SpeedErrors(math.inf, math.inf)
+    gain = _MEAN_WITH_SPEED * abs(mean) / math.sqrt(spread2)
+    return SpeedErrors(gain, gain * abs(mean))
 
 
 def _refused(revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> Reason | None:

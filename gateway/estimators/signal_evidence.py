@@ -23,7 +23,7 @@ import numpy as np
 
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.self_calibration import Measured
+from gateway.estimators.self_calibration import Measured, speed_errors
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
 from gateway.reasons import Code, Reason
 
@@ -312,7 +312,8 @@ def _zero(measured: Measured) -> _Value | None:
     if not correlation2 < 1.0 - 1e-9:
         return None
     covariance = np.linalg.inv(information)
-    return _Value(float(covariance[1] @ weighted), math.sqrt(float(covariance[1, 1])))
+    std = math.hypot(math.sqrt(float(covariance[1, 1])), speed_errors(information).zero_mps2)
+    return _Value(float(covariance[1] @ weighted), std)
 
 
 def _gravity_gain(measured: Measured, depth: float) -> _Value | None:
