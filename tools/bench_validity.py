@@ -33,6 +33,8 @@ from gateway.estimators.registry import ESTIMATORS
 
 # `forward` takes a tenth of a second for each revolution: it is judged on request.
 DEFAULT = ("kinematic", "self-calibration", "weak-form", "ring-modal", "ring-paper", "wear", "load", "ply-steer")
+# The independent tire is flat: no lateral axis.
+ROLLED_WITHOUT = ("ply-steer",)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -40,7 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     count = 8 if options.quick else options.count
     tires = options.tire if options.tire else range(options.first, options.first + count)
     cases = tuple(named(options.case))
-    orders = [Order(options.seed, tire, cases, tuple(options.estimator or DEFAULT), options.cache) for tire in tires]
+    rolled = options.rolled if options.source == "fe" else None
+    usual = DEFAULT if rolled is None else tuple(name for name in DEFAULT if name not in ROLLED_WITHOUT)
+    chosen = tuple(options.estimator or usual)
+    orders = [Order(options.seed, tire, cases, chosen, options.cache, rolled) for tire in tires]
     judged = [one for found in _all(orders, options.jobs) for one in found]
     judged = [one for one in judged if not options.quantity or one.quantity in options.quantity]
     if options.json:
@@ -68,13 +73,18 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="number of the first tire")
     parser.add_argument("--tire", type=int, action="append", help="this tire only; repeat for several")
     parser.add_argument("--seed", type=int, default=1, help="of everything")
+    parser.add_argument("--source", choices=("exact", "fe"), default="exact", help="ring, or independent tire")
+    parser.add_argument("--rolled", type=Path, help="with --source fe: folder that tools/independent_tire wrote")
     parser.add_argument("--quick", action="store_true", help="8 tires")
     parser.add_argument("--worst", type=int, default=20, help="rows of the tables of offenders")
     parser.add_argument("--json", type=Path, help="write every judged estimate to this file")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into docs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--cache", type=Path, help="folder that keeps ring solutions between runs; trust its files")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.source == "fe" and options.rolled is None:
+        parser.error("--source fe needs --rolled DIR; see tools/independent_tire")
+    return options
 
 
 def _all(orders: Sequence[Order], jobs: int) -> Iterator[list[Judged]]:

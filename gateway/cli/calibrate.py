@@ -12,8 +12,8 @@ import numpy as np
 
 from gateway.cli.options import force_option
 from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, load_vehicle, parse_vehicle
-from gateway.errors import TreadlinkError
+from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, load_vehicle, recorded_vehicle
+from gateway.errors import ConfigError, TreadlinkError
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration, reference_numbers
 from gateway.pipeline.results import RevolutionResult
@@ -91,7 +91,12 @@ def calibrate(
 def _points(path: Path, fallback: VehicleConfig | None, positions: Sequence[str]) -> list[TirePoint]:
     """Estimate one recording and return its usable wheels; the others are reported."""
     reader = RecordingReader(path)
-    vehicle = parse_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
+    try:
+        vehicle = recorded_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
+    except ConfigError:
+        if fallback is None:
+            raise
+        vehicle = fallback
     if vehicle is None:
         raise TreadlinkError(
             f"'{path}' contains no vehicle configuration", "Give one that states the loads: --config VEHICLE.toml."

@@ -78,7 +78,8 @@ def _watch(session: RunningSession, stop: StopRequest) -> None:
                 frames = sum(link.frames for link in snapshot.links)
                 lost = sum(link.frames_lost for link in snapshot.links)
                 size_mb = snapshot.recorded_bytes / 1e6
-                text = f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost"
+                alarms = f", {len(snapshot.alarms)} ALARMS" if snapshot.alarms else ""
+                text = f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost{alarms}"
                 click.echo(f"\r{text}\033[K", nl=False, err=True)
             if session.time_is_up():
                 live.request_stop()

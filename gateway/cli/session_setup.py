@@ -15,7 +15,7 @@ from gateway.cli import exit_status
 from gateway.cli.stop_signals import StopRequest
 from gateway.clock import Clock, SystemClock
 from gateway.config.effects_file import check_effects, load_effects
-from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle
+from gateway.config.vehicle import VehicleConfig, load_vehicle, recorded_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Source, is_live, open_source
@@ -63,7 +63,7 @@ def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], ori
     if config_path is not None:
         return load_vehicle(config_path)
     texts = [text for text in provided if text]
-    return parse_vehicle(texts[0], origin) if texts else None
+    return recorded_vehicle(texts[0], origin) if texts else None
 
 
 def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:
@@ -210,9 +210,9 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
     links = {link.link: FrameCounts(link.frames, sum(link.judged.values())) for link in snapshot.links}
     no_frames, no_revolutions = missing_frames(links), missing_revolutions(snapshot.wheels, links)
     write("")
-    for line in summary_lines(session.summary.wheels(), snapshot.links):
+    for line in summary_lines(session.summary.wheels(), snapshot.links, snapshot.alarm_records):
         write(clean(line))
-    for notice in (*no_frames, *no_revolutions):
+    for notice in (*session.live.core.contradictions(), *no_frames, *no_revolutions):
         write(clean(notice_text(notice)))
     if snapshot.recording and not removed:
         write("")

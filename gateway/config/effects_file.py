@@ -22,6 +22,7 @@ VERSION: Final = 1
 
 _KEY: Final = "treadlink_effects"
 _LISTED_FAULTS: Final = 8
+_MAX_BYTES: Final = 16 << 20
 _OFFSET_TOLERANCE_M: Final = 5e-5
 # Relative.
 _RADIUS_TOLERANCE: Final = 5e-3
@@ -151,7 +152,7 @@ def load_effects(path: Path) -> CorrectionTable:
     Raises:
         ConfigError: the file cannot be read, or is not an effects file of a supported version.
     """
-    text = read_text(path, "the effects file")
+    text = read_text(path, "the effects file", max_bytes=_MAX_BYTES)
     version = _version(text, path)
     if version != VERSION:
         raise ConfigError(

@@ -15,6 +15,7 @@ from gateway.config.cross_checks import cross_faults
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import (
     GAIN_STD,
     HAND_MOUNTED_STD_M,
@@ -288,6 +289,12 @@ class Thresholds(Section):
     battery_min_percent: float | None = Field(
         default=None, ge=0, le=100, description="lowest state of charge of a hub's battery in percent"
     )
+    silent_after_s: float | None = Field(
+        default=None,
+        ge=0.2,
+        le=3600,
+        description="time without samples after which a sensor is silent, in s; 1 s when not stated",
+    )
 
     @property
     def pressure_min_pa(self) -> float | None:
@@ -432,3 +439,17 @@ def parse_vehicle(text: str, origin: str) -> VehicleConfig:
         ConfigError: with one line for each fault, `origin: key: value found, problem`.
     """
     return parse_document(VehicleConfig, text, origin, cross_faults)
+
+
+def recorded_vehicle(text: str, origin: str) -> VehicleConfig:
+    """Return the configuration that a recording contains; `origin` names the recording in messages.
+
+    Raises:
+        ConfigError: it has faults, which the user cannot correct there.
+    """
+    try:
+        return parse_vehicle(text, f"{origin}: its configuration")
+    except ConfigError as error:
+        raise ConfigError(
+            str(error), "Give the configuration with --config VEHICLE.toml; it replaces that of the recording."
+        ) from error

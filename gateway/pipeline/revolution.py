@@ -63,8 +63,8 @@ class SensorReading:
 
     @property
     def has_radial(self) -> bool:
-        """Whether the sensor has a radial axis."""
-        return Axis.RADIAL in self.columns
+        """Whether the sensor has a radial axis that can be used; one of scale 0 cannot."""
+        return Axis.RADIAL in self.columns and self.scale_mps2[self.radial_column] != 0.0
 
     @property
     def radial_column(self) -> int:

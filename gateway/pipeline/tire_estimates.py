@@ -15,6 +15,7 @@ from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revo
 from gateway.estimators.evidence import Evidence, assess
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
+from gateway.pipeline.old_pressure import old_pressure_s, rest_on_old_pressure
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
@@ -89,6 +90,9 @@ class TireEstimates:
         self._current = self._series[uncorrected]
         average = self._take_in(revolution)
         conditions, estimates = self._estimate(revolution, average, self.conditions(end_us))
+        old_s = old_pressure_s(self._environment, end_us)
+        if old_s is not None:
+            estimates = rest_on_old_pressure(estimates, old_s)
         self.last = RevolutionResult(self._setup.position, host_ns, revolution, conditions, estimates)
         return self.last
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Environment, Hello
+from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from gateway.constants import AXIS_NAMES
 from gateway.pipeline.contact_timing import ContactTimer
@@ -132,7 +133,9 @@ class WheelPipeline:
             self._begin_at(first_sample)
             return self.samples(first_sample, ticks_us, axes, counts, host)
         if step > _MAX_GAP_S * sensor.hello.rate_hz:
-            self._lost += step
+            # Numbers for which the hub's clock shows no time are a jump of the firmware's, not lost samples.
+            if not is_jump(step, ticks_us[0] - clock.hub_us(buffer.head), sensor.hello.rate_hz):
+                self._lost += step
             before = self._finish_segment(host)
             self._begin_at(first)
             return before + self.samples(first_sample, ticks_us, axes, counts, host)

@@ -19,6 +19,7 @@ from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.security.guard import Guard
+from gateway.session.batch_alarms import BatchAlarms
 
 
 class Items(Protocol):
@@ -40,6 +41,7 @@ def estimate_items(
     on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
     on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
+    alarms: BatchAlarms | None = None,
 ) -> dict[str, LinkCounters]:
     """Run the estimators on all items of a source.
 
@@ -53,6 +55,7 @@ def estimate_items(
         on_batch: called with the link, a block of its frames and their arrival times, before its revolutions.
         on_wheels: called once with the last state of every wheel.
         effects: known effects to subtract, one table per wheel.
+        alarms: takes frames, events of links and results; every result then has its alarms.
 
     Returns:
         the decoder's counters per link.
@@ -60,16 +63,27 @@ def estimate_items(
     setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
     pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
     links: dict[str, LinkBlocks] = {}
+    if alarms is not None:
+        alarms.begin(pipeline)
+
+    def hand_over(result: RevolutionResult) -> None:
+        on_result(alarms.result(result) if alarms is not None else result)
 
     def deliver(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
         for batch, arrivals_ns in batches:
             if on_batch is not None:
                 on_batch(link, batch, arrivals_ns)
+            if alarms is not None:
+                alarms.batch(link, batch, arrivals_ns)
             for result in pipeline.batch(link, batch, arrivals_ns):
-                on_result(result)
+                hand_over(result)
+            if alarms is not None:
+                alarms.end_of_block()
 
     for item in source.items():
         if not isinstance(item, Chunk):
+            if alarms is not None:
+                alarms.event(item)
             continue
         blocks = links.get(item.link)
         if blocks is None:
@@ -81,7 +95,7 @@ def estimate_items(
     for name, blocks in links.items():
         deliver(name, blocks.finish())
     for result in pipeline.finish():
-        on_result(result)
+        hand_over(result)
     if on_wheels is not None:
         on_wheels(pipeline.wheels())
     return {name: blocks.counters for name, blocks in links.items()}

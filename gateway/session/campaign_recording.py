@@ -14,7 +14,7 @@ from firmware_protocol.block_decoder import FrameBatch
 from gateway.closure.data.campaign_data import Group, Remark
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, parse_vehicle
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, recorded_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, Reason
@@ -22,8 +22,9 @@ from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
+from gateway.session.contradictions import ContradictionWatch
 from gateway.session.provenance import assumed_conditions, stated_conditions
-from gateway.session.wheel_identity import SensorsHeard, configured, wheel_address
+from gateway.session.wheel_identity import SensorsHeard, configured, positions, wheel_address
 from gateway.views.wording import notice_text
 
 # With several wheels and none chosen, revolutions read on to learn the names of all wheels.
@@ -101,12 +102,13 @@ class _SeveralWheelsError(Exception):
 class _Collector:
     """Collects the revolutions of one wheel, and what the frames say of sensors and clocks."""
 
-    def __init__(self, order: ReadOrder) -> None:
+    def __init__(self, order: ReadOrder, vehicle: VehicleConfig | None) -> None:
         self.wheels: dict[str, int] = {}
         self.store = RevolutionStore(order.reverse)
         self.last: RevolutionResult | None = None
         self.clock = HubClockError()
         self.sensors = SensorsHeard()
+        self.contradictions = ContradictionWatch(positions(vehicle))
         self.links: set[str] = set()
         self._wheel = order.wheel
         self._naming = _NAMING_REVOLUTIONS
@@ -125,6 +127,7 @@ class _Collector:
         self.links.add(link)
         self.clock.take(link, batch, arrivals_ns)
         self.sensors.take(batch)
+        self.contradictions.batch(link, batch)
 
     @property
     def has_host_times(self) -> bool:
@@ -144,8 +147,8 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     reader = RecordingReader(order.path)
     vehicle = order.vehicle
     if vehicle is None and reader.vehicle_toml:
-        vehicle = parse_vehicle(reader.vehicle_toml, str(order.path))
-    collected = _Collector(order)
+        vehicle = recorded_vehicle(reader.vehicle_toml, str(order.path))
+    collected = _Collector(order, vehicle)
     report = on_position or (lambda _: None)
     guard = open_guard(vehicle, order.key_file, remembers=False)
     try:
@@ -165,14 +168,15 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     of_guard = tuple(guard.take_notices()) if guard is not None else ()
     last = collected.last
     if last is None or (order.wheel is None and len(wheels) > 1):
-        notices = (*of_guard, *collected.sensors.mismatches(vehicle, wheels))
+        notices = (*of_guard, *collected.sensors.mismatches(vehicle, wheels), *collected.contradictions.found())
         return RecordingRead(wheels, damage=reader.damage, notices=notices)
     mismatches = tuple(collected.sensors.mismatches(vehicle, [last.position]))
     wheel = configured(vehicle, last.position)
     if order.vehicle is not None:
         sensors = collected.sensors.at(vehicle, last.position)
         _check_sensor(order, wheel, sensors, mismatches, has_own=bool(reader.vehicle_toml))
-    return _reduced(order, collected, last, vehicle, damage=reader.damage, notices=of_guard or mismatches)
+    notices = (*(of_guard or mismatches), *collected.contradictions.found())
+    return _reduced(order, collected, last, vehicle, damage=reader.damage, notices=notices)
 
 
 def _check_sensor(

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Level, Notice, Reason, Value
+from gateway.views.text import escaped
 
 TEMPLATES: Final[Mapping[Code, str]] = {
     # Revolutions
@@ -170,6 +171,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NO_LOAD_FROM_CONTACT_ANGLE: "not from the contact angle: {why}",
     Code.NUMBER_MISSING: "the estimator {estimator} does not give {number}",
     Code.OVER_REVOLUTIONS: "over {revolutions:.0f} revolutions",
+    Code.PRESSURE_OLD: "rests on a pressure that is {age_s:.0f s} old",
     Code.PRESSURE_NOT_COMPENSATED: "pressure not compensated",
     Code.PRESSURE_OUTSIDE_CALIBRATION: (
         "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"
@@ -224,17 +226,51 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "are swapped"
     ),
     # Wheels, links and alarms
+    # - Alarms as events
+    Code.ALARM_CLEARED: "alarm over at {at_s:.1f s}, after {duration_s:.1f s}: {what}",
+    Code.ALARM_COMES_AND_GOES: (
+        "ALARM at {at_s:.1f s}: {alarm}. It comes and goes: it is reported again after a minute without change"
+    ),
+    Code.ALARM_RAISED: "ALARM at {at_s:.1f s}: {alarm}",
+    Code.ALARM_STANDS: "ALARM still at {at_s:.1f s}: {alarm}",
     # - Thresholds
     Code.BATTERY_BELOW_LIMIT: "battery at {level:.0f %}, below {limit:.0f %}",
+    Code.BATTERY_NOW: "battery at {level:.0f %}",
     Code.FRAME_LOSS_ABOVE_LIMIT: "{share:.2f %} of the frames lost, above {limit:.2f %}",
+    Code.FRAME_LOSS_NOW: "{share:.2f %} of the frames lost",
     Code.LINK_DOWN: "link is down: {state}",
     Code.LOAD_ABOVE_LIMIT: "load {load_n:.0f N} is above {limit_n:.0f N}",
+    Code.LOAD_NOW: "load {load_n:.0f N}",
     Code.PRESSURE_ABOVE_LIMIT: "pressure {pressure_pa:.0f kPa} is above {limit_pa:.0f kPa}",
     Code.PRESSURE_BELOW_LIMIT: "pressure {pressure_pa:.0f kPa} is below {limit_pa:.0f kPa}",
+    Code.PRESSURE_NOW: "pressure {pressure_pa:.0f kPa}",
     Code.SENSOR_RANGE_REACHED: "{count} samples at the end of the sensor's range",
     Code.SPEED_ABOVE_LIMIT: "speed {speed_mps:.0f km/h} is above {limit_mps:.0f km/h}",
+    Code.SPEED_NOW: "speed {speed_mps:.0f km/h}",
     Code.TEMPERATURE_ABOVE_LIMIT: "inner liner at {temperature_degc:.0f degC}, above {limit_degc:.0f degC}",
+    Code.TEMPERATURE_NOW: "inner liner at {temperature_degc:.0f degC}",
     Code.WEAR_ABOVE_LIMIT: "wear {wear_m:.1f mm} is above {limit_m:.1f mm}",
+    Code.WEAR_NOW: "wear {wear_m:.1f mm}",
+    # - Silence
+    Code.AXIS_SILENT: (
+        "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
+    ),
+    Code.ENVIRONMENT_SILENT: "no pressure or temperature for {silence_s:.0f s}: the last values are that old",
+    Code.HUB_OF_WHEEL_SILENT: "no frame of its hub for {silence_s:.0f s}",
+    Code.HUB_SILENT: "no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?",
+    Code.SAMPLES_MISSING: "no samples for {silence_s:.0f s}",
+    Code.SAMPLES_SILENT: (
+        "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "
+        "firmware?"
+    ),
+    Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
+    Code.SENSOR_NEVER_HEARD: (
+        "nothing received from its sensor in {silence_s:.0f s}. Is it switched on, and are hub and wheel number as "
+        "configured?"
+    ),
+    Code.SENSOR_SILENT: (
+        "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
+    ),
     # - Events of links and devices
     Code.BATTERY_LEVEL: "battery {level:.0f %}",
     Code.BLE_DEVICE: "{device}",
@@ -248,6 +284,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LINK_RESTORED: "reconnected",
     Code.LINK_RETRYING: "reconnecting fails",
     Code.MARK: "mark: {text}",
+    Code.MARK_NOT_KEPT: "not kept, because this session is not recorded",
     Code.MTU: "MTU {mtu}",
     Code.MTU_TOO_SMALL: "MTU {mtu} is less than the {needed} that frames need: expect losses",
     Code.MTU_UNKNOWN: "MTU unknown (frames need {needed})",
@@ -271,7 +308,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_WITH_UNKNOWN_FLAGS: "frames with unknown flags are skipped and counted",
     Code.HUB_RESTARTED: "restarted (boot count {boot_count}); its counters and times start again",
     Code.HUB_RESTARTS_REPEATEDLY: "restarts again and again. Check its supply. Further restarts are not reported",
-    Code.HUB_SILENT: "sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?",
     Code.LINK_NO_DATA_YET: (
         "open, but no data yet. Is the hub powered, awake and set to send? Are TX and RX connected correctly?"
     ),
@@ -287,15 +323,12 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
         "is skipped and counted. Update treadlink"
     ),
-    Code.NO_FRAMES: "data arrives, but it contains no frame ({frames} before): {content}",
+    Code.NO_FRAMES: "data arrives, but it contains no frame: {content}",
+    Code.NO_FRAMES_ANY_MORE: "data arrives, but no frame any more, after {frames} frames: {content}",
     Code.NO_HELLO: (
         "samples arrive, but no hello for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
         "hub sends a hello every 2 s. Restart the hub or update its firmware"
     ),
-    Code.SENSOR_SILENT: (
-        "its sensor sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?"
-    ),
-    Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
     # - Content of a line without frames
     Code.CHECK_SOURCE_ADDRESS: "Check the address of the source",
     Code.CHOOSE_HUB_PORT: "Choose the hub's port; `treadlink doctor` lists the ports",
@@ -327,6 +360,83 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WHEEL_NOT_IN_CONFIGURATION: (
         "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
     ),
+    # - Contradictions of a hub
+    Code.HELLO_AXES_DIFFER: (
+        "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
+    ),
+    Code.HELLO_HIGHPASS_WITH_DC: (
+        "HELLO states DC coupling and a high-pass at {highpass_hz:g Hz} ({count} times). The high-pass is ignored; if "
+        "there is one, the firmware must state AC"
+    ),
+    Code.HELLO_KEEPS_CHANGING: (
+        "HELLO keeps changing without a restart ({count} times): each change of sensor, rate or axes starts the wheel "
+        "anew. A faulty hub, two sensors under one number, or forged frames"
+    ),
+    Code.HELLO_RATE_DIFFERS: (
+        "HELLO states {stated_hz:g Hz}, but samples come at {measured_hz:.0f Hz} by the hub's clock ({count} times "
+        "over {duration_s:g s}). One of the two is wrong: a fault of the firmware"
+    ),
+    Code.HELLO_SCALE_ABSURD: (
+        "HELLO states a full scale of {full_scale_mps2:.3g m/s²} for the {axis} axis, which no tire sensor has "
+        "({count} times). Its accelerations are wrong"
+    ),
+    Code.HELLO_SCALE_AGAINST_RANGE: (
+        "HELLO states a range of {range_mps2:.4g m/s²} for the {axis} axis, but scale and saturation give "
+        "{full_scale_mps2:.4g m/s²} ({count} times). Its accelerations may be wrong"
+    ),
+    Code.HELLO_SCALE_ZERO: (
+        "HELLO states a scale of 0 for {axes} ({count} times): such an axis cannot be used. A fault of the firmware"
+    ),
+    Code.HELLO_SENSORS_ALTERNATE: (
+        "sensors {sensor} and {other} announce themselves in turn as this wheel ({count} times): estimates of two "
+        "sensors are mixed. Give each a wheel number of its own"
+    ),
+    Code.HELLO_ZERO_ABSURD: (
+        "HELLO states {offset_counts:.6g} counts at zero acceleration for the {axis} axis, more than a sample can have "
+        "({count} times). Its accelerations are wrong"
+    ),
+    Code.HUB_BOOT_COUNTS_DIFFER: (
+        "its wheels state different boot counts, {own:.0f} and {other:.0f} ({count} times): each change is taken for a "
+        "restart. A fault of the firmware"
+    ),
+    Code.HUB_CLOCK_STILL: (
+        "the hub's clock does not advance while samples arrive ({count} times over {duration_s:g s}): times and the "
+        "sampling rate cannot be checked. A fault of the firmware"
+    ),
+    Code.HUB_NUMBER_RESERVED: (
+        "the hub has the number 255, which commands use for every hub ({count} HELLOs): it cannot be commanded alone"
+    ),
+    Code.HUB_SENDS_AS_WHEEL: (
+        "the hub sends messages of a wheel under its own number, 255: {count} frames are not used. A fault of the "
+        "firmware"
+    ),
+    Code.HUB_SENDS_COMMANDS: (
+        "commands arrive from the hub ({count} frames), which only a gateway sends: is the line looped back?"
+    ),
+    Code.HUB_TIME_AGAINST_TICK: (
+        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} times). A fault of the firmware"
+    ),
+    Code.ONLY_UNREADABLE_FRAMES: (
+        "sends frames, but none that treadlink can read: {count} of unknown types or layouts. Update treadlink or the "
+        "firmware"
+    ),
+    Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} times), which no tire has",
+    Code.SAMPLES_REPEATED: (
+        "sends samples again under new counters: {count} blocks are not used. A fault of the firmware"
+    ),
+    Code.SAMPLES_WITHOUT_HELLO: (
+        "{count} blocks of samples, but no HELLO: without rate and scale nothing can be estimated. A hub sends a HELLO "
+        "every 2 s. Restart the hub or update its firmware"
+    ),
+    Code.SAMPLE_NUMBERS_JUMP: (
+        "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} times): a restart of the "
+        "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
+    ),
+    Code.TEMPERATURE_IMPOSSIBLE: "the sensor states {temperature_degc:.0f degC} ({count} times), which no tire has",
+    Code.WHEELS_REFUSED: (
+        "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
+        "configure the wheels, and sign frames"
+    ),
     # - Sessions and commands
     Code.ASSUMED_NOT_MEASURED: "assumed, not measured: {text}",
     Code.COMMAND_FAILED: "the command failed",
@@ -338,7 +448,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "this computer is too slow to decode and estimate; the recording is complete. Dropped data is counted"
     ),
     Code.EFFECTS_SUBTRACTED: "subtracted from its axes at {ranges}: {effects}",
-    Code.HUB_LOG: "{severity}: {text}",
+    Code.HUB_LOG: "log ({severity}): {text}",
+    Code.HUB_LOG_LEFT_OUT: "{count} more lines of its hubs left out: at most ten a second are shown",
     Code.LOAD_RANGE: "{low_n:.0f} to {high_n:.0f N}",
     Code.PRESSURE_RANGE: "{low_pa:.0f kPa} to {high_pa:.0f kPa}",
     Code.RECORDING_BEHIND: "the disk is too slow: bytes are MISSING FROM THE RECORDING. Dropped data is counted",
@@ -387,6 +498,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_USED: "used all the same (policy warn)",
     Code.FRAMES_VERDICT: "{count} {verdict}",
     Code.FRAME_BEFORE_HELLO: "signed frames arrive, but no verified hello ({count} so far); {consequence}",
+    Code.FRAME_EARLIER_START: (
+        "{signer} sends under boot count {start}, but {latest} was accepted before ({count} frames so far): an old "
+        "recording is replayed, or the hub was replaced or has lost its boot count. If the hub is yours, set its boot "
+        "count above {latest}, or give a new key: treadlink keys new {identity} --replace; {consequence}"
+    ),
     Code.FRAME_LATE: (
         "a frame arrived long after later ones ({count} so far): a recording of the sensor may be replayed; "
         "{consequence}"
@@ -420,6 +536,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "sensor {sensor} is at a wheel that is not configured ({count} frames so far); configure it to admit it; "
         "{consequence}"
     ),
+    Code.SIGNER_AT_HUB: "{signer} at hub {hub}",
     Code.SIGNER_HUB: "hub {identity}",
     Code.SIGNER_SENSOR: "sensor {identity}",
     Code.SIGNER_UNKNOWN: "an unknown sensor",
@@ -444,6 +561,15 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.RECORDING_RECORD_MISSING: (
         "'{recording}' has no valid record at byte {at_byte:d}; the rest is not read. `treadlink repair` recovers it"
+    ),
+    Code.RECORDING_RECORD_TOO_LARGE: (
+        "'{recording}' has {size_bytes:.1f MB} in one chunk or record at byte {at_byte:d}, which is skipped; at most "
+        "{largest_bytes:.1f MB} are read at once. Check where the file comes from"
+    ),
+    Code.UNIT_UNLIKELY: (
+        "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
+        "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
+        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
     ),
     # Diagnosis: acceptance tests
     Code.IMPLAUSIBLE_PARAMETER: (
@@ -563,6 +689,7 @@ _UNITS: Final = {
     "kPa": 1e-3,
     "m": 1.0,
     "m/s²": 1.0,
+    "MB": 1e-6,
     "mm": 1e3,
     "ms": 1e3,
     "ppm": 1e6,
@@ -582,6 +709,9 @@ class _Template(string.Formatter):
             return ", ".join(self.format_field(item, format_spec) for item in value)
         if format_spec == " ":
             return f" {value}" if value else ""
+        if isinstance(value, str) and not value.isprintable():
+            # Text from a hub, a file or an error stays on its line and cannot control the terminal.
+            value = escaped(value)
         number, _, unit = format_spec.partition(" ")
         if unit:
             return f"{format(value * _UNITS[unit], number)} {unit}"
@@ -604,7 +734,7 @@ def joined(reasons: Iterable[Reason]) -> str:
 
 def notice_text(notice: Notice) -> str:
     """Return a notice as one line: its subject, then its reason; a matter of security is marked as such."""
-    said = f"{notice.subject}: {text(notice.reason)}" if notice.subject else text(notice.reason)
+    said = f"{escaped(notice.subject)}: {text(notice.reason)}" if notice.subject else text(notice.reason)
     return f"SECURITY: {said}" if notice.level is Level.SECURITY else said
 
 

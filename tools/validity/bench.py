@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +14,7 @@ from gateway.estimators.tire_data import LoadCalibration
 from gateway.estimators.tire_fit import TirePoint, fit_load_calibration
 from gateway.physics.rolling_ring import RingNotConvergedError
 from validity.cases import Case
+from validity.independent import record_rolled, rolled_tires, rolled_world
 from validity.judging import Judged, judge
 from validity.runs import Run, Store, record, results_of
 from validity.statements import LOAD_STD, Statement, draw_statement, moved_to
@@ -35,6 +37,7 @@ class Order:
         cases: to run.
         estimators: to judge.
         store: folder of kept solutions, None for none.
+        rolled: folder of kept independent tires; None for the exact ring.
     """
 
     seed: int
@@ -42,6 +45,7 @@ class Order:
     cases: tuple[Case, ...]
     estimators: tuple[str, ...]
     store: Path | None = None
+    rolled: Path | None = None
 
 
 def size_of(case: Case, tire: int) -> float:
@@ -55,24 +59,31 @@ def judge_tire(order: Order) -> list[Judged]:
     A case in which the tire has no equilibrium is left out.
     """
     Store.folder = order.store
-    plain = draw_world(order.seed, order.tire)
+    if order.rolled is None:
+        plain, record_world = draw_world(order.seed, order.tire), record
+    else:
+        tires = rolled_tires(order.rolled)
+        rolled = tires[order.tire % len(tires)]
+        plain, record_world = rolled_world(rolled, order.seed, order.tire), partial(record_rolled, rolled)
     said = draw_statement(plain, np.random.default_rng([order.seed, order.tire, 1]))
     judged: list[Judged] = []
     runs: dict[World, Run] = {}
     calibrations: dict[World, LoadCalibration | None] = {}
     for case in order.cases:
+        if case.tire and order.rolled is not None:
+            continue
         size = size_of(case, order.tire)
         rng = np.random.default_rng([order.seed, order.tire, zlib.crc32(case.name.encode())])
         try:
             world, statement = case.change(plain, said, size, rng)
-            if "load" in order.estimators:
+            if "load" in order.estimators and order.rolled is None:
                 tire = _as_calibrated(plain, world)
                 if tire not in calibrations:
                     calibrations[tire] = calibration_of(tire, said, order)
                 statement = replace(statement, calibration=calibrations[tire])
             if world not in runs:
                 runs = {plain: runs[plain]} if plain in runs else {}
-                runs[world] = record(world, (order.seed, order.tire))
+                runs[world] = record_world(world, (order.seed, order.tire))
         except RingNotConvergedError:
             continue
         results = results_of(runs[world], statement, order.estimators)

@@ -25,6 +25,7 @@ class Case:
         sizes: each tire gets one of them, in turn.
         change: makes the case from a plain tire of which everything stated is true.
         well: whether everything stated is true.
+        tire: whether it changes the tire, its load or its drive, which only the exact ring follows.
         about: one line.
     """
 
@@ -34,6 +35,7 @@ class Case:
     change: Change
     about: str
     well: bool = False
+    tire: bool = False
 
 
 def _plain(world: World, said: Statement, _: float, __: np.random.Generator) -> tuple[World, Statement]:
@@ -128,7 +130,15 @@ def _both(*sizes: float) -> tuple[float, ...]:
 
 CASES: Final[tuple[Case, ...]] = (
     Case("plain", "", (0.0,), _plain, "everything true, on the ring that the estimators assume", well=True),
-    Case("ordinary", "", (0.0,), _ordinary, "everything true; ordinary losses, extension, road, drift", well=True),
+    Case(
+        "ordinary",
+        "",
+        (0.0,),
+        _ordinary,
+        "everything true; losses, extension, road, drift",
+        well=True,
+        tire=True,
+    ),
     Case("depth-unstated", "mm", (0.0, 2.0, 4.0, 6.0, 9.0, 12.0), _depth_unstated, "no depth stated", well=True),
     Case("depth", "mm", _both(1.0, 2.0, 4.0, 8.0), _depth, "another depth of the sensor stated"),
     Case("rate", "times", (0.5, 0.9, 0.95, 1.05, 2.0), _rate, "another sampling rate stated"),
@@ -137,16 +147,16 @@ CASES: Final[tuple[Case, ...]] = (
     Case("gain", "%", _both(2.0, 5.0, 10.0, 20.0), _gain, "gain of all axes"),
     Case("zero-g", "g", (0.1, 0.3, 1.0, 2.0, 5.0), _zero_g, "zero-g offsets"),
     Case("sign", "", (0.0,), _sign, "radial axis points outward, not stated"),
-    Case("resistance", "%", (0.5, 1.0, 2.0, 3.0), _resistance, "rolling resistance"),
-    Case("drift", "%/s", _both(0.1, 0.3, 1.0, 3.0), _drift, "speed changes"),
-    Case("worn", "mm", (1.5, 3.0, 5.0), _worn, "worn tread, no wear estimator"),
-    Case("worn-known", "mm", (1.5, 3.0, 5.0), _worn_known, "worn tread, with wear estimator"),
-    Case("soft-rubber", "%", (5.0, 15.0, 30.0), _soft, "bending stiffness reduced by warmth"),
+    Case("resistance", "%", (0.5, 1.0, 2.0, 3.0), _resistance, "rolling resistance", tire=True),
+    Case("drift", "%/s", _both(0.1, 0.3, 1.0, 3.0), _drift, "speed changes", tire=True),
+    Case("worn", "mm", (1.5, 3.0, 5.0), _worn, "worn tread, no wear estimator", tire=True),
+    Case("worn-known", "mm", (1.5, 3.0, 5.0), _worn_known, "worn tread, with wear estimator", tire=True),
+    Case("soft-rubber", "%", (5.0, 15.0, 30.0), _soft, "bending stiffness reduced by warmth", tire=True),
     Case("load", "%", _both(5.0, 10.0, 20.0), _load, "another load stated"),
     Case("pressure", "%", _both(5.0, 10.0, 20.0), _pressure, "pressure sensor in error"),
-    Case("conicity", "deg", (0.1, 0.3, 0.6), _conicity, "conicity in place of ply steer"),
-    Case("light", "load number", (0.03, 0.05, 0.08), _light, "light load"),
-    Case("tread", "MPa at 2.1 bar", (15.0, 30.0, 200.0, 400.0), _tread, "soft or stiff tread"),
+    Case("conicity", "deg", (0.1, 0.3, 0.6), _conicity, "conicity in place of ply steer", tire=True),
+    Case("light", "load number", (0.03, 0.05, 0.08), _light, "light load", tire=True),
+    Case("tread", "MPa at 2.1 bar", (15.0, 30.0, 200.0, 400.0), _tread, "soft or stiff tread", tire=True),
 )
 
 

@@ -36,6 +36,8 @@ OWNERS: Final = {
     "ply_steer_peak_rad": "ply-steer",
     "ply_steer_first_half_rad": "ply-steer",
     "ply_steer_adhesion_line_rad": "ply-steer",
+    "ply_steer_contact_line_rad": "ply-steer",
+    "conicity_slope_rad": "ply-steer",
 }
 NUMBER_ESTIMATORS: Final = ("weak-form", "ring-modal", "ring-paper", "forward")
 QUANTITIES: Final = (*OWNERS, *RING_NUMBERS, *RING_RATIOS)
@@ -44,8 +46,8 @@ BEYOND: Final = 3.0
 _JUDGED: Final = (3, 12, -1)
 # A number counts as one that the data determine when the smallest possible error is this share of it.
 _DETERMINABLE: Final = 1.0 / 9.0
-# Not settled by one run at one speed, whatever the estimator.
-_NOT_EXPECTED: Final = frozenset({"gain", "zero_g_offset_mps2"})
+# Not settled by one run at one speed, whatever the estimator; nor is conicity there to be found.
+_NOT_EXPECTED: Final = frozenset({"gain", "zero_g_offset_mps2", "conicity_slope_rad"})
 _PULL_LIMIT: Final = 9999.0
 
 
@@ -109,6 +111,8 @@ def judge(
     """Yield the judged estimates of one run; a run without results yields invalid ones."""
     running = in_order(name for name in estimators if name not in statement.left_out)
     able = determinable(run)
+    if statement.calibration is None:
+        able["load_by_angle_n"] = False
     first = next((name for name in running if name in NUMBER_ESTIMATORS), "")
     expected = [(OWNERS[name], name) for name in OWNERS if OWNERS[name] in running]
     expected += [(own, name) for own in running if own in NUMBER_ESTIMATORS for name in (*RING_NUMBERS, *RING_RATIOS)]
@@ -174,6 +178,8 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         "ply_steer_peak_rad": slopes.peak_rad,
         "ply_steer_first_half_rad": slopes.first_half_rad,
         "ply_steer_adhesion_line_rad": slopes.adhesion_line_rad,
+        "ply_steer_contact_line_rad": slopes.contact_line_rad,
+        "conicity_slope_rad": slopes.conicity_rad,
         **{name: getattr(numbers, name) for name in RING_NUMBERS},
         **{name: getattr(numbers, name[:2]) / numbers.Cw for name in RING_RATIOS},
     }

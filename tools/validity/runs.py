@@ -6,9 +6,9 @@ import hashlib
 import math
 import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,8 +20,9 @@ from gateway.pipeline.wheels import Pipeline
 from gateway.simulator.hub import HubSimulator
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import BLOCK_S
+from gateway.simulator.tire_model import TireModel
 from gateway.simulator.tire_table import LATERAL, TABLE_ANGLES, Range, TireTable, WaveformTable
-from gateway.simulator.truth import LateralSlopes, WheelTruth, lateral_slopes
+from gateway.simulator.truth import WheelTruth, slopes_of
 from gateway.simulator.wheel_plan import WheelPlan
 from gateway.types import FloatArray
 from validity.statements import Statement
@@ -106,20 +107,56 @@ class Run:
         frames: decoded frames.
         truth: of the simulated wheel.
         bottoms_s: times at which the sensor is directly below the axle.
+        lateral: whether the lateral axis has a signal.
     """
 
     world: World
     frames: tuple[Frame, ...]
     truth: WheelTruth
     bottoms_s: FloatArray
+    lateral: bool = True
 
-    def slopes(self) -> LateralSlopes:
-        """Return the slopes of the belt in the contact, at the middle of the run."""
+    def slopes(self) -> Slopes:
+        """Return the slopes of the belt in the contact, at the middle of the run; NaN without a lateral axis."""
+        if not self.lateral:
+            return Slopes(*(math.nan,) * len(Slopes._fields))
         plan = self.truth.plan
         middle_s = 0.5 * self.world.seconds
         omega = self.truth.omega_radps(middle_s) if plan.tire.depends_on_speed else 0.0
-        conditions = (plan.tire, self.world.load_n, self.world.pressure_pa, omega, 0.0)
-        return Store.get(("slopes", *conditions), lambda: lateral_slopes(*conditions))
+        conditions = (plan.tire, self.world.load_n, self.world.pressure_pa, omega)
+        return Store.get(("slopes and parity", *conditions), lambda: _slopes(*conditions))
+
+
+class Slopes(NamedTuple):
+    """True slopes of the streamline in the contact at zero slip.
+
+    Attributes:
+        peak_rad: as in `LateralSlopes`.
+        first_half_rad: likewise.
+        adhesion_line_rad: likewise.
+        contact_line_rad: of the line through the whole contact.
+        conicity_rad: half the change of the mean slope from the first to the second half, by conicity alone.
+    """
+
+    peak_rad: float
+    first_half_rad: float
+    adhesion_line_rad: float
+    contact_line_rad: float
+    conicity_rad: float
+
+
+def _slopes(tire: TireModel, load_n: float, pressure_pa: float, omega_radps: float) -> Slopes:
+    ring = tire.solve(load_n, pressure_pa, omega_radps)
+    shape = tire.solve_lateral(ring, 0.0).y_m
+    cone = replace(tire, lateral=replace(tire.lateral, coupling_length_m=0.0)).solve_lateral(ring, 0.0).y_m
+    edges = ring.leading_edge_rad, ring.trailing_edge_rad
+    theta = np.linspace(*edges, 2001)
+    line = np.polyfit(ring.ring.radius_m * theta, np.interp(theta, ring.theta_rad, shape), 1)[0]
+    first, middle, last = np.interp([edges[0], sum(edges) / 2.0, edges[1]], ring.theta_rad, cone)
+    half_m = 0.5 * ring.ring.radius_m * (edges[1] - edges[0])
+    return Slopes(
+        *slopes_of(shape, ring.ring.radius_m, *edges), float(line), 0.5 * float(last - 2.0 * middle + first) / half_m
+    )
 
 
 def record(world: World, seed: Sequence[int]) -> Run:
@@ -128,7 +165,12 @@ def record(world: World, seed: Sequence[int]) -> Run:
 
 
 def record_wheel(
-    world: World, plan: WheelPlan, waveforms: Callable[[WheelPlan, World], Any], seed: Sequence[int]
+    world: World,
+    plan: WheelPlan,
+    waveforms: Callable[[WheelPlan, World], Any],
+    seed: Sequence[int],
+    *,
+    lateral: bool = True,
 ) -> Run:
     """Return a run of a wheel whose waveforms come from anywhere.
 
@@ -137,6 +179,7 @@ def record_wheel(
         plan: the simulated wheel.
         waveforms: gives the table of waveforms, as a `TireTable`.
         seed: of phase and noise.
+        lateral: whether the lateral axis has a signal.
     """
     table = FilteredTable(waveforms(plan, world), 0.5 * world.rate_hz * 2.0 * math.pi / world.omega_radps)
     own = BenchPlan(**{field.name: getattr(plan, field.name) for field in fields(plan)}, waveforms=table)
@@ -148,7 +191,7 @@ def record_wheel(
         sent = hub.advance(min((block + 1) * BLOCK_S, world.seconds))
         frames += decoder.feed(b"".join(frame.data for frame in sent))
     truth = WheelTruth(own, wheel.phase_rad)
-    return Run(world, tuple(frames), truth, truth.bottom_times_s(0.0, world.seconds))
+    return Run(world, tuple(frames), truth, truth.bottom_times_s(0.0, world.seconds), lateral)
 
 
 def _waveforms(plan: WheelPlan, world: World) -> TireTable:

@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import Mounting, Tire, VehicleConfig, Wheel, parse_vehicle
+from gateway.config.vehicle import VehicleConfig, parse_vehicle
 from gateway.constants import RING_NUMBERS
 from gateway.estimators.tire_data import LoadCalibration
-from validity.tires import GAIN_STD_PERCENT, ZERO_G_STD_MPS2, World
+from validity.tires import GAIN_STDS_PERCENT, World
 
 DEFAULT_RADIUS_STD: Final = 0.01
 STATED_RADIUS_STD: Final = 0.003
@@ -34,8 +34,8 @@ class Statement:
         pressure_factor: reading of the pressure over the truth.
         pressure_std_kpa: standard error of the reading.
         offset_mm: sensor below the neutral layer; None when it is not stated.
-        gain_std_percent: standard error of the sensor's gains.
-        zero_g_std_mps2: standard error of its zero-g offsets.
+        gain_std_percent: standard error of the sensor's gains; None for the default, 1.5 %.
+        zero_g_std_mps2: standard error of its zero-g offsets; None for the default, 1 m/s^2.
         rate_factor: stated sampling rate over the true one; the stamps follow the stated one, as in an import.
         unit_factor: stated unit of the samples over the true one.
         thickness_mm: of the new ring.
@@ -52,8 +52,8 @@ class Statement:
     thickness_mm: float
     radius_std_mm: float | None = None
     pressure_factor: float = 1.0
-    gain_std_percent: float = GAIN_STD_PERCENT
-    zero_g_std_mps2: float = ZERO_G_STD_MPS2
+    gain_std_percent: float | None = None
+    zero_g_std_mps2: float | None = None
     rate_factor: float = 1.0
     unit_factor: float = 1.0
     reference: tuple[float, float, float, float] | None = None
@@ -61,7 +61,7 @@ class Statement:
     left_out: tuple[str, ...] = ()
 
     def vehicle(self, world: World) -> VehicleConfig:
-        """Return the configuration; what this version of the gateway has no key for is left out."""
+        """Return the configuration; what is None is left out."""
         tire: dict[str, Any] = {
             "radius_mm": self.radius_mm,
             "radius_std_mm": self.radius_std_mm,
@@ -80,10 +80,9 @@ class Statement:
         sensor = {"gain_std_percent": self.gain_std_percent, "zero_g_std_mps2": self.zero_g_std_mps2}
         wheel: dict[str, Any] = {"position": "W", "hub": 0, "wheel": 0, "load_n": self.load_n}
         wheel["load_std_n"] = self.load_std_n
-        wheel["mounting"] = _known(mounting, Mounting)
-        if "sensor" in Wheel.model_fields:
-            wheel["sensor"] = sensor
-        return parse_vehicle(toml_text({"tire": _known(tire, Tire), "wheel": [wheel]}), "bench")
+        wheel["mounting"] = _stated(mounting)
+        wheel["sensor"] = _stated(sensor)
+        return parse_vehicle(toml_text({"tire": _stated(tire), "wheel": [wheel]}), "bench")
 
 
 def draw_statement(world: World, rng: np.random.Generator) -> Statement:
@@ -104,6 +103,7 @@ def draw_statement(world: World, rng: np.random.Generator) -> Statement:
         pressure_std_kpa=1e-3 * pressure_std_pa,
         offset_mm=1e3 * world.offset_m + float(errors[3]) * OFFSET_STD_MM,
         thickness_mm=world.thickness_mm + float(errors[4]) * THICKNESS_STD_MM,
+        gain_std_percent=None if world.gain_std_percent == GAIN_STDS_PERCENT[0] else world.gain_std_percent,
         reference=(bs, cw, rs, ts),
     )
 
@@ -115,8 +115,8 @@ def moved_to(statement: Statement, before: World, after: World) -> Statement:
     return replace(statement, load_n=statement.load_n * scale, load_std_n=statement.load_std_n * scale, offset_mm=depth)
 
 
-def _known(table: dict[str, Any], model: type[Any]) -> dict[str, Any]:
-    return {key: value for key, value in table.items() if value is not None and key in model.model_fields}
+def _stated(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if value is not None}
 
 
 def _calibration_table(calibration: LoadCalibration) -> dict[str, float]:

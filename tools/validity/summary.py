@@ -69,7 +69,8 @@ def _grouped(judged: Iterable[Judged], key: Callable[[Judged], tuple[str, ...]])
 
 def well_table(judged: Sequence[Judged]) -> Table:
     """Return all quantities where everything stated is true."""
-    names = [case.name for case in CASES if case.well]
+    present = {one.case for one in judged}
+    names = [case.name for case in CASES if case.well and case.name in present]
     groups = _grouped(judged, lambda one: (one.estimator, one.quantity))
     rows = []
     for (estimator, quantity), found in groups.items():

@@ -45,6 +45,8 @@ TAIL: Final[dict[str, type]] = {
     "saturated": bool,
     "ac_coupled": bool,
     "faults": str,
+    "silent_before_s": float,
+    "alarms": str,
 }
 _TAKEN: Final = frozenset((*HEAD, *TAIL))
 PARTS: Final[dict[str, type]] = {"": float, "_std": float, "_status": str, "_reason": str}
@@ -146,6 +148,8 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         "saturated": bool(revolution.saturated),
         "ac_coupled": bool(revolution.ac_coupled),
         "faults": joined(revolution.faults),
+        "silent_before_s": result.silent_before_s,
+        "alarms": joined(alarm.reason for alarm in result.alarms),
     }
     named = {
         distinct_name(estimate.name, _TAKEN): dict(
@@ -198,6 +202,7 @@ class _JsonLines(_Table):
         fixed, named = row_of(result, recording)
         row: dict[str, object] = dict(_in_order(fixed, named, named))
         row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
+        row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
         for estimate in result.estimates:
             row[f"{distinct_name(estimate.name, _TAKEN)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
         self._put(row)

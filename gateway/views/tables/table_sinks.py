@@ -10,6 +10,8 @@ from gateway.errors import OutputError
 Cell = str | int | float | bool | None
 
 _ROW_GROUP: Final = 8192
+# A spreadsheet takes text that begins so for a formula, and runs it.
+_FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 class RowSink(Protocol):
@@ -29,7 +31,10 @@ class RowSink(Protocol):
 
 
 class CsvSink:
-    """RFC 4180 with a header line; unknown values are empty, booleans 0 or 1, floats keep every digit."""
+    """RFC 4180 with a header line; unknown values are empty, booleans 0 or 1, floats keep every digit.
+
+    Text that a spreadsheet would run as a formula gets an apostrophe in front: names come from files and hubs.
+    """
 
     def __init__(self, file: IO[bytes]) -> None:
         """Take the open file."""
@@ -37,11 +42,11 @@ class CsvSink:
 
     def begin(self, columns: dict[str, type]) -> None:
         """Write the header."""
-        self._rows.writerow(columns)
+        self._rows.writerow([_harmless(name) for name in columns])
 
     def row(self, cells: list[Cell]) -> None:
         """Add a row."""
-        self._rows.writerow([int(cell) if isinstance(cell, bool) else cell for cell in cells])
+        self._rows.writerow([_harmless(cell) for cell in cells])
 
     def end(self) -> None:
         """Do nothing: every row is in the file."""
@@ -55,6 +60,12 @@ class _Utf8:
 
     def write(self, text: str) -> int:
         return self._file.write(text.encode())
+
+
+def _harmless(cell: Cell) -> Cell:
+    if isinstance(cell, bool):
+        return int(cell)
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell
 
 
 def require_pyarrow() -> None:
