@@ -43,7 +43,6 @@ class Code(StrEnum):
     RATE_DOES_NOT_FIT = "rate_does_not_fit"
     SAMPLES_INTERRUPTED = "samples_interrupted"
     SAMPLES_TOO_SHORT = "samples_too_short"
-    SAMPLES_WITHOUT_HELLO = "samples_without_hello"
     WHEEL_STANDS = "wheel_stands"
     WHEEL_TOO_SLOW = "wheel_too_slow"
 
@@ -101,6 +100,7 @@ class Code(StrEnum):
     FROM_CONTACT_ANGLE = "from_contact_angle"
     FROM_RATIO = "from_ratio"
     HALF_ANGLE_OUTSIDE_CALIBRATION = "half_angle_outside_calibration"
+    LOAD_CONTRADICTED = "load_contradicted"
     NEEDS_ESTIMATOR = "needs_estimator"
     NEEDS_LOAD_CALIBRATION = "needs_load_calibration"
     NEEDS_REFERENCE_NUMBER = "needs_reference_number"
@@ -257,7 +257,6 @@ class Code(StrEnum):
     ONLY_UNREADABLE_FRAMES = "only_unreadable_frames"
     PRESSURE_IMPOSSIBLE = "pressure_impossible"
     SAMPLES_REPEATED = "samples_repeated"
-    SAMPLES_WITHOUT_HELLO = "samples_without_hello"
     SAMPLE_NUMBERS_JUMP = "sample_numbers_jump"
     TEMPERATURE_IMPOSSIBLE = "temperature_impossible"
     WHEELS_REFUSED = "wheels_refused"

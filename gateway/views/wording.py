@@ -76,7 +76,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
     ),
     Code.SAMPLES_TOO_SHORT: "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}",
-    Code.SAMPLES_WITHOUT_HELLO: "no hello describes the {count} blocks of samples: their rate and scale are unknown",
     Code.WHEEL_STANDS: (
         "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
         "{std_mps2:.1f m/s²}"
@@ -160,6 +159,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the contact half angle {half_angle_rad:.1f deg} is outside the calibrated {low_rad:.1f deg} to "
         "{high_rad:.1f deg}"
     ),
+    Code.LOAD_CONTRADICTED: "contradicts the stated load, {stated_n:.0f N} ± {stated_std_n:.0f N}",
     Code.NEEDS_ESTIMATOR: "needs the estimator {estimator}, which made the reference numbers",
     Code.NEEDS_LOAD_CALIBRATION: "needs tire.load_calibration in the vehicle file (treadlink calibrate)",
     Code.NEEDS_REFERENCE_NUMBER: (
@@ -423,10 +423,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} times), which no tire has",
     Code.SAMPLES_REPEATED: (
         "sends samples again under new counters: {count} blocks are not used. A fault of the firmware"
-    ),
-    Code.SAMPLES_WITHOUT_HELLO: (
-        "{count} blocks of samples, but no HELLO: without rate and scale nothing can be estimated. A hub sends a HELLO "
-        "every 2 s. Restart the hub or update its firmware"
     ),
     Code.SAMPLE_NUMBERS_JUMP: (
         "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} times): a restart of the "

@@ -60,8 +60,8 @@ class PrivateBus:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
-            # Ctrl-C reaches every process of the terminal's group; the bus must outlive the hubs on it. (A session of its
-            # own would also be a group of the scheduler, in which the daemon starves while the computer is busy.)
+            # Ctrl-C reaches every process of the terminal's group, and the bus must outlive the hubs on it. A session
+            # of its own would do, but is a group of the scheduler too, in which it starves on a busy computer.
             process_group=0,
             preexec_fn=_end_with_the_parent if sys.platform == "linux" else None,
         )
