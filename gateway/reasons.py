@@ -65,6 +65,7 @@ class Code(StrEnum):
     SPEED_OR_RADIUS_UNKNOWN = "speed_or_radius_unknown"
     TOO_FEW_ORDERS = "too_few_orders"
     # Of what the signal says against what is stated
+    CONTACTS_MISSED = "contacts_missed"
     ERROR_COVERS = "error_covers"
     GAIN_WOULD_FIT = "gain_would_fit"
     GRAVITY_CONTRADICTED = "gravity_contradicted"

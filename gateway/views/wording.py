@@ -107,6 +107,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
     # Of what the signal says against what is stated
+    Code.CONTACTS_MISSED: "a contact found in one of {every:.0f} revolutions only would fit",
     Code.ERROR_COVERS: "{why}; the standard error covers the difference",
     Code.GAIN_WOULD_FIT: "a gain of {gain:.3f} would fit",
     Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
