@@ -165,7 +165,11 @@ class SessionCore:
     def _link(self, name: str) -> _Link:
         link = self._links.get(name)
         if link is None:
-            health = LinkHealth(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
+            health = LinkHealth(
+                name,
+                lambda hub, wheel: self._pipeline.position(name, hub, wheel),
+                lambda hub, wheel: self._pipeline.limit.admits(name, hub, wheel),
+            )
             link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)), HubLog(name))
         return link
 

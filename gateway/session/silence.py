@@ -312,11 +312,12 @@ class SilenceWatch:
     @staticmethod
     def thinned(batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
         """Yield arrival time and frame of those frames of a block that matter: all but most of the samples."""
-        keys = np.asarray(batch.hub).astype(np.int64) << 8 | np.asarray(batch.wheel)
         is_samples = np.asarray(batch.type) == MessageType.SAMPLES
         wanted = ~is_samples
-        for key in np.unique(keys[is_samples]).tolist():
-            own = np.flatnonzero(is_samples & (keys == key))
+        for _, _, frames in batch.by_source():
+            own = frames[is_samples[frames]]
+            if not len(own):
+                continue
             slots = arrivals_ns[own] // _SLOT_NS
             steps = np.flatnonzero(np.diff(slots)) + 1
             wanted[own[steps]] = wanted[own[steps - 1]] = True
