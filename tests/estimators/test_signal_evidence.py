@@ -10,9 +10,9 @@ import pytest
 
 from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.signal_evidence import assess
 from gateway.estimators.self_calibration import Measured
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
+from gateway.estimators.signal_evidence import assess
 from gateway.pipeline.wheel_setup import ReferenceNumbers, TireData, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, restated, simulated
