@@ -43,6 +43,7 @@ class Code(StrEnum):
     RATE_DOES_NOT_FIT = "rate_does_not_fit"
     SAMPLES_INTERRUPTED = "samples_interrupted"
     SAMPLES_TOO_SHORT = "samples_too_short"
+    SAMPLES_WITHOUT_HELLO = "samples_without_hello"
     WHEEL_STANDS = "wheel_stands"
     WHEEL_TOO_SLOW = "wheel_too_slow"
 
@@ -64,6 +65,7 @@ class Code(StrEnum):
     SPEED_OR_RADIUS_UNKNOWN = "speed_or_radius_unknown"
     TOO_FEW_ORDERS = "too_few_orders"
     # Of what the signal says against what is stated
+    CONTACTS_MISSED = "contacts_missed"
     ERROR_COVERS = "error_covers"
     GAIN_WOULD_FIT = "gain_would_fit"
     GRAVITY_CONTRADICTED = "gravity_contradicted"
@@ -254,7 +256,7 @@ class Code(StrEnum):
     HUB_SENDS_AS_WHEEL = "hub_sends_as_wheel"
     HUB_SENDS_COMMANDS = "hub_sends_commands"
     HUB_TIME_AGAINST_TICK = "hub_time_against_tick"
-    ONLY_UNREADABLE_FRAMES = "only_unreadable_frames"
+    ONLY_UNKNOWN_TYPES = "only_unknown_types"
     PRESSURE_IMPOSSIBLE = "pressure_impossible"
     SAMPLES_REPEATED = "samples_repeated"
     SAMPLE_NUMBERS_JUMP = "sample_numbers_jump"

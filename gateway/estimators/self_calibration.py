@@ -57,6 +57,9 @@ _SEPARATED: Final = 0.3
 # mean depends on, are known better from revolution to revolution, and the sensor warms up.
 _MEAN_WITH_SPEED: Final = 4e-5
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
+# Relative change of the speed within a revolution up to which gravity is told from it. It is not known, and given as 0,
+# in a first revolution.
+_STEADY_SPEED: Final = 0.03
 _LEAST_REVOLUTIONS: Final = 8
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
@@ -213,10 +216,12 @@ class SelfCalibrationEstimator:
         # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
         gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
         left = order_1.real - belt.signal_order_1 * mean
+        change = abs(revolution.omega_dot_radps2 * revolution.period_s / revolution.omega_radps)
+        is_steady = 0.0 < change < _STEADY_SPEED and average.count > 2
         scatter = float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count)
         order_std = max(scatter, 1e-3)
         by_mean = np.array([expected, 1.0, expected * self._warm, 0.0]) / _MEAN_STD_MPS2
-        by_gravity = np.array([gravity, 0.0, gravity * self._warm, steady]) / order_std
+        by_gravity = np.array([gravity, 0.0, gravity * self._warm, steady]) / order_std * is_steady
         if not (np.isfinite(by_mean).all() and np.isfinite(by_gravity).all() and math.isfinite(left)):
             return
         if is_calibrated and not self._is_calibrated:
@@ -224,11 +229,12 @@ class SelfCalibrationEstimator:
         self._is_calibrated = is_calibrated
         self._expected_mps2 = expected
         self._by_mean = _added(self._by_mean, self._keep, by_mean[:2], (mean - expected) / _MEAN_STD_MPS2)
-        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], left / order_std)
+        by_order = is_steady * left / order_std
+        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], by_order)
         if not is_calibrated:
             return
         rows = np.stack([by_mean, by_gravity])
-        found = np.array([(mean - expected) / _MEAN_STD_MPS2, left / order_std])
+        found = np.array([(mean - expected) / _MEAN_STD_MPS2, by_order])
         self._information = self._keep * self._information + rows.T @ rows
         self._weighted = self._keep * self._weighted + found @ rows
         self._steady = self._keep * self._steady + by_mean * (expected / _MEAN_STD_MPS2)

@@ -37,8 +37,9 @@ def test_half_the_rate_makes_speed_invalid() -> None:
     assert reason["effect"] == pytest.approx(1.0, abs=0.01)
     contradiction = reason["why"]
     assert contradiction["ratio"] == pytest.approx(4.0, abs=0.05)
-    (cause,) = contradiction["causes"]
+    cause, missed = contradiction["causes"]
     assert cause.code is Code.RATE_WOULD_FIT
+    assert missed == Reason(Code.CONTACTS_MISSED, every=2.0)
     assert cause["rate_hz"] == pytest.approx(9600.0, rel=1e-4)
     assert [flag.name for flag in snapshot.flags] == ["steady value"]
 

@@ -174,7 +174,7 @@ def test_load_follows_every_revolution() -> None:
     for result in results[40:]:
         found = {estimate.name: estimate for estimate in result.estimates}["load_by_angle_n"]
         true = truth.load_n(result.revolution.start_s)
-        assert found.value == pytest.approx(true, rel=0.15)
+        assert found.value == pytest.approx(true, rel=0.06)
         assert abs(found.value - true) < 2.0 * found.std
 
 
