@@ -1,0 +1,122 @@
+"""Records of a scenario's sensors in the order in which they were taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.errors import SourceError
+from gateway.security.cmac import Key
+from gateway.security.key_file import hub_identity, sensor_identity
+from gateway.simulator.firmware import bench_records
+from gateway.simulator.firmware.bench_records import MOST_WHEELS, MOST_WORDS, HubData, WheelData
+from gateway.simulator.hub import HUB_ID, SENSOR_SUPPLY_V
+from gateway.simulator.sensor import FULL_SCALE_COUNTS
+from gateway.simulator.simulated_wheel import WheelSimulator
+from gateway.simulator.simulation import BLOCK_S, Simulation
+
+_ENVIRONMENT_PERIOD_S: Final = 1.0
+
+
+class TimedRecord(NamedTuple):
+    """A record, the place of its wheel, and the true time in s at which the sensor hands it over."""
+
+    time_s: float
+    place: int
+    data: bytes
+
+
+class SensorFeed:
+    """The sensors of a simulation as they look from a collector.
+
+    Attributes:
+        hub: provisioning of the hub.
+        wheels: provisioning of its wheels.
+    """
+
+    def __init__(self, simulation: Simulation, keys: dict[str, Key] | None = None) -> None:
+        """Take the wheels of the simulation, and the keys with which the collector is to sign.
+
+        Raises:
+            SourceError: the scenario needs more than one collector.
+        """
+        hubs = simulation.scenario.hubs()
+        if len(hubs) != 1 or len(simulation.wheels) > MOST_WHEELS:
+            raise SourceError(
+                f"the scenario has {len(hubs)} hubs and {len(simulation.wheels)} wheels",
+                f"The emulated board is one hub with at most {MOST_WHEELS} wheels. Choose another scenario.",
+            )
+        self._simulation = simulation
+        self._clock_rate = 1e6 * (1.0 + hubs[0].clock_ppm * 1e-6)
+        keys = keys or {}
+        hub_id = HUB_ID + hubs[0].hub
+        battery = hubs[0].battery_percent
+        self.hub = HubData(
+            hubs[0].hub,
+            hub_id,
+            _secret(keys, hub_identity(hub_id)),
+            None if battery is None else round(battery),
+            hubs[0].supply_w,
+            hubs[0].supply_v,
+            hubs[0].rssi_dbm,
+        )
+        self.wheels = [_provisioned(wheel, keys) for wheel in simulation.wheels]
+
+    def records(self) -> Iterator[TimedRecord]:
+        """Yield the records of the whole scenario, endless if the scenario is; runs once."""
+        duration_s = self._simulation.duration_s
+        block = 0
+        while duration_s is None or block * BLOCK_S < duration_s:
+            begin_s = block * BLOCK_S
+            block += 1
+            until_s = block * BLOCK_S if duration_s is None else min(block * BLOCK_S, duration_s)
+            found = [*self._environment(begin_s, until_s)]
+            for place, wheel in enumerate(self._simulation.wheels):
+                found += self._samples(place, wheel, until_s)
+            yield from sorted(found, key=lambda item: item.time_s)
+
+    def _tick(self, time_s: float) -> int:
+        return round(time_s * self._clock_rate)
+
+    def _samples(self, place: int, wheel: WheelSimulator, until_s: float) -> Iterator[TimedRecord]:
+        fresh, rate = wheel.advance(until_s), wheel.plan.sample_rate_hz
+        most = MOST_WORDS // wheel.chain.channels
+        for at in range(0, len(fresh.counts), most):
+            counts = fresh.counts[at : at + most]
+            first = fresh.first + at
+            data = bench_records.samples(place, self._tick(first / rate), counts)
+            yield TimedRecord((first + len(counts)) / rate, place, data)
+
+    def _environment(self, begin_s: float, until_s: float) -> Iterator[TimedRecord]:
+        for time_s in np.arange(np.ceil(begin_s), until_s, _ENVIRONMENT_PERIOD_S):
+            for place, wheel in enumerate(self._simulation.wheels):
+                pressure_pa = wheel.plan.told_pressure_pa(time_s)
+                temperature_degc = wheel.plan.temperature_degc.at(time_s)
+                data = bench_records.environment(
+                    place, self._tick(time_s), pressure_pa, temperature_degc, SENSOR_SUPPLY_V
+                )
+                yield TimedRecord(float(time_s), place, data)
+
+
+def _provisioned(wheel: WheelSimulator, keys: dict[str, Key]) -> WheelData:
+    chain, rate_hz = wheel.chain, wheel.plan.sensor.rate_hz
+    return WheelData(
+        wheel=wheel.plan.wheel,
+        sensor_id=wheel.plan.sensor_id,
+        key=_secret(keys, sensor_identity(wheel.plan.sensor_id)),
+        axes=chain.axes,
+        coupling=chain.coupling,
+        rate_hz=rate_hz,
+        highpass_hz=chain.highpass_hz,
+        range_mps2=chain.range_mps2,
+        scale_mps2=chain.scale_mps2,
+        saturation_counts=FULL_SCALE_COUNTS,
+        rates_hz=(rate_hz,),
+    )
+
+
+def _secret(keys: dict[str, Key], identity: str) -> bytes | None:
+    key = keys.get(identity)
+    return None if key is None else key.secret
