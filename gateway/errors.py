@@ -35,7 +35,17 @@ def _presentable(text: str) -> str:
 
 
 class SourceError(TreadlinkError):
-    """A source cannot be opened at all: unknown scheme, missing file, bad option."""
+    """A source cannot be opened at all: unknown scheme, missing file, bad option.
+
+    Attributes:
+        cause: identifies why, for comparing errors: the number of the system's error or a name; empty when neither is
+            known.
+    """
+
+    def __init__(self, message: str, remedy: str = "", *, cause: int | str = "") -> None:
+        """Store message, remedy and cause."""
+        super().__init__(message, remedy)
+        self.cause = cause
 
 
 class LinkLostError(TreadlinkError):

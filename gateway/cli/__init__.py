@@ -5,6 +5,9 @@ from __future__ import annotations
 import importlib
 import logging
 import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,9 +42,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "protocol": ("gateway.cli.protocol:protocol", "Generate C code and test vectors for the firmware."),
 }
 
-INTERRUPTED: Final = 130
-"""Exit status after Ctrl-C: 128 plus the number of the signal, as in shells."""
-
 _logger = logging.getLogger(__name__)
 
 
@@ -60,18 +60,38 @@ class LazyGroup(click.Group):
         command: click.Command = getattr(importlib.import_module(module_name), attribute)
         return command
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the options before the subcommand; `--help` prints here."""
+        with _ended_from_outside(ctx):
+            return super().parse_args(ctx, args)
+
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the subcommand; Ctrl-C ends it with the exit status of an interrupted program."""
-        try:
+        """Run the subcommand."""
+        with _ended_from_outside(ctx):
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            click.echo("\nAborted!", err=True)
-            ctx.exit(INTERRUPTED)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """List the commands from the table without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+@contextmanager
+def _ended_from_outside(ctx: click.Context) -> Iterator[None]:
+    """End a command quietly, with the exit status that shells give, upon a signal or when its output is closed."""
+    from gateway.cli import stop_signals
+
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        with suppress(OSError):  # the terminal may be closed
+            click.echo("\nAborted!", err=True)
+        ctx.exit(stop_signals.exit_status(error))
+    except BrokenPipeError:
+        # The interpreter would complain when it flushes what is left at the end.
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        ctx.exit(stop_signals.CLOSED_PIPE)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -93,6 +113,9 @@ def treadlink(verbosity: int, log_file: Path | None) -> None:
 
 def main() -> None:
     """Run the command; errors that the user can correct are shown as a message and a remedy, without a traceback."""
+    from gateway.cli import stop_signals
+
+    stop_signals.install()
     try:
         treadlink(prog_name="treadlink")
     except TreadlinkError as error:

@@ -225,7 +225,9 @@ def check_source(uri: str, clock: Any) -> Iterator[Check]:
         source = open_source(uri, clock)
         source.close()
         if address.scheme == "tcp":
-            _try_to_connect(address.target)
+            from gateway.io.tcp_link import connect, parse_place
+
+            connect(parse_place(address)).close()
         elif address.scheme == "ble":
             yield Check(name, Level.OK, f"in range: {source.look()}")  # type: ignore[attr-defined]
             return
@@ -240,19 +242,6 @@ def check_source(uri: str, clock: Any) -> Iterator[Check]:
         yield Check(name, device.level, device.text, device.remedy)
         return
     yield Check(name, Level.OK, "can be opened")
-
-
-def _try_to_connect(target: str) -> None:
-    import socket
-
-    host, _, port = target.rstrip("/").rpartition(":")
-    try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=3.0).close()
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise TreadlinkError(
-            f"{target} does not answer: {reason}", "Check that the hub is on, and check address and port."
-        ) from error
 
 
 def _has_group_name(device: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -15,7 +16,10 @@ from gateway.cli.options import (
     keys_option,
     plain_option,
 )
-from gateway.cli.session_setup import RunningSession, end_session, is_terminal, run_plain, start_session
+from gateway.cli.session_setup import RunningSession, ending, is_terminal, run_plain, start_session
+from gateway.cli.stop_signals import StopRequest, stop_request
+from gateway.pipeline.results import SessionSnapshot
+from gateway.session.live import LiveSession
 
 
 @click.command()
@@ -55,24 +59,41 @@ def live(
     Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, ? shows
     help, q quits. A summary is printed at the end.
     """
-    session = start_session(
-        sources,
-        config_path=config_path,
-        record=record,
-        estimators=estimators,
-        key_file=key_file,
-        effects_paths=effects_paths,
-    )
-    show_session(session, plain=plain, duration_s=duration_s)
+    with stop_request() as stop:
+        session = start_session(
+            sources,
+            config_path=config_path,
+            record=record,
+            estimators=estimators,
+            key_file=key_file,
+            effects_paths=effects_paths,
+            duration_s=duration_s,
+        )
+        show_session(session, stop, plain=plain)
 
 
-def show_session(session: RunningSession, *, plain: bool, duration_s: float | None) -> None:
+def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> None:
     """Run the screen, or print lines if there is no terminal, then print the summary."""
-    if plain or not is_terminal():
-        run_plain(session, duration_s, click.echo)
-    else:
-        from gateway.views.console.screen import run_console
+    with ending(session, stop):
+        if plain or not is_terminal():
+            run_plain(session, stop, click.echo)
+        else:
+            from gateway.views.console.screen import run_console
 
-        with held_back():
-            run_console(session.live, duration_s)
-    end_session(session, click.echo)
+            with held_back():
+                run_console(_Stoppable(session.live, stop), session.host_limit_s)
+
+
+class _Stoppable:
+    """A session on the screen, which ends when a signal asks to stop."""
+
+    def __init__(self, live: LiveSession, stop: StopRequest) -> None:
+        self._live = live
+        self._stop = stop
+        self.mark = live.mark
+        self.request_stop = live.request_stop
+
+    def snapshot(self) -> SessionSnapshot:
+        """Return the latest state; the screen leaves when it has ended."""
+        snapshot = self._live.snapshot()
+        return replace(snapshot, ended=True) if self._stop.is_set() else snapshot

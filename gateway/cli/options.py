@@ -20,7 +20,8 @@ duration_option = click.option(
     "duration_s",
     type=click.FloatRange(min=0.1),
     metavar="SECONDS",
-    help="Stop after this many seconds.",
+    help="Stop after this many seconds of data. They are the seconds of a recording or a simulation, however fast it "
+    "is played, and of the arrival of data from a hub; a silent hub is waited for no longer.",
 )
 effects_option = click.option(
     "--effects",

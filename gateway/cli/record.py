@@ -9,11 +9,13 @@ from typing import Final
 import click
 
 from gateway.cli.options import config_option, duration_option, effects_option, estimator_option, keys_option
-from gateway.cli.session_setup import RunningSession, end_session, start_session
+from gateway.cli.session_setup import RunningSession, ending, start_session
+from gateway.cli.stop_signals import StopRequest, stop_request
 from gateway.errors import RecordingError
 from gateway.views.text import clean
 from gateway.views.wording import notice_text
 
+_POLL_S: Final = 0.1
 _REPORT_S: Final = 1.0
 
 
@@ -46,28 +48,30 @@ def record(
     The bytes of the links are written to disk before they are decoded. Estimates are recorded as additional topics,
     which plotting programs can show. Sources are those of `treadlink live`. Existing files are never overwritten.
     """
-    session = start_session(
-        sources,
-        config_path=config_path,
-        record=out,
-        estimators=estimators,
-        key_file=key_file,
-        effects_paths=effects_paths,
-    )
-    _watch(session, duration_s)
-    end_session(session, click.echo)
+    with stop_request() as stop:
+        session = start_session(
+            sources,
+            config_path=config_path,
+            record=out,
+            estimators=estimators,
+            key_file=key_file,
+            effects_paths=effects_paths,
+            duration_s=duration_s,
+        )
+        with ending(session, stop):
+            _watch(session, stop)
     if session.live.core.recording_fault is not None:
         raise RecordingError(session.live.core.recording_fault, "The part written before is readable.")
 
 
-def _watch(session: RunningSession, duration_s: float | None) -> None:
+def _watch(session: RunningSession, stop: StopRequest) -> None:
     live = session.live
     shown_s = 0.0
     on_terminal = sys.stderr.isatty()
+    ended = False
     try:
-        ended = False
-        while not ended:
-            ended = live.wait(0.1)
+        while not ended and not stop.is_set():
+            ended = live.wait(_POLL_S)
             live.results()
             for notice in live.notices():
                 click.echo(f"* {clean(notice_text(notice))}", err=True)
@@ -79,12 +83,8 @@ def _watch(session: RunningSession, duration_s: float | None) -> None:
                 size_mb = snapshot.recorded_bytes / 1e6
                 text = f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost"
                 click.echo(f"\r{text}\033[K", nl=False, err=True)
-            if duration_s is not None and snapshot.elapsed_s >= duration_s:
+            if session.time_is_up():
                 live.request_stop()
-                duration_s = None
-    except KeyboardInterrupt:
-        live.request_stop()
-        live.wait(2.0)
     finally:
         if on_terminal:
             click.echo("", err=True)

@@ -17,6 +17,7 @@ from gateway.cli.options import (
     plain_option,
 )
 from gateway.cli.session_setup import start_session
+from gateway.cli.stop_signals import stop_request
 
 
 @click.command()
@@ -49,12 +50,14 @@ def replay(
     The vehicle configuration is the one in the recording, unless --config gives another.
     """
     uri = f"replay:{quote(str(recording))}?speed={speed}"
-    session = start_session(
-        (uri,),
-        config_path=config_path,
-        record=None,
-        estimators=estimators,
-        key_file=key_file,
-        effects_paths=effects_paths,
-    )
-    show_session(session, plain=plain, duration_s=duration_s)
+    with stop_request() as stop:
+        session = start_session(
+            (uri,),
+            config_path=config_path,
+            record=None,
+            estimators=estimators,
+            key_file=key_file,
+            effects_paths=effects_paths,
+            duration_s=duration_s,
+        )
+        show_session(session, stop, plain=plain)

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import click
+
+from gateway.cli.stop_signals import StopRequest
 from gateway.clock import Clock, SystemClock
 from gateway.config.effects_file import check_effects, load_effects
 from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Source, is_live, open_source
+from gateway.io.time_limit import TimeLimitedSource
 from gateway.pipeline.results import SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.recording.writer import RecordingWriter
@@ -25,15 +30,29 @@ from gateway.views.session_summary import ResultSummary, summary_lines
 from gateway.views.text import clean
 
 _POLL_S: Final = 0.05
+_STOP_WAIT_S: Final = 2.0
 
 
 @dataclass(slots=True)
 class RunningSession:
-    """A started session with its summary."""
+    """A started session with its summary.
+
+    Attributes:
+        live: the session.
+        summary: of all its results.
+        recorder: the recording, None without one.
+        host_limit_s: session time at which to stop a session with a hub, which may be silent; None without a limit. A
+            recording and a simulation end by their own time.
+    """
 
     live: LiveSession
     summary: ResultSummary
     recorder: RecordingWriter | None
+    host_limit_s: float | None = None
+
+    def time_is_up(self) -> bool:
+        """Return whether the session has run for as long as it may."""
+        return self.host_limit_s is not None and self.live.snapshot().elapsed_s >= self.host_limit_s
 
 
 def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
@@ -63,6 +82,7 @@ def start_session(
     estimators: Sequence[str],
     key_file: Path | None = None,
     effects_paths: Sequence[Path] = (),
+    duration_s: float | None = None,
     clock: Clock | None = None,
 ) -> RunningSession:
     """Open sources, configuration and recording, and start the session.
@@ -72,6 +92,7 @@ def start_session(
     """
     clock = clock or SystemClock()
     sources: list[Source] = []
+    recorder: RecordingWriter | None = None
     try:
         sources += [with_commands(open_source(uri, clock), clock) for uri in uris]
         vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
@@ -80,24 +101,26 @@ def start_session(
         remembers = all(is_live(uri) for uri in uris)
         guard = open_guard(vehicle, key_file, remembers=remembers)
         recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
+        summary = ResultSummary()
+        live = LiveSession(
+            sources if duration_s is None else [TimeLimitedSource(source, duration_s) for source in sources],
+            vehicle,
+            clock,
+            patient=[not is_live(uri) for uri in uris],
+            summary=summary,
+            recorder=recorder,
+            estimators=estimators or DEFAULT_ESTIMATORS,
+            guard=guard,
+            effects=effects,
+        )
+        live.start()
     except BaseException:
         for source in sources:
             source.close()
+        if recorder is not None:
+            _remove_empty(recorder)
         raise
-    summary = ResultSummary()
-    live = LiveSession(
-        sources,
-        vehicle,
-        clock,
-        patient=[not is_live(uri) for uri in uris],
-        summary=summary,
-        recorder=recorder,
-        estimators=estimators or DEFAULT_ESTIMATORS,
-        guard=guard,
-        effects=effects,
-    )
-    live.start()
-    return RunningSession(live, summary, recorder)
+    return RunningSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None)
 
 
 def _open_recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, uris: Sequence[str]) -> RecordingWriter:
@@ -112,8 +135,8 @@ def _open_recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, uris
     return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=uris)
 
 
-def run_plain(session: RunningSession, duration_s: float | None, write: Callable[[str], None]) -> None:
-    """Print one line per revolution until the session ends, the duration is over, or Ctrl-C."""
+def run_plain(session: RunningSession, stop: StopRequest, write: Callable[[str], None]) -> None:
+    """Print one line per revolution until the session ends, its time is up, or a signal asks to stop."""
     view = PlainView(write)
     live = session.live
 
@@ -123,31 +146,55 @@ def run_plain(session: RunningSession, duration_s: float | None, write: Callable
         for result in live.results():
             view.result(result)
 
-    try:
+    def show_until(time_is_up: Callable[[], bool]) -> None:
         ended = False
-        while not ended:
+        while not ended and not time_is_up():
             ended = live.wait(_POLL_S)
             show()
-            if duration_s is not None and live.snapshot().elapsed_s >= duration_s:
-                live.request_stop()
-                duration_s = None
-    except KeyboardInterrupt:
-        live.request_stop()
-        live.wait(_POLL_S * 40)
-        show()
+
+    show_until(lambda: stop.is_set() or session.time_is_up())
+    live.request_stop()
+    if not stop.is_set():
+        # What arrived in time is shown, however far the processing is behind.
+        show_until(stop.is_set)
+    live.wait(_STOP_WAIT_S)
+    show()
+
+
+@contextmanager
+def ending(session: RunningSession, stop: StopRequest) -> Iterator[None]:
+    """Finish the recording and print the summary after the work on a session, whatever ended it.
+
+    Raises:
+        TreadlinkError: a source or the session failed.
+        StopSignal: the terminal is closed, so that the summary cannot be printed.
+    """
+    try:
+        try:
+            yield
+        finally:
+            end_session(session, click.echo)
+    except OSError:
+        stop.raise_if_set()
+        raise
 
 
 def end_session(session: RunningSession, write: Callable[[str], None]) -> SessionSnapshot:
     """Close the session and print its summary.
 
+    A recording that has received nothing, because no source could be opened, is removed.
+
     Raises:
         TreadlinkError: a source or the session failed.
     """
-    snapshot = session.live.close()
+    try:
+        snapshot = session.live.close()
+    finally:
+        removed = session.recorder is not None and _remove_empty(session.recorder)
     write("")
     for line in summary_lines(session.summary.wheels(), snapshot.links):
         write(clean(line))
-    if snapshot.recording:
+    if snapshot.recording and not removed:
         write("")
         write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB)")
         if session.live.core.recording_fault is None:
@@ -156,6 +203,16 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> Sessio
         else:
             write(f"  INCOMPLETE: {session.live.core.recording_fault}")
     return snapshot
+
+
+def _remove_empty(recorder: RecordingWriter) -> bool:
+    """Remove a recording without a single item of a link; return whether it was removed."""
+    if recorder.items:
+        return False
+    with suppress(RecordingError):
+        recorder.close()
+    recorder.path.unlink(missing_ok=True)
+    return True
 
 
 def is_terminal() -> bool:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import shlex
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
 import click
 
+from gateway.cli.stop_signals import stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, LinkItem
@@ -126,19 +126,25 @@ def simulate(
 
 
 def _to_file(source: SimulatorSource, duration_s: float, out: Path, uri: str, clock: Clock) -> int:
-    """Write all items of the source; return the size of the file."""
+    """Write all items of the source; return the size of the file.
+
+    Raises:
+        StopSignal: a signal asked to stop; the file is finished, but too short.
+    """
     start_ns = clock.now_ns()
     with (
+        stop_request() as stop,
         _output(out, start_ns, source.vehicle_toml, uri) as write,
         click.progressbar(length=round(duration_s * _TICKS_PER_S), label="simulating") as bar,
     ):
-        for item in source.items(threading.Event()):
+        for item in source.items(stop):
             write(item)
             bar.update(max(0, int((item.host_ns - start_ns) * 1e-9 * _TICKS_PER_S) - bar.pos))
+    stop.raise_if_set()
     return out.stat().st_size
 
 
-@contextmanager
+@contextlib.contextmanager
 def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Callable[[LinkItem], None]]:
     """Create the file in the format given by its suffix; yield a function that writes an item."""
     if out.suffix == ".mcap":
@@ -172,30 +178,27 @@ def _write_new(path: Path, text: str) -> None:
 
 
 def _to_pty(source: SimulatorSource, vehicle: Path | None) -> None:
-    """Feed a pseudo-terminal until the scenario ends or Ctrl-C."""
-    port = PtyPort()
-    try:
+    """Feed a pseudo-terminal until the scenario ends or a signal asks to stop."""
+    with stop_request() as stop, contextlib.closing(PtyPort()) as port:
         click.echo(f"A simulated hub is sending on {port.path}. In another terminal run\n")
         config = f" --config {shlex.quote(str(vehicle))}" if vehicle is not None else ""
         click.echo(f"  treadlink live serial://{port.path}{config}\n\nCtrl-C stops the hub.")
         was_connected = False
-        for item in source.items(threading.Event()):
+        for item in source.items(stop):
             if not isinstance(item, Chunk):
                 continue
             port.write(item.data)
             if port.connected != was_connected:
                 was_connected = not was_connected
                 click.echo("reader connected" if was_connected else "reader disconnected")
-    except KeyboardInterrupt:
-        click.echo("")
-    finally:
-        port.close()
+        if stop.is_set():
+            click.echo("")
     lost = f", {port.dropped} lost because the reader is too slow" if port.dropped else ""
     click.echo(f"{port.sent} bytes read, {port.unread} sent without a reader{lost}")
 
 
 def _to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) -> None:
-    """Advertise and stream as Bluetooth hubs until the scenario ends or Ctrl-C.
+    """Advertise and stream as Bluetooth hubs until the scenario ends or a signal asks to stop.
 
     Raises:
         SourceError: this system has no D-Bus daemon, through which programs use Bluetooth on Linux.
@@ -207,9 +210,8 @@ def _to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) -
     except ImportError as error:
         raise SourceError("simulated Bluetooth requires Linux", "Use --pty or --out.") from error
 
-    stop = threading.Event()
     hubs = ble_hubs(scenario)
-    with PrivateBus() as bus, BluezStandIn(bus.address) as bluez:
+    with stop_request() as stop, PrivateBus() as bus, BluezStandIn(bus.address) as bluez:
         for hub in hubs.values():
             hub.on_listening = _listening_printer(hub.peripheral.name)
             bluez.add(hub.peripheral)
@@ -218,10 +220,8 @@ def _to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) -
         click.echo("Simulated hubs advertise on a private Bluetooth. In another terminal run\n")
         click.echo(f"  export DBUS_SYSTEM_BUS_ADDRESS={shlex.quote(bus.address)}")
         click.echo(f"  treadlink scan\n  treadlink live {uris}{config}\n\nCtrl-C stops the hubs.")
-        try:
-            sent = broadcast(source, hubs, bluez, stop)
-        except KeyboardInterrupt:
-            stop.set()
+        sent = broadcast(source, hubs, bluez, stop)
+        if stop.is_set():
             click.echo("")
         else:
             click.echo(f"sent {', '.join(f'{sent[n]} notifications of hub {n}' for n in sent)}")

@@ -70,6 +70,7 @@ def pick(sightings: Iterable[Sighting], target: str) -> Sighting:
         raise SourceError(
             f"{len(meant)} hubs are named '{target}': {_listed(meant)}",
             f"Give the address of the one you want: ble://{meant[0].address}",
+            cause="several",
         )
     if not meant:
         hubs = [sighting for sighting in seen if sighting.is_hub]
@@ -77,6 +78,7 @@ def pick(sightings: Iterable[Sighting], target: str) -> Sighting:
         raise SourceError(
             f"no hub {'at' if is_address(target) else 'named'} {target} answers",
             f"{around} Is it on, near, and not connected to another computer? `treadlink scan` lists what is in range.",
+            cause="absent",
         )
     return meant[0]
 
@@ -98,7 +100,9 @@ def uart_characteristics(
     writable = [c for c in reversed(ordered) if {"write", "write-without-response"} & set(c.properties)]
     if not notifying:
         raise SourceError(
-            f"{who} is not a treadlink hub: it has no UART service that notifies", "Choose another: `treadlink scan`."
+            f"{who} is not a treadlink hub: it has no UART service that notifies",
+            "Choose another: `treadlink scan`.",
+            cause="no hub",
         )
     return notifying[0], writable[0] if writable else None
 

@@ -53,21 +53,26 @@ _SERVICE: Final = "sudo apt-get install bluez; sudo systemctl start bluetooth"
 _OFF: Final = SourceError(
     "Bluetooth is switched off",
     "Switch it on: bluetoothctl power on (and rfkill unblock bluetooth)." if _LINUX else "Switch it on.",
+    cause="off",
 )
 _DENIED: Final = SourceError(
     "no permission to use Bluetooth",
     "Join its group, then log in again: sudo usermod -aG bluetooth $USER"
     if _LINUX
     else "Allow it for your terminal in the system's privacy settings.",
+    cause="denied",
 )
 _UNAVAILABLE: Final = {
     BleakBluetoothNotAvailableReason.NO_BLUETOOTH: SourceError(
         "this computer has no Bluetooth adapter",
         "Plug one in (Bluetooth LE, 4.2 or newer), or connect the hub by its serial port."
         + (f" If there is one, its service is not running: {_SERVICE}" if _LINUX else ""),
+        cause="no adapter",
     ),
     BleakBluetoothNotAvailableReason.NO_BLE_CENTRAL_ROLE: SourceError(
-        "the Bluetooth adapter does not support Bluetooth LE", "Plug in one that does (4.2 or newer)."
+        "the Bluetooth adapter does not support Bluetooth LE",
+        "Plug in one that does (4.2 or newer).",
+        cause="no low energy",
     ),
     BleakBluetoothNotAvailableReason.POWERED_OFF: _OFF,
     BleakBluetoothNotAvailableReason.DENIED_BY_USER: _DENIED,
@@ -75,7 +80,9 @@ _UNAVAILABLE: Final = {
     BleakBluetoothNotAvailableReason.DENIED_BY_UNKNOWN: _DENIED,
 }
 _DBUS: Final = {
-    "org.freedesktop.DBus.Error.ServiceUnknown": SourceError("Bluetooth's service is not running", f"Run: {_SERVICE}"),
+    "org.freedesktop.DBus.Error.ServiceUnknown": SourceError(
+        "Bluetooth's service is not running", f"Run: {_SERVICE}", cause="no service"
+    ),
     "org.freedesktop.DBus.Error.NoReply": SourceError("Bluetooth's service does not answer", f"Run: {_SERVICE}"),
     "org.freedesktop.DBus.Error.AccessDenied": _DENIED,
     "org.bluez.Error.NotReady": _OFF,
@@ -212,11 +219,14 @@ def explain(error: Exception, doing: str) -> SourceError:
         known = SourceError(f"Bluetooth {error}", "`bluetoothctl list` names the adapters; leave ?adapter= out.")
     elif isinstance(error, TimeoutError):
         known = SourceError(f"cannot {doing}: no answer in time", "Bring it nearer, or switch it off and on.")
+    cause = error.dbus_error if isinstance(error, BleakDBusError) else type(error).__name__
     if known is not None:
-        return SourceError(str(known), known.remedy)
+        # One error for all that have the same remedy.
+        return SourceError(str(known), known.remedy, cause=known.cause or cause)
     return SourceError(
         f"cannot {doing}: {_brief(error)}",
         "Bring it nearer, or switch it off and on; `treadlink scan` lists what is in range.",
+        cause=cause,
     )
 
 

@@ -122,7 +122,7 @@ class ReconnectingSource:
                 lost_ns = self._clock.now_ns()
                 self._drop()
                 yield self._event(LinkEventKind.LOST, _message(error))
-                reason = ""
+                reported: int | str | None = None
                 while True:
                     failures += 1
                     self.state = LinkState.WAITING
@@ -134,8 +134,8 @@ class ReconnectingSource:
                             return
                         break
                     except SourceError as refused:
-                        if str(refused) != reason:
-                            reason = str(refused)
+                        if refused.cause != reported:
+                            reported = refused.cause
                             interval = Reason(Code.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
                             yield self._event(LinkEventKind.RETRYING, _message(refused), (interval,))
                         _logger.debug("%s: attempt %d failed: %s", self._name, failures, refused)

@@ -1,8 +1,4 @@
-"""Serial ports and TCP connections, both read with pyserial.
-
-Serial ports: `serial:///dev/ttyUSB0?baudrate=921600`, `serial:COM3`. TCP, as serial device servers and network gateways
-provide it: `tcp://host:port`.
-"""
+"""Serial ports, read with pyserial: `serial:///dev/ttyUSB0?baudrate=921600`, `serial:COM3`."""
 
 from __future__ import annotations
 
@@ -10,7 +6,6 @@ import contextlib
 import difflib
 import errno
 import os
-import re
 import select
 import sys
 from collections.abc import Callable, Mapping
@@ -38,11 +33,10 @@ OSError, and TypeError or ValueError when the descriptor was closed during a rea
 _READ_BYTES: Final = 65536
 _MAX_BAUDRATE: Final = 20_000_000
 _YES_NO: Final = {"yes": True, "no": False}
-_TCP_TARGET: Final = re.compile(r"(?P<host>\[[0-9A-Fa-f:.%\w]+\]|[^\[\]:/]+):(?P<port>\d{1,5})/?")
 
 
 class PyserialLink:
-    """A link over anything that pyserial opens: large reads that return as soon as there are bytes.
+    """A link over a port of pyserial: large reads that return as soon as there are bytes.
 
     It waits with `select`: pyserial's own timeout holds back short chunks until it expires, and loses what it has
     collected when the device disappears meanwhile.
@@ -136,36 +130,6 @@ def open_serial(address: SourceAddress, clock: Clock) -> Source:
     return ReconnectingSource(f"serial:{port}", make_link, clock)
 
 
-def open_tcp(address: SourceAddress, clock: Clock) -> Source:
-    """Make a source of a TCP connection; it is opened when its items are requested.
-
-    Raises:
-        SourceError: no host and port, or an option (there are none).
-    """
-    match = _TCP_TARGET.fullmatch(address.target)
-    if match is None or not 1 <= int(match["port"]) <= 65535:
-        raise SourceError(f"'{address.uri}' is not an address", "Give tcp://host:port, port 1 to 65535.")
-    if address.options:
-        raise SourceError(f"tcp has no option '{next(iter(address.options))}'", "Give tcp://host:port only.")
-    place = f"{match['host']}:{int(match['port'])}"
-
-    def connect() -> serial.SerialBase:
-        return serial.serial_for_url(f"socket://{place}")
-
-    def explain(error: Exception) -> SourceError:
-        reason = re.sub(r"^Could not open port \S+: (\[Errno -?\d+\] )?", "", str(error))
-        return SourceError(f"cannot connect to {place}: {reason}", "Is the hub on, and are host and port right?")
-
-    def make_link() -> PyserialLink:
-        return PyserialLink(
-            connect,
-            explain,
-            lambda error: LinkLostError(f"{place} closed the connection ({error})", "Is the hub still on?"),
-        )
-
-    return ReconnectingSource(f"tcp:{place}", make_link, clock)
-
-
 def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
     """Convert URI options to the settings of pyserial.
 
@@ -208,21 +172,31 @@ def explain_open_error(port: str, error: Exception, present: list[str]) -> Sourc
             remedy = f"Ports present: {', '.join(present)}. Is the hub plugged in?"
         else:
             remedy = "No serial port is present; plug in the hub, or try `treadlink live sim:demo`."
-        return SourceError(f"there is no port {port}", remedy)
+        return SourceError(f"there is no port {port}", remedy, cause=errno.ENOENT)
     if number in (errno.EACCES, errno.EPERM):
         group = _group_of(port)
         return SourceError(
             f"no permission to open {port}",
             f"Join its group, then log in again: sudo usermod -aG {group} $USER",
+            cause=errno.EACCES,
         )
     if number in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EBUSY):
         return SourceError(
             f"{port} is in use by another program",
             f"Close it (`fuser {port}` names it), or share the port with ?exclusive=no.",
+            cause=errno.EBUSY,
         )
     if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or not _is_device(port):
-        return SourceError(f"{port} is not a serial port, or refuses these settings", "Check the port and its options.")
-    return SourceError(f"cannot open {port}: {_brief(error)}", "Check cable and driver; `treadlink doctor` helps.")
+        return SourceError(
+            f"{port} is not a serial port, or refuses these settings",
+            "Check the port and its options.",
+            cause=errno.ENOTTY,
+        )
+    return SourceError(
+        f"cannot open {port}: {_brief(error)}",
+        "Check cable and driver; `treadlink doctor` helps.",
+        cause=number or type(error).__name__,
+    )
 
 
 def _baudrate(text: str) -> int:

@@ -166,7 +166,7 @@ class SourceKind:
 
 SOURCES: Final[dict[str, SourceKind]] = {
     "serial": SourceKind("gateway.io.serial_link:open_serial"),
-    "tcp": SourceKind("gateway.io.serial_link:open_tcp"),
+    "tcp": SourceKind("gateway.io.tcp_link:open_tcp"),
     "ble": SourceKind("gateway.io.ble_source:open_ble"),
     "replay": SourceKind("gateway.recording.replay_source:open_replay", live=False),
     "sim": SourceKind("gateway.simulator.simulator_source:open_simulator", live=False),

@@ -58,6 +58,9 @@ class RecordingWriter:
     Data is flushed to the operating system when 0.1 s of the items' own time has passed since the last flush; `tick`
     does the same by the clock when nothing arrives. Items may run ahead of or behind the clock, for example in a
     simulation faster than real time. If both shared one mark, every item and every tick would end a chunk.
+
+    Attributes:
+        items: number of link items written.
     """
 
     def __init__(
@@ -74,6 +77,7 @@ class RecordingWriter:
         Raises:
             RecordingError: the file exists, or cannot be created.
         """
+        self.items = 0
         self._lock = threading.Lock()
         self._output = McapOutput(_choose_path(Path(path), start_ns))
         self._raw_channels: dict[str, int] = {}
@@ -110,6 +114,7 @@ class RecordingWriter:
             RecordingError: the disk is full or gone; the written part stays readable.
         """
         with self._lock:
+            self.items += 1
             if isinstance(item, Chunk):
                 channel = self._raw_channels.get(item.link)
                 if channel is None:

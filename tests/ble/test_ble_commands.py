@@ -113,6 +113,7 @@ def demo(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], dict[str, str]
         stderr=subprocess.STDOUT,
         text=True,
         cwd=ROOT,
+        start_new_session=True,
     ) as process:
         assert process.stdout is not None
         impatience = threading.Timer(60, process.kill)
@@ -148,11 +149,18 @@ def test_simulator_as_a_hub_on_bluetooth(demo: tuple[subprocess.Popen[str], dict
     assert "Treadlink-W1 at 00:00:5E:00:53:00 (-58 dBm), MTU 247" in printed
     assert re.search(r"^W1 +\d+ +[\d.]+ 6[45]\.", printed, re.MULTILINE), printed
     assert re.search(r"ble:Treadlink-W1: \d+ frames, 0 lost", printed)
-    process.send_signal(signal.SIGINT)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     assert process.stdout is not None
     rest = process.stdout.read()
-    assert process.wait(TIMEOUT_S) == 0
+    assert process.wait(TIMEOUT_S) == 0, rest
+    assert "Traceback" not in rest
     assert rest.count(": subscribed") == rest.count(": no longer subscribed") == 2
+
+
+def test_interrupt_does_not_reach_the_bus(bus: PrivateBus) -> None:
+    # The daemon would end before the hubs on it, which then fail to leave.
+    daemon = bus._process.pid
+    assert os.getpgid(daemon) != os.getpgid(0)
 
 
 @pytest.mark.parametrize("arguments", [["--ble", "--pty"], ["--ble", "--fault", "flip:rate=0.01"], []])

@@ -159,7 +159,7 @@ def test_sources(device: Path, tmp_path: Path) -> None:
         (check,) = checks.check_source(f"tcp://127.0.0.1:{port}", clock)
         assert check.level is Level.OK
     (check,) = checks.check_source(f"tcp://127.0.0.1:{port}", clock)
-    assert (check.level, "does not answer" in check.text) == (Level.FAULT, True)
+    assert (check.level, "refused" in check.text) == (Level.FAULT, True)
     (check,) = checks.check_source(f"serial://{device}", clock)
     assert check.level is Level.OK
     (check,) = checks.check_source("serial:///dev/none", clock)

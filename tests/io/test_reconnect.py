@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import threading
 from collections.abc import Callable
@@ -13,8 +14,8 @@ from gateway.errors import LinkLostError, SourceError
 from gateway.io.reconnect import Backoff, LinkState, ReconnectingSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 
-MISSING = SourceError("there is no port X", "Plug it in.")
-BUSY = SourceError("X is in use", "Close the other program.")
+MISSING = SourceError("there is no port X", "Plug it in.", cause=errno.ENOENT)
+BUSY = SourceError("X is in use", "Close the other program.", cause=errno.EBUSY)
 LOST = LinkLostError("X disappeared", "Unplugged?")
 
 
@@ -91,6 +92,14 @@ def test_lost_link_is_retried_with_one_event_each() -> None:
     assert "in use" in busy.text
     (away,) = restored.details
     assert away["away_s"] == pytest.approx(7.75)  # 0.25 + 0.5 + 1 + 2 + 4
+
+
+def test_failures_are_reported_once_per_cause() -> None:
+    still_busy = SourceError("X is in use by process 17", "Close the other program.", cause=errno.EBUSY)
+    other = SourceError("X is in use", "Close the other program.", cause="in use")
+    bench = Bench([b"ab"], [BUSY], [still_busy], [other], [b"cd"], [])
+    texts = [item.text for item in bench.run() if isinstance(item, LinkEvent) and item.kind is LinkEventKind.RETRYING]
+    assert texts == ["X is in use. Close the other program."] * 2
 
 
 def test_pauses_double_up_to_the_cap() -> None:

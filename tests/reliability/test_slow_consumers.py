@@ -8,6 +8,7 @@ from collections import Counter
 import pytest
 
 from gateway.cli.session_setup import RunningSession, end_session, run_plain
+from gateway.cli.stop_signals import StopRequest
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.io.source import Chunk
@@ -128,7 +129,7 @@ def test_blocked_terminal_does_not_delay_the_session(lab) -> None:
         printed.append(line)
 
     session = RunningSession(live, live._summary, None)
-    run_plain(session, None, terminal)
+    run_plain(session, StopRequest(), terminal)
     end_session(session, printed.append)
     assert any("revolutions" in line for line in printed)
     assert sum(line.startswith("W1 ") and "km/h" not in line for line in printed) > 40

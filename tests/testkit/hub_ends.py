@@ -62,10 +62,25 @@ class PtyPort:
 class TcpHub:
     """Listener on loopback; `accept` returns the gateway's connection."""
 
-    def __init__(self) -> None:
-        self._listener = socket.create_server(("127.0.0.1", 0))
+    def __init__(self, host: str = "127.0.0.1") -> None:
+        self._listener = socket.create_server((host, 0), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
         self._listener.settimeout(TIMEOUT_S)
         self.port: int = self._listener.getsockname()[1]
+        self._greeter: threading.Thread | None = None
+
+    def greet(self, *greetings: bytes) -> None:
+        """Accept one connection for each greeting, send it at once, and close; the last connection stays open."""
+
+        def run() -> None:
+            for greeting in greetings:
+                connection = self.accept()
+                connection.sendall(greeting)
+                if greeting is not greetings[-1]:
+                    connection.close()
+            self._last = connection
+
+        self._greeter = threading.Thread(target=run)
+        self._greeter.start()
 
     def accept(self) -> socket.socket:
         connection, _ = self._listener.accept()
@@ -74,6 +89,9 @@ class TcpHub:
 
     def close(self) -> None:
         self._listener.close()
+        if self._greeter is not None:
+            self._greeter.join(TIMEOUT_S)
+            self._last.close()
 
 
 class Reader:

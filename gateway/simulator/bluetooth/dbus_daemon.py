@@ -60,6 +60,8 @@ class PrivateBus:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
+            # Ctrl-C reaches every process of the terminal's group; the bus must outlive the hubs on it.
+            start_new_session=True,
             preexec_fn=_end_with_the_parent if sys.platform == "linux" else None,
         )
         assert self._process.stdout is not None

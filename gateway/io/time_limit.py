@@ -1,0 +1,53 @@
+"""Sources that end after a stretch of their own time."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Iterator
+
+from gateway.io.source import LinkItem, Source
+
+
+class TimeLimitedSource:
+    """A source whose items end a given time after its first, by their own times.
+
+    The pace at which items are read and processed does not matter: a simulation or a recording that is played faster
+    than real time, or a computer that falls behind a hub, gives the same items.
+    """
+
+    def __init__(self, source: Source, duration_s: float) -> None:
+        """Wrap a source.
+
+        Args:
+            source: any source.
+            duration_s: time between the first item and the last.
+        """
+        self._source = source
+        self._duration_ns = round(duration_s * 1e9)
+
+    @property
+    def link(self) -> str:
+        """Name of the link."""
+        return self._source.link
+
+    @property
+    def vehicle_toml(self) -> str | None:
+        """Configuration that comes with the source."""
+        return self._source.vehicle_toml
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        """Yield the items of the source up to the end of the time."""
+        end_ns: int | None = None
+        # Closing the generator ends the source where it is, as `stop` does.
+        with contextlib.closing(self._source.items(stop)) as items:  # type: ignore[type-var]  # all are generators
+            for item in items:
+                if end_ns is None:
+                    end_ns = item.host_ns + self._duration_ns
+                if item.host_ns > end_ns:
+                    return
+                yield item
+
+    def close(self) -> None:
+        """Release the source."""
+        self._source.close()
