@@ -216,6 +216,14 @@ class SetTime(NamedTuple):
 
 
 Command = SetStream | SetRate | SetTime
+
+COMMAND_TYPES: dict[type, MessageType] = {
+    SetStream: MessageType.SET_STREAM,
+    SetRate: MessageType.SET_RATE,
+    SetTime: MessageType.SET_TIME,
+}
+"""Type byte of a command by its class."""
+
 Message = Hello | SampleBlock | Environment | HubStatus | TimeSync | LogText | CommandResult | Command
 
 

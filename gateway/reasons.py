@@ -160,6 +160,7 @@ class Code(StrEnum):
     NEWER_PROTOCOL = "newer_protocol"
     NO_FRAMES = "no_frames"
     NO_HELLO = "no_hello"
+    OLDER_PROTOCOL = "older_protocol"
     SENSOR_SILENT = "sensor_silent"
     SENDS_AGAIN = "sends_again"
     # - Content of a line without frames
@@ -181,8 +182,10 @@ class Code(StrEnum):
     # - Sessions and commands
     ASSUMED_NOT_MEASURED = "assumed_not_measured"
     COMMAND_FAILED = "command_failed"
+    COMMAND_NOT_VERIFIED = "command_not_verified"
     COMMAND_OUTCOME = "command_outcome"
     COMMAND_REFUSED = "command_refused"
+    COMMAND_REPEATED = "command_repeated"
     COMMAND_UNKNOWN = "command_unknown"
     COMMAND_VALUE_REFUSED = "command_value_refused"
     DECODING_BEHIND = "decoding_behind"

@@ -114,6 +114,10 @@ class LinkHealth:
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
             newer = Reason(Code.NEWER_PROTOCOL, version=version, own=_OWN_VERSION)
             found += self._once(hub_name(frame.hub), newer)
+        elif (hello.protocol_major, hello.protocol_minor) < (wire.VERSION_MAJOR, wire.SIGNED_COMMANDS_MINOR):
+            version = f"{hello.protocol_major}.{hello.protocol_minor}"
+            older = Reason(Code.OLDER_PROTOCOL, version=version, own=_OWN_VERSION)
+            found += self._once(hub_name(frame.hub), older, Level.INFO)
         return found
 
     def tick(self, now_ns: int) -> list[Notice]:
@@ -208,11 +212,11 @@ class LinkHealth:
     def _name(self, hub: int, wheel: int) -> str:
         return hub_name(hub) if wheel == HUB_ITSELF else self._position_of(hub, wheel)
 
-    def _once(self, subject: str, reason: Reason) -> list[Notice]:
+    def _once(self, subject: str, reason: Reason, level: Level = Level.WARNING) -> list[Notice]:
         if (reason.code, subject) in self._reported:
             return []
         self._reported.add((reason.code, subject))
-        return [Notice(subject, reason, Level.WARNING)]
+        return [Notice(subject, reason, level)]
 
     def _is_reported(self, code: Code) -> bool:
         return (code, self._link) in self._reported

@@ -41,20 +41,27 @@ class EmulatedBoard:
 
     def _start(self, image: Path) -> None:
         with ExitStack() as listening:
-            listeners = [
-                listening.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(MOST_WHEELS)
-            ]
+            listeners = [listening.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(MOST_WHEELS)]
             self.address = f"127.0.0.1:{_free_port()}"
             command = ["qemu-system-arm", "-M", "mps2-an386", "-display", "none", "-monitor", "none", "-nodefaults"]
             command += ["-kernel", str(image)]
-            command += ["-chardev", f"socket,id=link,host=127.0.0.1,port={self.address.split(':')[1]},server=on,wait=off"]
+            command += [
+                "-chardev",
+                f"socket,id=link,host=127.0.0.1,port={self.address.split(':')[1]},server=on,wait=off",
+            ]
             command += ["-serial", "chardev:link"]
             for number, listener in enumerate(listeners):
                 port = listener.getsockname()[1]
                 command += ["-chardev", f"socket,id=sensor{number},host=127.0.0.1,port={port},mux=on"]
                 command += ["-serial", f"chardev:sensor{number}"]
             self._process = self._stack.enter_context(
-                subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+                subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    start_new_session=True,  # Ctrl-C is for this program, which then ends QEMU
+                )
             )
             self._stack.callback(self._process.kill)
             self._sensors = []
@@ -73,7 +80,9 @@ class EmulatedBoard:
         """Return the board."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         """Stop QEMU."""
         self._stack.close()
 

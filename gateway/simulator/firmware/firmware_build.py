@@ -81,16 +81,23 @@ def include_flags(folder: Path) -> list[str]:
     return [f"-I{path}" for path in (folder, COLLECTOR, COLLECTOR / "ports" / "bench")]
 
 
-def build_host(folder: Path, options: tuple[str, ...] = ("-O2",), compiler: str = "gcc") -> Path:
-    """Build the collector as a program of this computer; return the program.
+def build_host(folder: Path, options: tuple[str, ...] = ("-O2",), compiler: str = "gcc", main: str = "host.c") -> Path:
+    """Build a program of this computer with the collector; return it.
+
+    Args:
+        folder: for the generated code and the program.
+        options: of the compiler.
+        compiler: gcc or clang.
+        main: program of the port, `host.c` for the collector.
 
     Raises:
         SourceError: there is no compiler, or it reports a warning.
     """
     port = COLLECTOR / "ports"
-    sources = [*library_sources(), port / "bench" / "bench.c", *sorted((port / Port.HOST).glob("host*.c"))]
+    sources = [*library_sources(), port / "bench" / "bench.c", port / Port.HOST / main]
     define = f"-DTL_BOOT_PAGE_BYTES={BENCH_PAGE_BYTES}u"
-    return _compile(folder, compiler, sources, "collector", ("-D_POSIX_C_SOURCE=200809L", define, *options))
+    name = Path(main).stem
+    return _compile(folder, compiler, sources, name, ("-D_POSIX_C_SOURCE=200809L", define, *options))
 
 
 def build_board(folder: Path, options: tuple[str, ...] = ("-Os",), main: str = "main.c") -> Path:

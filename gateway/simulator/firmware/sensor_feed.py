@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.clock import Clock
 from gateway.errors import SourceError
 from gateway.security.cmac import Key
 from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.simulator.firmware import bench_records
 from gateway.simulator.firmware.bench_records import MOST_WHEELS, MOST_WORDS, HubData, WheelData
+from gateway.simulator.firmware.emulated_board import EmulatedBoard
 from gateway.simulator.hub import HUB_ID, SENSOR_SUPPLY_V
 from gateway.simulator.sensor import FULL_SCALE_COUNTS
 from gateway.simulator.simulated_wheel import WheelSimulator
@@ -21,11 +24,19 @@ _ENVIRONMENT_PERIOD_S: Final = 1.0
 
 
 class TimedRecord(NamedTuple):
-    """A record, the place of its wheel, and the true time in s at which the sensor hands it over."""
+    """A record of one sensor.
+
+    Attributes:
+        time_s: true time at which the sensor hands it over.
+        place: of the wheel.
+        data: the record.
+        samples: number of samples in it.
+    """
 
     time_s: float
     place: int
     data: bytes
+    samples: int
 
 
 class SensorFeed:
@@ -87,7 +98,7 @@ class SensorFeed:
             counts = fresh.counts[at : at + most]
             first = fresh.first + at
             data = bench_records.samples(place, self._tick(first / rate), counts)
-            yield TimedRecord((first + len(counts)) / rate, place, data)
+            yield TimedRecord((first + len(counts)) / rate, place, data, len(counts))
 
     def _environment(self, begin_s: float, until_s: float) -> Iterator[TimedRecord]:
         for time_s in np.arange(np.ceil(begin_s), until_s, _ENVIRONMENT_PERIOD_S):
@@ -97,7 +108,43 @@ class SensorFeed:
                 data = bench_records.environment(
                     place, self._tick(time_s), pressure_pa, temperature_degc, SENSOR_SUPPLY_V
                 )
-                yield TimedRecord(float(time_s), place, data)
+                yield TimedRecord(float(time_s), place, data, 0)
+
+
+class Played(NamedTuple):
+    """Result of a play.
+
+    Attributes:
+        time_s: simulated time that was played.
+        samples: samples handed over, of all wheels.
+        late_s: greatest lag behind the schedule.
+    """
+
+    time_s: float
+    samples: int
+    late_s: float
+
+
+def play(feed: SensorFeed, board: EmulatedBoard, speed: float, clock: Clock, stop: threading.Event) -> Played:
+    """Hand the records of a feed to a board on an absolute schedule, until they end or `stop` is set.
+
+    Args:
+        feed: the sensors.
+        board: where the collector runs.
+        speed: multiple of real time.
+        clock: paces the records.
+        stop: ends the play.
+    """
+    start_ns, time_s, late_s, samples = clock.now_ns(), 0.0, 0.0, 0
+    for record in feed.records():
+        due_ns = start_ns + round(record.time_s / speed * 1e9)
+        if clock.sleep_until_ns(due_ns, stop):
+            break
+        board.send(record.place, record.data)
+        late_s = max(late_s, (clock.now_ns() - due_ns) * 1e-9)
+        time_s = record.time_s
+        samples += record.samples
+    return Played(time_s, samples, late_s)
 
 
 def _provisioned(wheel: WheelSimulator, keys: dict[str, Key]) -> WheelData:

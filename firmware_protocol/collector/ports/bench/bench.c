@@ -19,6 +19,11 @@ static volatile bool runs;
 static volatile uint32_t fed_ms;
 static uint32_t link_room = UNLIMITED;
 static uint32_t reset_at = UNLIMITED;
+/* Limits that a record has set, until the main loop takes them over. */
+static volatile bool has_new_room;
+static volatile bool has_new_reset;
+static volatile uint32_t new_room;
+static volatile uint32_t new_reset;
 static tl_environment environments[TL_MAX_WHEELS];
 static uint8_t link_bytes[LINK_BYTES];
 static size_t link_size;
@@ -148,10 +153,12 @@ static void take_control(uint8_t kind, const uint8_t *payload, size_t size) {
         listening = payload[0] != 0;
         break;
     case BENCH_STALL:
-        link_room = get_u32(payload);
+        new_room = get_u32(payload);
+        has_new_room = true;
         break;
     case BENCH_RESET_AT:
-        reset_at = get_u32(payload);
+        new_reset = get_u32(payload);
+        has_new_reset = true;
         break;
     case BENCH_CUT:
         bench_persistent->cut_steps = get_u32(payload);
@@ -261,6 +268,8 @@ void bench_start(void) {
     bench_hangs = false;
     link_room = UNLIMITED;
     reset_at = UNLIMITED;
+    has_new_room = false;
+    has_new_reset = false;
     link_size = 0;
     fed_ms = 0;
     for (size_t i = 0; i < TL_MAX_WHEELS; i++) {
@@ -281,6 +290,14 @@ bool bench_watchdog_expired(void) {
 }
 
 size_t bench_link_room(size_t size) {
+    if (has_new_room) {
+        has_new_room = false;
+        link_room = new_room;
+    }
+    if (has_new_reset) {
+        has_new_reset = false;
+        reset_at = new_reset;
+    }
     size_t room = link_room < reset_at ? link_room : reset_at;
     return size < room ? size : room;
 }
