@@ -169,28 +169,37 @@ static void aes_expand(uint8_t round_keys[176], const uint8_t key[16]) {{
     }}
 }}
 
+static uint32_t rotated(uint32_t word, unsigned bits) {{
+    return word >> bits | word << (32u - bits);
+}}
+
+/* Four bytes times x at once. */
+static uint32_t word_times_x(uint32_t word) {{
+    return ((word & 0x7F7F7F7Fu) << 1) ^ (((word >> 7) & 0x01010101u) * 0x1Bu);
+}}
+
 static void aes_encrypt(const uint8_t round_keys[176], uint8_t block[16]) {{
-    for (size_t k = 0; k < 16; k++) {{
-        block[k] ^= round_keys[k];
+    uint32_t state[4];
+    for (size_t c = 0; c < 4; c++) {{
+        state[c] = get_u32(block + 4 * c) ^ get_u32(round_keys + 4 * c);
     }}
     for (size_t round = 1; round <= 10; round++) {{
-        uint8_t state[16];
-        for (size_t k = 0; k < 16; k++) {{
-            state[k] = s_box[block[(k + 4 * (k % 4)) % 16]];
-        }}
-        if (round < 10) {{
-            for (size_t c = 0; c < 16; c += 4) {{
-                uint8_t first = state[c];
-                uint8_t all = state[c] ^ state[c + 1] ^ state[c + 2] ^ state[c + 3];
-                state[c] ^= all ^ times_x(state[c] ^ state[c + 1]);
-                state[c + 1] ^= all ^ times_x(state[c + 1] ^ state[c + 2]);
-                state[c + 2] ^= all ^ times_x(state[c + 2] ^ state[c + 3]);
-                state[c + 3] ^= all ^ times_x(state[c + 3] ^ first);
+        uint32_t next[4];
+        for (size_t c = 0; c < 4; c++) {{
+            uint32_t word = (uint32_t)s_box[state[c] & 0xFFu] |
+                            (uint32_t)s_box[state[(c + 1) % 4] >> 8 & 0xFFu] << 8 |
+                            (uint32_t)s_box[state[(c + 2) % 4] >> 16 & 0xFFu] << 16 |
+                            (uint32_t)s_box[state[(c + 3) % 4] >> 24] << 24;
+            if (round < 10) {{
+                uint32_t below = rotated(word, 8);
+                word = word_times_x(word ^ below) ^ below ^ rotated(word, 16) ^ rotated(word, 24);
             }}
+            next[c] = word ^ get_u32(round_keys + 16 * round + 4 * c);
         }}
-        for (size_t k = 0; k < 16; k++) {{
-            block[k] = state[k] ^ round_keys[16 * round + k];
-        }}
+        memcpy(state, next, sizeof state);
+    }}
+    for (size_t c = 0; c < 4; c++) {{
+        (void)put_u32(block + 4 * c, state[c]);
     }}
 }}
 #endif

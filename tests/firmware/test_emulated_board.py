@@ -17,7 +17,16 @@ import pytest
 
 from firmware_protocol.codec import encode_raw
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import HUB_ITSELF, CommandResult, MessageType, Outcome, SampleBlock, SetStream, SetTime
+from firmware_protocol.messages import (
+    HUB_ITSELF,
+    CommandResult,
+    HubStatus,
+    MessageType,
+    Outcome,
+    SampleBlock,
+    SetStream,
+    SetTime,
+)
 from gateway.clock import SystemClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, open_source
@@ -145,7 +154,12 @@ def test_overrun_shows_as_gaps_in_seq(board: EmulatedBoard, link: Link) -> None:
     board.provision(HUB, [WHEEL])
     board.send(0, blocks(0, 10) + number(Kind.STALL, 500) + blocks(360, 60))
     board.send(0, number(Kind.STALL, bench_records.UNLIMITED) + blocks(70 * 36, 30) + at(2) + at(3))
-    got = link.until(lambda found: found.frames[-1:] != [] and found.frames[-1].tick_us == 3_000_000)
+    last = 99 * 36
+
+    def is_complete(found: Delivery) -> bool:
+        return last in found.samples() and any(frame.tick_us == 3_000_000 for frame in found.of(HubStatus))
+
+    got = link.until(is_complete)
     assert got.counters.lost == got.status.frames_dropped > 20
     assert got.status.samples_dropped == 36 * got.counters.lost == 100 * 36 - len(got.samples())
     assert got.samples().items() <= rows_of(0, 3600).items()

@@ -96,7 +96,7 @@ def build_host(folder: Path, options: tuple[str, ...] = ("-O2",), compiler: str 
     port = COLLECTOR / "ports"
     sources = [*library_sources(), port / "bench" / "bench.c", port / Port.HOST / main]
     define = f"-DTL_BOOT_PAGE_BYTES={BENCH_PAGE_BYTES}u"
-    name = Path(main).stem
+    name = "collector" if main == "host.c" else Path(main).stem
     return _compile(folder, compiler, sources, name, ("-D_POSIX_C_SOURCE=200809L", define, *options))
 
 
