@@ -14,6 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from gateway.errors import SourceError
 from gateway.simulator.firmware.firmware_build import (
     CORTEX_M4,
     WARNINGS,
@@ -30,7 +31,6 @@ CLOCK_HZ = 64e6
 RATE_HZ = 9600.0
 # Cycles of an instruction on a Cortex-M4: 1 for most, 2 to 3 for loads and taken branches, more with a slow flash.
 CYCLES = (1.0, 1.5)
-# AES-128 of one block by the peripheral of an nRF52: 16.4 us in its data sheet is not reached by all; STM32: about 0.1.
 AES_BLOCKS = 16
 OPTIMISATIONS = ("-Os", "-O2")
 LABELS = {
@@ -48,7 +48,11 @@ LABELS = {
 
 
 def main() -> None:
-    require_board_tools()
+    try:
+        require_board_tools()
+    except SourceError as missing:
+        print(f"skipped: {missing}. {missing.remedy}")
+        return
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         sizes(folder)

@@ -171,11 +171,13 @@ def test_power_cuts_and_resets_keep_the_boot_count(board: EmulatedBoard, link: L
     for step in rng.integers(1, 18, 100):
         board.send(0, number(Kind.CUT, int(step)))
         board.wait_for_starts(1)
-    for cut in (1, 7, 100, 241):
-        board.send(0, blocks(0, 3) + number(Kind.RESET_AT, cut) + block(108))
+    for done, cut in enumerate((1, 7, 100, 241), 1):
+        board.send(0, blocks(0, 3))
+        link.until(lambda _, done=done: link.samples >= 108 * done)  # type: ignore[misc]
+        board.send(0, number(Kind.RESET_AT, cut) + block(108))
         board.wait_for_starts(1)
     board.send(0, blocks(0, 4))
-    got = link.until(lambda found: found.frames[-1:] != [] and max(found.samples(), default=0) >= 143)
+    got = link.until(lambda _: link.samples >= 4 * 108 + 144)
     starts = got.boot_counts
     assert all(later > earlier for earlier, later in zip(starts, starts[1:], strict=False))
     assert starts[-1] >= 105
@@ -246,34 +248,39 @@ def test_commands_over_tcp_are_signed(board: EmulatedBoard) -> None:
         thread.join(TIMEOUT_S)
 
 
-def treadlink(*arguments: str) -> str:
-    done = subprocess.run([*TREADLINK, *arguments], capture_output=True, text=True, cwd=ROOT, timeout=60, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+def started_program(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*TREADLINK, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT
+    )
+
+
+def read_until(process: subprocess.Popen[str], pattern: str) -> re.Match[str]:
+    """Return the first match in the output of a program; fails when the program ends before."""
+    assert process.stdout is not None
+    printed = ""
+    for line in process.stdout:
+        printed += line
+        match = re.search(pattern, printed, re.MULTILINE)
+        if match is not None:
+            return match
+    pytest.fail(printed)
 
 
 @pytest.mark.usefixtures("board_image")
 def test_user_watches_the_emulated_collector(tmp_path: Path) -> None:
     vehicle = tmp_path / "lab.toml"
-    with subprocess.Popen(
-        [*TREADLINK, "simulate", "lab", "--firmware", "--duration", "60", "--vehicle", str(vehicle)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        cwd=ROOT,
-    ) as process:
-        assert process.stdout is not None
-        printed = ""
-        while "Ctrl-C" not in printed:
-            line = process.stdout.readline()
-            assert line, printed
-            printed += line
-        uri = re.search(r"tcp://\S+", printed)
-        assert uri is not None
-        shown = treadlink("live", uri[0], "--config", str(vehicle), "--plain", "--duration", "3")
-        assert re.search(r"^W1 +\d+ +[\d.]+ 6[45]\.", shown, re.MULTILINE), shown
-        assert re.search(r"tcp:\S+: \d+ frames, 0 lost", shown)
-        assert "hub 0 executed the command" in treadlink("command", "time", uri[0])
-        process.send_signal(signal.SIGINT)
-        assert re.search(r"\d+ samples in [\d.]+ s, at most", process.stdout.read())
-        assert process.wait(TIMEOUT_S) == 0
+    board = started_program("simulate", "lab", "--firmware", "--duration", "60", "--vehicle", str(vehicle))
+    with board, contextlib.ExitStack() as stack:
+        stack.callback(board.kill)
+        uri = read_until(board, r"tcp://\S+(?= --config)")[0]
+        read_until(board, "Ctrl-C")
+        live = stack.enter_context(started_program("live", uri, "--config", str(vehicle), "--plain"))
+        stack.callback(live.kill)
+        read_until(live, r"^W1 +\d+ +[\d.]+ 6[45]\.")
+        live.send_signal(signal.SIGINT)
+        read_until(live, r"tcp:\S+: \d+ frames, 0 lost")
+        command = stack.enter_context(started_program("command", "time", uri))
+        read_until(command, "hub 0 executed the command")
+        board.send_signal(signal.SIGINT)
+        read_until(board, r"\d+ samples in [\d.]+ s, at most")
+        assert board.wait(TIMEOUT_S) == 0

@@ -11,14 +11,14 @@ static const uint8_t ready = 'R';
 
 __attribute__((section(".kept"))) static bench_memory memory;
 
-static bench_reader readers[BOARD_UARTS];
+static bench_reader readers[BOARD_UARTS - 1u];
 static uint8_t link_bytes[LINK_BYTES];
 static volatile uint32_t link_written;
 static volatile uint32_t link_read;
 
 void board_received(unsigned uart, uint8_t byte) {
-    if (uart > 0) {
-        bench_take(&readers[uart], byte);
+    if (uart > 0 && uart < BOARD_UARTS) {
+        bench_take(&readers[uart - 1u], byte);
     } else if (link_written - link_read < LINK_BYTES) {
         link_bytes[link_written % LINK_BYTES] = byte;
         link_written++;
