@@ -7,7 +7,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from gateway.cli import treadlink
 from gateway.simulator.firmware.firmware_build import COLLECTOR, build_host, include_flags, write_protocol
 from tests.firmware.conftest import require
 
@@ -36,6 +38,16 @@ def test_static_analysis_finds_nothing(tmp_path: Path) -> None:
     command += [*include_flags(tmp_path), f"-I{COLLECTOR / 'ports' / 'mps2'}", str(COLLECTOR), str(generated)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_written_collector_compiles_on_its_own(tmp_path: Path) -> None:
+    require("gcc", "gcc")
+    done = CliRunner().invoke(treadlink, ["protocol", "collector", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "README.md").exists()
+    sources = [*tmp_path.glob("*.c"), tmp_path / "ports/bench/bench.c", tmp_path / "ports/host/host.c"]
+    command = ["gcc", "-std=c11", "-D_POSIX_C_SOURCE=200809L", f"-I{tmp_path}", f"-I{tmp_path / 'ports/bench'}"]
+    subprocess.run([*command, *sources, "-o", tmp_path / "collector"], check=True)
 
 
 def test_library_uses_no_heap_and_no_system() -> None:
