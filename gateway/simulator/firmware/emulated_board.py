@@ -1,4 +1,4 @@
-"""The reference collector on a board that QEMU emulates, its UARTs on TCP sockets of this computer."""
+"""The reference collector on a board that QEMU emulates, its link on a TCP port of this computer."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ _TIMEOUT_S: Final = 20.0
 # QEMU hands over the bytes of a line one at a time, unless the line is a "mux", which has a buffer. A mux takes this
 # byte as the begin of a command to QEMU, and two of them as the byte itself.
 _ESCAPE: Final = b"\x01"
+# Small, so that a slow board holds up its sensors, and the lag is seen.
+_BUFFER_BYTES: Final = 8192
 
 
 class EmulatedBoard:
@@ -27,10 +29,10 @@ class EmulatedBoard:
     """
 
     def __init__(self, image: Path) -> None:
-        """Start QEMU with the image and wait until the collector runs.
+        """Start QEMU with the image and wait until it runs.
 
         Raises:
-            SourceError: QEMU does not start.
+            SourceError: it does not.
         """
         self._stack = ExitStack()
         try:
@@ -40,19 +42,21 @@ class EmulatedBoard:
             raise
 
     def _start(self, image: Path) -> None:
-        with ExitStack() as listening:
-            listeners = [listening.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(MOST_WHEELS)]
-            self.address = f"127.0.0.1:{_free_port()}"
-            command = ["qemu-system-arm", "-M", "mps2-an386", "-display", "none", "-monitor", "none", "-nodefaults"]
-            command += ["-kernel", str(image)]
-            command += [
-                "-chardev",
-                f"socket,id=link,host=127.0.0.1,port={self.address.split(':')[1]},server=on,wait=off",
-            ]
-            command += ["-serial", "chardev:link"]
-            for number, listener in enumerate(listeners):
-                port = listener.getsockname()[1]
-                command += ["-chardev", f"socket,id=sensor{number},host=127.0.0.1,port={port},mux=on"]
+        self.address = f"127.0.0.1:{_free_port()}"
+        command = ["qemu-system-arm", "-M", "mps2-an386", "-display", "none", "-monitor", "none", "-nodefaults"]
+        command += ["-kernel", str(image)]
+        command += ["-chardev", f"socket,id=link,host=127.0.0.1,port={self.address.split(':')[1]},server=on,wait=off"]
+        command += ["-serial", "chardev:link"]
+        self._sensors = []
+        with ExitStack() as ends:
+            descriptors = []
+            for number in range(MOST_WHEELS):
+                own, other = socket.socketpair()
+                self._sensors.append(self._stack.enter_context(own))
+                own.settimeout(_TIMEOUT_S)
+                own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+                descriptors.append(ends.enter_context(other).fileno())
+                command += ["-chardev", f"socket,id=sensor{number},fd={descriptors[-1]},mux=on"]
                 command += ["-serial", f"chardev:sensor{number}"]
             self._process = self._stack.enter_context(
                 subprocess.Popen(
@@ -60,20 +64,11 @@ class EmulatedBoard:
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,
+                    pass_fds=descriptors,
                     start_new_session=True,  # Ctrl-C is for this program, which then ends QEMU
                 )
             )
-            self._stack.callback(self._process.kill)
-            self._sensors = []
-            for listener in listeners:
-                listener.settimeout(_TIMEOUT_S)
-                try:
-                    line, _ = listener.accept()
-                except TimeoutError as error:
-                    raise SourceError("QEMU does not start", "Try it alone: qemu-system-arm --version.") from error
-                line.settimeout(_TIMEOUT_S)
-                line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._sensors.append(self._stack.enter_context(line))
+        self._stack.callback(self._process.kill)
         self.wait_for_starts(1)
 
     def __enter__(self) -> EmulatedBoard:
