@@ -6,7 +6,10 @@ STAMP := $(VENV)/.installed
 DOCS_VENV := .venv-docs
 DOCS_STAMP := $(DOCS_VENV)/.installed
 
-.PHONY: demo test lint types bench firmware firmware-packages docs docs-pages docs-serve clean
+# Of `make nightly`: another one every day.
+SEED ?= $(shell date +%Y%m%d)
+
+.PHONY: demo test nightly lint types bench firmware firmware-packages docs docs-pages docs-serve clean
 
 $(STAMP): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -22,6 +25,14 @@ demo: $(STAMP)
 
 test: lint types
 	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+# Every test, hypothesis with fresh examples, then a longer fuzz. A failure prints what repeats it.
+nightly: $(STAMP)
+	@echo "seed $(SEED): repeat with make nightly SEED=$(SEED)"
+	@status=0; \
+	  $(BIN)/python -m pytest -n 2 --hypothesis-profile nightly --hypothesis-seed $(SEED) || status=1; \
+	  $(BIN)/python -m tools.fuzz_files --count 20000 --seed $(SEED) || status=1; \
+	  exit $$status
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

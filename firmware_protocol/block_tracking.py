@@ -96,9 +96,12 @@ def accept_batch(
     least = np.minimum.reduceat(signed, firsts).tolist()
     moved = np.add.reduceat(signed, firsts, dtype=np.int64).tolist()
     delivered = np.add.reduceat(readable[sources.order], firsts, dtype=np.int64).tolist()
+    by_key: dict[int, list[BootNotice]] = {}
+    for notice in notices:
+        by_key.setdefault(int(keys[notice.place]), []).append(notice)
     for index, (key, source) in enumerate(zip(sources.keys, trackers, strict=True)):
         here = slice(sources.bounds[index], sources.bounds[index + 1])
-        hellos = [notice for notice in notices if keys[notice.place] == key]
+        hellos = by_key.get(key, [])
         if least[index] < 1 or here.stop - here.start < _FEW_FRAMES:
             _one_by_one(tracker, keys, seqs, readable, hellos, sources.order[here], accepted)
             continue

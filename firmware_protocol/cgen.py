@@ -416,6 +416,13 @@ def _prototype(type_: MessageType) -> str:
 def _encoder(type_: MessageType) -> Iterator[str]:
     declared = list(fields(PAYLOADS[type_]))
     conditions = [check for field in declared for check in limits(field)]
+    if type_ is MessageType.HELLO:
+        conditions += [
+            f"((message->axes & (1u << {axis:d})) == 0u || message->scale_mps2[{axis:d}] < 0.0f || "
+            f"message->scale_mps2[{axis:d}] > 0.0f)"
+            for axis in Axis
+        ]
+        conditions.append(f"(message->coupling != {Coupling.DC:d}u || message->highpass_hz <= 0.0f)")
     if type_ is MessageType.SAMPLES:
         yield from ("static size_t channels(uint8_t axes) {", _CHANNELS, "}", "")
         conditions.append(

@@ -9,6 +9,15 @@ MAX_F32: Final = (2 - 2**-23) * 2.0**127
 """Greatest 32-bit float."""
 
 
+_ROUNDS_TO_ZERO: Final = 2.0**-150
+"""Greatest magnitude that becomes 0 as a 32-bit float."""
+
+
+def is_zero_f32(value: float) -> bool:
+    """Return whether a value is 0 as a 32-bit float."""
+    return abs(value) <= _ROUNDS_TO_ZERO
+
+
 def reject(name: str, value: object, allowed: str) -> NoReturn:
     """Raise the error that names a field, its value and what is allowed."""
     raise ValueError(f"{name} is {value}; allowed: {allowed}")

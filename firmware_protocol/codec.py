@@ -11,8 +11,9 @@ from zlib import crc32
 import numpy as np
 
 from firmware_protocol import wire
-from firmware_protocol.checks import fixed, integer, real, reject, require_length, triple
+from firmware_protocol.checks import fixed, integer, is_zero_f32, real, reject, require_length, triple
 from firmware_protocol.messages import (
+    Axis,
     CommandResult,
     Coupling,
     Environment,
@@ -135,7 +136,7 @@ def decode_payload(type_: int, payload: bytes) -> Message:
 
 def _encode_hello(message: Hello) -> bytes:
     major, minor, patch = message.firmware
-    return _HELLO.pack(
+    payload = _HELLO.pack(
         integer("protocol_major", message.protocol_major, 0, _U8),
         integer("protocol_minor", message.protocol_minor, 0, _U8),
         integer("firmware major", major, 0, _U8),
@@ -153,6 +154,16 @@ def _encode_hello(message: Hello) -> bytes:
         *triple("offset_counts", message.offset_counts, -_INF),
         integer("saturation_counts", message.saturation_counts, 1, wire.MAX_SATURATION_COUNTS),
     )
+    _check_sendable(message)
+    return payload
+
+
+def _check_sendable(message: Hello) -> None:
+    """Raise the error of a hello that no hub may send although every reader accepts its layout."""
+    if any(message.axes >> axis & 1 and is_zero_f32(message.scale_mps2[axis]) for axis in Axis):
+        reject("scale_mps2", message.scale_mps2, "other than 0 on every axis that the mask has")
+    if message.coupling == Coupling.DC and not is_zero_f32(message.highpass_hz):
+        reject("highpass_hz", message.highpass_hz, "0 with DC coupling")
 
 
 def _decode_hello(payload: bytes) -> Hello:

@@ -64,6 +64,9 @@ def signed_vectors() -> dict[str, list[dict[str, Any]]]:
             2**32 - 1,
         ),
         _signed_frame(
+            "a hello, under its own boot count", WireFrame(MessageType.HELLO, 0, 1, 0, 1500, _hello()), *sensor, 41
+        ),
+        _signed_frame(
             "the hub itself",
             WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 80, 7, {"level": 1, "text": b"awake"}),
             _HUB_KEY,
@@ -202,6 +205,22 @@ _FRAMES: Final[dict[str, WireFrame]] = {
         2,
         _hello(axes=0b100, coupling=1, highpass_hz=2.5, rate_hz=25600.0, saturation_counts=32768),
     ),
+    "hello, values of absent axes 0": WireFrame(
+        MessageType.HELLO,
+        0,
+        2,
+        1,
+        2,
+        _hello(
+            axes=0b101,
+            range_mps2=_f32(4000.0, 0.0, 4000.0),
+            scale_mps2=_f32(0.125, 0.0, 0.125),
+            offset_counts=_f32(-3.5, 0.0, 12.25),
+        ),
+    ),
+    "hello, AC, corner not known": WireFrame(
+        MessageType.HELLO, 0, 3, 1, 2, _hello(axes=0b100, coupling=1, highpass_hz=0.0)
+    ),
     "samples, three axes, full": WireFrame(MessageType.SAMPLES, 0, 1, 12345, 67890, _samples(444_384, 0b111, 36)),
     "samples, radial axis, full": WireFrame(MessageType.SAMPLES, 0, 2, 5, 6, _samples(7, 0b100, 109)),
     "samples, two axes, one sample": WireFrame(MessageType.SAMPLES, 1, 0, 5, 6, _samples(1, 0b101, 1)),
@@ -221,6 +240,9 @@ _FRAMES: Final[dict[str, WireFrame]] = {
         MessageType.TIME_SYNC, 0, HUB_ITSELF, 79, 5, {"hub_us": 3 * 2**32 + 5, "host_ns": 1_700_000_000_123_456_789}
     ),
     "log text": WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 80, 7, {"level": 2, "text": "Sensor zu heiß".encode()}),
+    "log text, level of a later version": WireFrame(
+        MessageType.LOG_TEXT, 0, HUB_ITSELF, 85, 7, {"level": 7, "text": b"awake"}
+    ),
     "log text, empty": WireFrame(MessageType.LOG_TEXT, 0, HUB_ITSELF, 81, 8, {"level": 0, "text": b""}),
     "log text, full": WireFrame(MessageType.LOG_TEXT, 0, 0, 82, 8, {"level": 3, "text": b"x" * 223}),
     "command result": WireFrame(
@@ -293,6 +315,28 @@ def _streams() -> list[dict[str, Any]]:
     inner = build(_at(9, wheel=9))
     return [
         _stream("frames back to back", [hello, _at(1), _at(2), _at(3)]),
+        _stream(
+            "frames before the first hello are delivered, and it restarts nothing",
+            [_at(7), environment._replace(seq=8), hello._replace(seq=9), _at(10)],
+        ),
+        _stream(
+            "samples of other axes than the hello's are delivered: the reader leaves them out",
+            [hello, WireFrame(MessageType.SAMPLES, 0, 0, 1, 100, _samples(0, 0b100, 2)), _at(2)],
+        ),
+        _stream(
+            "a new rate: its hello first, then sample number 0, counters go on",
+            [
+                hello,
+                _at(1)._replace(payload=_SMALL | {"first_sample": 9600}),
+                hello._replace(seq=2, payload=_hello(rate_hz=4800.0)),
+                _at(3),
+            ],
+        ),
+        _stream(
+            "a hub of number 255 is read like any other",
+            [hello._replace(hub=EVERY_HUB), _at(1)._replace(hub=EVERY_HUB), _at(3)._replace(hub=EVERY_HUB)],
+            lost=1,
+        ),
         _stream("noise between frames", [b"\x00\xff noise", _at(1), b"\xa5", _at(2), b"\x5a\xa5\xa5"], noise_bytes=12),
         _stream(
             "one bit flipped: only this frame is lost",
@@ -390,11 +434,54 @@ def make_vectors() -> dict[str, str]:
         {"name": name, "type": int(type_), "payload_hex": payload.hex()} for name, type_, payload in _refused_payloads()
     ]
     protocol = f"{wire.VERSION_MAJOR}.{wire.VERSION_MINOR}"
+    tolerated = [
+        {"name": name, "type": int(type_), "payload_hex": payload.hex()}
+        for name, type_, payload in _tolerated_payloads()
+    ]
     return {
-        "frames.json": _json({"protocol": protocol, "frames": frames, "refused_payloads": refused}),
+        "frames.json": _json(
+            {
+                "protocol": protocol,
+                "frames": frames,
+                "refused_payloads": refused,
+                "tolerated_payloads": tolerated,
+                "shown_texts": _SHOWN_TEXTS,
+            }
+        ),
         "streams.json": _json({"protocol": protocol, "streams": _streams()}),
         "signed.json": _json({"protocol": protocol, **signed_vectors()}),
     }
+
+
+_SHOWN_TEXTS: Final = [
+    {"name": name, "payload_hex": payload.hex(), "level": level, "shown": shown}
+    for name, payload, level, shown in (
+        ("plain", b"\x01awake", "info", "awake"),
+        ("a level of a later version", b"\x07awake", "level 7", "awake"),
+        ("lines and tabs", b"\x02one\r\ntwo\tthree", "warning", "one\\r\\ntwo\\tthree"),
+        ("an escape sequence", b"\x03\x1b[2J\x1b[31mred", "error", "\\x1b[2J\\x1b[31mred"),
+        ("a null byte and delete", b"\x00a\x00b\x7f", "debug", "a\\x00b\\x7f"),
+        ("a C1 control character", b"\x01\xc2\x9b2J", "info", "\\x9b2J"),
+        ("a change of the writing direction", "\x01\u202egnol".encode(), "info", "\\u202egnol"),
+        ("a line separator", "\x01a\u2028b".encode(), "info", "a\\u2028b"),
+        ("not UTF-8", b"\x01a\xff\xc3(\xe2\x82", "info", "a\ufffd\ufffd(\ufffd"),
+        ("a character cut off by the end", b"\x01zu hei\xc3", "info", "zu hei\ufffd"),
+        ("other scripts", "\x01Größe 寸法 😀".encode(), "info", "Größe 寸法 😀"),
+        ("a backslash", b"\x01C:\\new", "info", "C:\\new"),
+    )
+]
+"""What a reader shows of a log text: level in words, and the text with everything unprintable escaped."""
+
+
+def _tolerated_payloads() -> list[tuple[str, MessageType, bytes]]:
+    """Return payloads that a reader accepts by their layout, and that no encoder makes."""
+    hellos = {
+        "hello, scale of a present axis 0": _hello(scale_mps2=_f32(0.125, 0.0, 0.125)),
+        "hello, every scale 0": _hello(scale_mps2=_f32(0.0, 0.0, 0.0)),
+        "hello, DC with a high-pass corner": _hello(highpass_hz=2.5),
+    }
+    layout = PAYLOADS[MessageType.HELLO]
+    return [(name, MessageType.HELLO, layout.build(fields)) for name, fields in hellos.items()]
 
 
 def _refused_payloads() -> list[tuple[str, MessageType, bytes]]:
@@ -403,6 +490,12 @@ def _refused_payloads() -> list[tuple[str, MessageType, bytes]]:
     return [
         ("hello without axes", MessageType.HELLO, bytes(hello[:6] + b"\0" + hello[7:])),
         ("hello with a rate that is not a number", MessageType.HELLO, bytes(hello[:24] + b"\0\0\xc0\x7f" + hello[28:])),
+        ("hello with an infinite scale", MessageType.HELLO, bytes(hello[:44] + b"\0\0\x80\x7f" + hello[48:])),
+        (
+            "hello with no number as the offset of an absent axis",
+            MessageType.HELLO,
+            bytes(hello[:6] + b"\x04" + hello[7:56] + b"\0\0\xc0\x7f" + hello[60:]),
+        ),
         ("samples without samples", MessageType.SAMPLES, bytes.fromhex("000000000700")),
         ("samples with more samples than n", MessageType.SAMPLES, bytes.fromhex("00000000040100000000")),
         ("samples of a fourth axis", MessageType.SAMPLES, bytes.fromhex("0000000008010000")),

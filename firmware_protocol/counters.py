@@ -15,6 +15,7 @@ class SourceCounters:
         duplicates: frames that had arrived before; not delivered.
         reordered: frames that came late; delivered.
         restarts: number of times that the counter restarted.
+        unreadable: intact frames that could not be read: of an unknown type, layout or flag, or with a bad payload.
     """
 
     frames: int = 0
@@ -22,6 +23,7 @@ class SourceCounters:
     duplicates: int = 0
     reordered: int = 0
     restarts: int = 0
+    unreadable: int = 0
 
 
 @dataclass(slots=True)

@@ -84,9 +84,11 @@ HELLO: Final = c.Struct(
     "sensor_id" / c.Int32ul * "serial number of the sensor",
     "boot_count" / c.Int32ul * "number of starts of the hub",
     "rate_hz" / _real(wire.MIN_RATE_HZ, wire.MAX_RATE_HZ) * "sampling rate in Hz",
-    "highpass_hz" / _real(0.0) * "corner of the AC coupling in Hz, 0 when DC",
+    "highpass_hz" / _real(0.0) * "corner of the AC coupling in Hz, 0 when DC or not known",
     "range_mps2" / c.Array(3, _real(0.0)) * "full scale in m/s² of axes 0, 1, 2; 0 where absent",
-    "scale_mps2" / c.Array(3, _real()) * "m/s² per count; its sign turns the axis into the protocol's direction",
+    "scale_mps2"
+    / c.Array(3, _real())
+    * "m/s² per count, not 0 on a present axis; its sign turns the axis into the protocol's direction",
     "offset_counts" / c.Array(3, _real()) * "counts at zero acceleration",
     "saturation_counts"
     / Limited(c.Int16ul, 1, wire.MAX_SATURATION_COUNTS)
@@ -131,8 +133,8 @@ TIME_SYNC: Final = c.Struct(
 )
 
 LOG_TEXT: Final = c.Struct(
-    "level" / c.Int8ul * "0 debug, 1 info, 2 warning, 3 error",
-    "text" / c.GreedyBytes * "UTF-8, not terminated",
+    "level" / c.Int8ul * "0 debug, 1 info, 2 warning, 3 error; others reserved",
+    "text" / c.GreedyBytes * "one line of UTF-8, not terminated",
 )
 
 COMMAND_RESULT: Final = c.Struct(

@@ -148,7 +148,9 @@ class FrameDecoder:
         if message is not None:
             source.counters.frames += 1
             frames.append(Frame(type_, key & 0xFF, key >> 8, seq, tick_us, message))
-        elif version > wire.VERSION_BYTE:
+            return
+        source.counters.unreadable += 1
+        if version > wire.VERSION_BYTE:
             counters.newer_minor += 1
         elif not readable:
             counters.unknown_flags += 1

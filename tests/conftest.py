@@ -1,11 +1,16 @@
-"""Settings of every test run: threads of numpy, SIGINT of children, options for stored results."""
+"""Settings of every test run: threads of numpy, hypothesis, SIGINT of children, options for stored results."""
 
 import os
 import signal
 
+from hypothesis import settings
+
 # Small matrices everywhere: a thread for each product costs more than the product. Set before numpy is imported.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+
+# `make nightly` runs with fresh seeds and prints what repeats a failure; CI runs the same examples every time.
+settings.register_profile("nightly", derandomize=False, print_blob=True)
 
 # A parent that ignores SIGINT, as a shell does in the background, hands that on. Children need the default for Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

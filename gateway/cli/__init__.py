@@ -79,19 +79,19 @@ class LazyGroup(click.Group):
 @contextmanager
 def _ended_from_outside(ctx: click.Context) -> Iterator[None]:
     """End a command quietly, with the exit status that shells give, upon a signal or when its output is closed."""
-    from gateway.cli import stop_signals
+    from gateway.cli import exit_status
 
     try:
         yield
     except KeyboardInterrupt as error:
         with suppress(OSError):  # the terminal may be closed
             click.echo("\nAborted!", err=True)
-        ctx.exit(stop_signals.exit_status(error))
+        ctx.exit(exit_status.of_signal(error))
     except BrokenPipeError:
         # The interpreter would complain when it flushes what is left at the end.
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        ctx.exit(stop_signals.CLOSED_PIPE)
+        ctx.exit(exit_status.CLOSED_PIPE)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -113,7 +113,7 @@ def treadlink(verbosity: int, log_file: Path | None) -> None:
 
 def main() -> None:
     """Run the command; errors that the user can correct are shown as a message and a remedy, without a traceback."""
-    from gateway.cli import stop_signals
+    from gateway.cli import exit_status, stop_signals
 
     stop_signals.install()
     try:
@@ -127,4 +127,4 @@ def main() -> None:
         click.secho(f"treadlink: {message}", fg="red", err=True)
         if remedy:
             click.echo(f"  {remedy}", err=True)
-        raise SystemExit(1) from error
+        raise SystemExit(exit_status.NO_RESULT) from error

@@ -12,14 +12,14 @@ import numpy as np
 
 from gateway.cli.options import force_option
 from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, load_vehicle, parse_vehicle
-from gateway.errors import TreadlinkError
+from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, load_vehicle, recorded_vehicle
+from gateway.errors import ConfigError, TreadlinkError
 from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration, reference_numbers
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
 from gateway.session.batch_estimation import estimate_items
-from gateway.views.output_file import check_outputs, write_whole
+from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
 ESTIMATOR: Final = "weak-form"
 # The first revolutions of a wheel are timed without a running average to compare them with.
@@ -40,7 +40,11 @@ _MIN_REVOLUTIONS: Final = 20
     "--wheel", "positions", multiple=True, metavar="POSITION", help="Use only this wheel; repeat for several."
 )
 @click.option(
-    "--out", "out_path", type=click.Path(path_type=Path), metavar="FILE", help="Write the tables to this file."
+    "--out",
+    "out_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the tables to this file; - is standard output.",
 )
 @force_option
 def calibrate(
@@ -71,20 +75,28 @@ def calibrate(
         )
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
+    to_stdout = is_stdout(out_path)
     for line in _report(points, fit):
-        click.echo(line)
+        click.echo(line, err=to_stdout)
     text = _toml(fit.calibration, reference)
     if out_path is None:
         click.echo("\n" + text, nl=False)
         return
     write_whole(out_path, text, force=force)
+    if to_stdout:
+        return
     click.echo(f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)")
 
 
 def _points(path: Path, fallback: VehicleConfig | None, positions: Sequence[str]) -> list[TirePoint]:
     """Estimate one recording and return its usable wheels; the others are reported."""
     reader = RecordingReader(path)
-    vehicle = parse_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
+    try:
+        vehicle = recorded_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
+    except ConfigError:
+        if fallback is None:
+            raise
+        vehicle = fallback
     if vehicle is None:
         raise TreadlinkError(
             f"'{path}' contains no vehicle configuration", "Give one that states the loads: --config VEHICLE.toml."
@@ -117,6 +129,7 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
     pressures = [result.conditions.pressure_pa for result in good if result.conditions.pressure_pa is not None]
     if not pressures:
         return "its pressure is unknown"
+    temperatures = [r.conditions.temperature_degc for r in good if r.conditions.temperature_degc is not None]
     return TirePoint(
         name=name,
         load_n=conditions.load_n,
@@ -126,6 +139,7 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
             np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in good])
         ),
         numbers={found.name: found for found in good[-1].estimates},
+        temperature_degc=float(np.mean(temperatures)) if temperatures else None,
     )
 
 
@@ -178,7 +192,12 @@ def _toml(calibration: LoadCalibration, reference: ReferenceNumbers) -> str:
             known[f"{name}_std"] = _rounded(getattr(reference, f"{name}_std"))
     tire: dict[str, object] = {"load_calibration": table.model_dump()}
     if known and reference.pressure_pa is not None:
-        numbers = Reference(**known, pressure_kpa=_rounded(1e-3 * reference.pressure_pa), estimator=reference.estimator)
+        numbers = Reference(
+            **known,
+            pressure_kpa=_rounded(1e-3 * reference.pressure_pa),
+            temperature_degc=None if reference.temperature_degc is None else _rounded(reference.temperature_degc),
+            estimator=reference.estimator,
+        )
         tire["reference"] = numbers.model_dump(exclude_none=True)
     return toml_text({"tire": tire})
 

@@ -19,7 +19,7 @@ from gateway.config.effects_file import effects_text
 from gateway.config.vehicle import load_vehicle
 from gateway.errors import TreadlinkError
 from gateway.security.key_file import default_key_file
-from gateway.views.output_file import check_outputs, write_whole
+from gateway.views.output_file import check_outputs, is_stdout, write_whole
 from gateway.views.text import clean
 
 if TYPE_CHECKING:
@@ -138,6 +138,9 @@ def diagnose(
     alike under one condition. Load, pressure and mounting come from the configuration in each recording, unless
     --config gives one for all.
 
+    A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
+    standard error.
+
     --list-effects prints the catalogue: physics, equation, parameters and confounders of each effect.
 
     \b
@@ -178,9 +181,10 @@ def diagnose(
             key_file=key_file,
             on_progress=on_progress,
         )
-    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
+    outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
+    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() and not outputs_to_stdout else 0
     for line in closure_summary_lines(diagnosis, columns):
-        click.echo(clean(line))
+        click.echo(clean(line), err=outputs_to_stdout)
     _write(diagnosis, json_path, html_path, effects_path, force=force)
 
 
@@ -197,6 +201,7 @@ def _write(
     from gateway.views.report.phrases import saved_text
 
     failed: list[TreadlinkError] = []
+    to_stderr = any(map(is_stdout, (json_path, html_path, effects_path)))
     for path, write in ((json_path, write_json), (html_path, write_html), (effects_path, _save_effects)):
         if path is None:
             continue
@@ -205,8 +210,10 @@ def _write(
         except TreadlinkError as error:
             failed.append(error)
         else:
+            if is_stdout(path):
+                continue
             held = f" with {saved_text(diagnosis)}" if path is effects_path else ""
-            click.echo(clean(f"written: {path}{held}"))
+            click.echo(clean(f"written: {path}{held}"), err=to_stderr)
     for other in failed[1:]:
         click.echo(clean(f"{other}. {other.remedy}"), err=True)
     if failed:

@@ -14,6 +14,7 @@ from typing import Final
 import click
 
 from gateway.cli import doctor_checks as checks
+from gateway.cli import exit_status
 from gateway.cli.doctor_checks import Check, Level
 from gateway.clock import SystemClock
 
@@ -49,7 +50,7 @@ def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path,
     else:
         _print(done)
     if any(check.level is Level.FAULT for check in done):
-        raise SystemExit(1)
+        raise SystemExit(exit_status.NO_RESULT)
 
 
 def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> Iterator[Check]:

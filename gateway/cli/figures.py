@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
 
 from gateway.cli.options import force_option
+from gateway.views.output_file import write_whole
 
 
 def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -48,5 +50,6 @@ def figures(names: tuple[str, ...], out: Path, suffix: str, force: bool) -> None
     def on_figure(name: str, caption: str) -> None:
         click.echo(f"{name}: {caption}")
 
-    written = draw_figures(wanted, out, suffix=suffix, force=force, on_figure=on_figure)
+    write = partial(write_whole, force=force)
+    written = draw_figures(wanted, out, suffix=suffix, write=write, force=force, on_figure=on_figure)
     click.echo(f"written: {len(written) - 1} figures and {written[-1]}")

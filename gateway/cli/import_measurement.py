@@ -46,10 +46,11 @@ def import_(file: Path, map_path: Path, out: Path | None) -> None:
 
 def report_lines(report: ImportReport) -> list[str]:
     """Return the report of an import for a terminal."""
+    from gateway.views.wording import text
+
     skipped = f", {report.skipped} earlier rows left out" if report.skipped else ""
-    jitter = "" if report.jitter_s is None else f" by the time column (steps within {report.jitter_s * 1e6:.2g} us)"
     lines = [
-        f"{report.samples} samples{skipped}, {report.duration_s:.6g} s at {report.rate_hz:.8g} Hz{jitter}",
+        f"{report.samples} samples{skipped}, {report.duration_s:.6g} s at {_rate(report)}",
         f"wheel {report.position}; range and quantisation in m/s^2:",
     ]
     lines += [
@@ -57,9 +58,12 @@ def report_lines(report: ImportReport) -> list[str]:
         f"   step {axis.step_mps2:.3g}, largest error {axis.error_mps2:.3g}"
         for axis in report.axes
     ]
+    if report.gaps:
+        lines.append(f"{report.gaps} rows without a value in an axis are gaps between samples")
+    lines += [f"check: {text(finding)}" for finding in report.findings]
     if report.environment_frames:
         lines.append(f"{report.environment_frames} messages with pressure or temperature")
-    lines += [f"assumed: {text}" for text in report.assumed]
+    lines += [f"assumed: {assumption}" for assumption in report.assumed]
     if report.start_is_file_date:
         lines.append("assumed: start time is the modification time of the file (start_utc is not stated in the map)")
     lines += [
@@ -67,6 +71,17 @@ def report_lines(report: ImportReport) -> list[str]:
         f"next: treadlink estimate {report.recording}, or treadlink replay {report.recording}",
     ]
     return lines
+
+
+def _rate(report: ImportReport) -> str:
+    if report.jitter_s is None:
+        return f"{report.rate_hz:.8g} Hz"
+    if report.rounding_s is None or report.rate_std_hz is None:
+        return f"{report.rate_hz:.8g} Hz by the time column (steps within {report.jitter_s * 1e6:.2g} us)"
+    return (
+        f"{report.rate_hz:.8g} +- {report.rate_std_hz:.1g} Hz by the time column, whose times are rounded to "
+        f"{report.rounding_s * 1e3:g} ms; if the rate is known exactly, state rate_hz instead"
+    )
 
 
 @contextlib.contextmanager

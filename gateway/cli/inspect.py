@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import click
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
+from gateway.cli import exit_status
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.io.source import LinkEventKind
+from gateway.reasons import Notice
 from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection, inspect_recording
 from gateway.recording.writer import utc_text
+from gateway.session.contradictions import ContradictionWatch
 from gateway.views.numbers import duration, file_size, percent
-from gateway.views.text import clean
-from gateway.views.wording import as_json, text
+from gateway.views.recording_topics import log_level
+from gateway.views.text import clean, escaped
+from gateway.views.wording import as_json, notice_text, text
 
 _BARS: Final = " ▁▂▃▄▅▆▇█"
 _LINE_CELLS: Final = 60
 _EVENTS_SHOWN: Final = 30
+_BOOTS_SHOWN: Final = 10
 
 
 @click.command()
@@ -32,20 +37,34 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
 
     The time line has one row per wheel. The height of a bar is the received share of the nominal data rate; an `x`
     below it marks lost samples.
+
+    The exit status is 1 if a recording is damaged or has no frames.
     """
+    without_result = False
     for path in recordings:
         bar = click.progressbar(length=path.stat().st_size if path.exists() else 0, label=path.name, file=sys.stderr)
         bar.hidden = not sys.stderr.isatty()
         with bar as progress:
-            found = inspect_recording(path, lambda position, bar=progress: bar.update(position - bar.pos))  # type: ignore[misc]
+            watch = ContradictionWatch()
+            found = inspect_recording(
+                path,
+                lambda position, bar=progress: bar.update(position - bar.pos),  # type: ignore[misc]
+                watch.batch,
+            )
+        for name, link in found.links.items():
+            watch.counters(name, link.counters)
+        notices = watch.found()
         if as_json:
-            click.echo(json.dumps(_as_json(found)))
+            click.echo(json.dumps(_as_json(found, notices)))
         else:
-            for line in _lines(found):
+            for line in _lines(found, notices):
                 click.echo(clean(line))
+        without_result |= found.damage is not None or not any(link.counters.frames for link in found.links.values())
+    if without_result:
+        raise SystemExit(exit_status.NO_RESULT)
 
 
-def _lines(found: Inspection) -> Iterator[str]:
+def _lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[str]:
     info = found.info
     begin, end = found.span_ns
     yield f"{info.path}"
@@ -58,6 +77,13 @@ def _lines(found: Inspection) -> Iterator[str]:
     for name, link in found.links.items():
         yield ""
         yield from _link_lines(name, link, begin, end)
+    if notices:
+        yield ""
+        yield "  notices"
+        for notice in notices:
+            yield f"    {notice_text(notice)}"
+    for name, link in found.links.items():
+        yield from _log_lines(name, link, begin)
     if found.events:
         yield ""
         yield "  events"
@@ -67,13 +93,26 @@ def _lines(found: Inspection) -> Iterator[str]:
             what = words if event.kind is LinkEventKind.MARK else f"{event.link}: {words}"
             yield f"    {at:9.2f} s  {what}"
         if len(found.events) > _EVENTS_SHOWN:
-            yield f"    ... and {len(found.events) - _EVENTS_SHOWN} more (--json prints all)"
+            printed = f"the first {len(found.events)}" if found.events_omitted else "all"
+            more = len(found.events) + found.events_omitted - _EVENTS_SHOWN
+            yield f"    ... and {more} more (--json prints {printed})"
     if found.topics:
         yield ""
         yield "  decoded topics: " + ", ".join(f"{topic} ({count})" for topic, count in sorted(found.topics.items()))
     if found.damage:
         yield ""
         yield f"  DAMAGED: {text(found.damage)}"
+
+
+def _log_lines(name: str, link: LinkInspection, begin: int) -> Iterator[str]:
+    if link.log:
+        yield ""
+        yield f"  log of the hubs of {name}"
+    for line in link.log[:_EVENTS_SHOWN]:
+        at = (line.host_ns - begin) * 1e-9
+        yield f"    {at:9.2f} s  hub {line.hub}: {log_level(line.message)}: {escaped(line.message.text)}"
+    if link.log_lines > _EVENTS_SHOWN:
+        yield f"    ... and {link.log_lines - _EVENTS_SHOWN} more (--json prints up to {len(link.log)})"
 
 
 def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterator[str]:
@@ -89,6 +128,7 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
         f"    {counted.frames} frames, {counted.lost} lost ({percent(counted.lost, total)}), "
         f"{counted.crc_errors} with a bad CRC, {counted.duplicates} duplicate, {counted.reordered} late, "
         f"{counted.skipped} skipped, {counted.noise_bytes} noise bytes, {counted.restarts} counter restarts"
+        + (f", {counted.bad_payload} with a bad payload" if counted.bad_payload else "")
     )
     for (hub, wheel), source in sorted(link.wheels.items()):
         of = f"hub {hub}" if wheel == HUB_ITSELF else f"hub {hub} wheel {wheel}"
@@ -97,7 +137,9 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
         if source.hello is not None:
             yield f"      {_hello_text(source.hello)}"
         if len(source.boots) > 1:
-            yield f"      the hub restarted: boot counts {', '.join(map(str, source.boots))}"
+            known = [*map(str, source.boots[:_BOOTS_SHOWN])]
+            more = f" and {len(source.boots) - _BOOTS_SHOWN} more" if len(source.boots) > _BOOTS_SHOWN else ""
+            yield f"      the hub restarted: boot counts {', '.join(known)}{more}"
         if source.samples:
             lost = source.samples_lost
             share = percent(lost, source.samples + lost)
@@ -133,7 +175,7 @@ def _time_line(source: WheelInspection, begin: int, end: int) -> Iterator[str]:
         yield "      " + "".join("x" if value else " " for value in lost) + "  x: samples lost"
 
 
-def _as_json(found: Inspection) -> dict[str, Any]:
+def _as_json(found: Inspection, notices: Sequence[Notice]) -> dict[str, Any]:
     info = found.info
     begin, end = found.span_ns
     return {
@@ -147,6 +189,10 @@ def _as_json(found: Inspection) -> dict[str, Any]:
         "sources": list(info.sources),
         "duration_s": (end - begin) * 1e-9,
         "links": {name: _link_json(link) for name, link in found.links.items()},
+        "notices": [
+            {"subject": notice.subject, "level": str(notice.level), "reason": as_json(notice.reason)}
+            for notice in notices
+        ],
         "events": [
             {
                 "host_ns": event.host_ns,
@@ -157,6 +203,7 @@ def _as_json(found: Inspection) -> dict[str, Any]:
             }
             for event in found.events
         ],
+        "events_omitted": found.events_omitted,
         "topics": found.topics,
     }
 
@@ -173,8 +220,14 @@ def _link_json(link: LinkInspection) -> dict[str, Any]:
         "duplicates": counted.duplicates,
         "reordered": counted.reordered,
         "skipped": counted.skipped,
+        "bad_payload": counted.bad_payload,
         "noise_bytes": counted.noise_bytes,
         "restarts": counted.restarts,
+        "log": [
+            {"host_ns": line.host_ns, "hub": line.hub, "level": log_level(line.message), "text": line.message.text}
+            for line in link.log
+        ],
+        "log_lines": link.log_lines,
         "sources": [
             {
                 "hub": hub,

@@ -10,7 +10,14 @@ import click
 
 from gateway.security.cmac import SecurityError
 from gateway.security.freshness import Ledger
-from gateway.security.key_file import KeyFile, counters_file, default_key_file, parse_identity, parse_keys
+from gateway.security.key_file import (
+    KeyFile,
+    counters_file,
+    default_key_file,
+    key_file_to_change,
+    parse_identity,
+    parse_keys,
+)
 from gateway.security.private_file import read_private
 
 _MAX_INPUT_BYTES: Final = 16 << 20
@@ -45,10 +52,10 @@ def new(identities: tuple[str, ...], path: Path | None, replace: bool, show: boo
 
     A SERIAL of up to 8 hexadecimal digits is a sensor, one of 16 digits a hub.
     """
-    file = _open(path)
     names = list(dict.fromkeys(map(parse_identity, identities)))
-    made = {name: file.make(name, replace=replace) for name in names}
-    _save(file, names)
+    with key_file_to_change(_path(path)) as file:
+        made = {name: file.make(name, replace=replace) for name in names}
+        _save(file, names)
     for name, key in made.items():
         click.echo(f"{name} {key.secret.hex()}" if show else f"{name}  check value {key.check_value()}")
 
@@ -62,7 +69,6 @@ def import_(origin: str, path: Path | None, replace: bool) -> None:
 
     Each line contains a serial number and a key of 32 hexadecimal digits.
     """
-    file = _open(path)
     if origin == "-":
         text: str | None = sys.stdin.read(_MAX_INPUT_BYTES)
     else:
@@ -70,9 +76,10 @@ def import_(origin: str, path: Path | None, replace: bool) -> None:
     if text is None:
         raise SecurityError(f"file '{origin}' does not exist", "Check the path.")
     taken = dict(parse_keys(text, "standard input" if origin == "-" else f"'{origin}'"))
-    changed = [name for name, key in taken.items() if name in file.keys and file.keys[name] != key]
-    file.add(taken, replace=replace)
-    _save(file, changed)
+    with key_file_to_change(_path(path)) as file:
+        changed = [name for name, key in taken.items() if name in file.keys and file.keys[name] != key]
+        file.add(taken, replace=replace)
+        _save(file, changed)
     click.echo(f"{len(taken)} key{'' if len(taken) == 1 else 's'} in {file.path}")
 
 
@@ -81,13 +88,18 @@ def import_(origin: str, path: Path | None, replace: bool) -> None:
 def list_(path: Path | None) -> None:
     """List the sensors and hubs with keys.
 
-    Equal keys have equal check values; the keys themselves are not printed.
+    Equal keys have equal check values; the keys themselves are not printed. The last boot count is the highest that was
+    accepted under the key. A hub that takes over a sensor must begin above it, or the sensor needs a new key.
     """
-    file = _open(path)
+    file = KeyFile(_path(path))
+    ledger = Ledger(counters_file(file.path))
     if not file.keys:
         click.echo(f"no keys in {file.path}")
     for name, key in sorted(file.keys.items()):
-        click.echo(f"{'hub   ' if len(name) > 8 else 'sensor'} {name:16s}  check value {key.check_value()}")
+        check_value = key.check_value()
+        boot_count = ledger.counter(name, check_value).boot_count
+        heard = f"last boot count {boot_count}" if boot_count >= 0 else "not heard yet"
+        click.echo(f"{'hub   ' if len(name) > 8 else 'sensor'} {name:16s}  check value {check_value}  {heard}")
 
 
 @keys.command()
@@ -95,16 +107,16 @@ def list_(path: Path | None) -> None:
 @_FILE
 def remove(identities: tuple[str, ...], path: Path | None) -> None:
     """Remove the keys of sensors or hubs."""
-    file = _open(path)
     names = list(dict.fromkeys(map(parse_identity, identities)))
-    for name in names:
-        file.remove(name)
-    _save(file, names)
+    with key_file_to_change(_path(path)) as file:
+        for name in names:
+            file.remove(name)
+        _save(file, names)
     click.echo(f"removed {', '.join(names)}")
 
 
-def _open(path: Path | None) -> KeyFile:
-    return KeyFile(default_key_file() if path is None else path)
+def _path(path: Path | None) -> Path:
+    return default_key_file() if path is None else path
 
 
 def _save(file: KeyFile, renewed: list[str]) -> None:

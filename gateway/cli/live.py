@@ -91,6 +91,7 @@ class _Stoppable:
         self._live = live
         self._stop = stop
         self.mark = live.mark
+        self.pause = live.pause
         self.request_stop = live.request_stop
 
     def snapshot(self) -> SessionSnapshot:

@@ -9,6 +9,7 @@ import click
 
 from gateway.cli.options import force_option
 from gateway.errors import TreadlinkError
+from gateway.views.output_file import write_whole
 
 _OUT = click.option(
     "--out",
@@ -90,7 +91,7 @@ def tables(specification: Path) -> None:
     """
     from firmware_protocol.spec import updated
 
-    specification.write_text(updated(specification.read_text("utf-8")), "utf-8")
+    write_whole(specification, updated(specification.read_text("utf-8")), force=True)
 
 
 def _write(files: Mapping[str, str], out: Path | None, *, force: bool) -> None:
@@ -106,12 +107,12 @@ def _write(files: Mapping[str, str], out: Path | None, *, force: bool) -> None:
             f"already exists: {', '.join(there)}", "Choose another folder with --out, or overwrite with --force."
         )
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        for path, text in targets.items():
+        for path in targets:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, "utf-8")
-            click.echo(path)
     except OSError as error:
         raise TreadlinkError(
             f"cannot write to '{out}': {error.strerror}", "Choose another folder with --out."
         ) from error
+    for path, text in targets.items():
+        write_whole(path, text, force=force)
+        click.echo(path)

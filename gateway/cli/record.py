@@ -11,7 +11,6 @@ import click
 from gateway.cli.options import config_option, duration_option, effects_option, estimator_option, keys_option
 from gateway.cli.session_setup import RunningSession, ending, start_session
 from gateway.cli.stop_signals import StopRequest, stop_request
-from gateway.errors import RecordingError
 from gateway.views.text import clean
 from gateway.views.wording import notice_text
 
@@ -58,10 +57,8 @@ def record(
             effects_paths=effects_paths,
             duration_s=duration_s,
         )
-        with ending(session, stop):
+        with ending(session, stop, needs_revolutions=False):
             _watch(session, stop)
-    if session.live.core.recording_fault is not None:
-        raise RecordingError(session.live.core.recording_fault, "The part written before is readable.")
 
 
 def _watch(session: RunningSession, stop: StopRequest) -> None:
@@ -81,7 +78,8 @@ def _watch(session: RunningSession, stop: StopRequest) -> None:
                 frames = sum(link.frames for link in snapshot.links)
                 lost = sum(link.frames_lost for link in snapshot.links)
                 size_mb = snapshot.recorded_bytes / 1e6
-                text = f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost"
+                alarms = f", {len(snapshot.alarms)} ALARMS" if snapshot.alarms else ""
+                text = f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost{alarms}"
                 click.echo(f"\r{text}\033[K", nl=False, err=True)
             if session.time_is_up():
                 live.request_stop()

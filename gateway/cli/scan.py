@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gateway.cli import exit_status
 from gateway.cli.doctor_checks import Level, check_device
 
 if TYPE_CHECKING:
@@ -33,7 +34,8 @@ if TYPE_CHECKING:
 def scan(seconds: float, adapter: str, everything: bool, as_json: bool) -> None:
     """List hubs on Bluetooth LE, with signal strength and battery, and serial ports.
 
-    Without Bluetooth only serial ports are listed, with advice on what is missing.
+    Without Bluetooth only serial ports are listed, with advice on what is missing. The exit status is 1 if nothing is
+    found.
     """
     from gateway.io.ble_source import scan_devices
 
@@ -44,6 +46,8 @@ def scan(seconds: float, adapter: str, everything: bool, as_json: bool) -> None:
         click.echo(json.dumps(_report(around, hubs, ports), indent=2, ensure_ascii=False))
     else:
         _print(around, hubs, ports, seconds)
+    if not hubs and not ports:
+        raise SystemExit(exit_status.NO_RESULT)
 
 
 def _ports() -> list[dict[str, Any]]:

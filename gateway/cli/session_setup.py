@@ -11,24 +11,27 @@ from typing import Final
 
 import click
 
+from gateway.cli import exit_status
 from gateway.cli.stop_signals import StopRequest
 from gateway.clock import Clock, SystemClock
 from gateway.config.effects_file import check_effects, load_effects
-from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle
+from gateway.config.vehicle import VehicleConfig, load_vehicle, recorded_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Source, is_live, open_source
 from gateway.io.time_limit import TimeLimitedSource
-from gateway.pipeline.results import SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
+from gateway.reasons import Notice
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
 from gateway.session.commands import with_commands
 from gateway.session.live import LiveSession
+from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.views.plain import PlainView
 from gateway.views.session_summary import ResultSummary, summary_lines
 from gateway.views.text import clean
+from gateway.views.wording import notice_text
 
 _POLL_S: Final = 0.05
 _STOP_WAIT_S: Final = 2.0
@@ -61,7 +64,7 @@ def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], ori
     if config_path is not None:
         return load_vehicle(config_path)
     texts = [text for text in provided if text]
-    return parse_vehicle(texts[0], origin) if texts else None
+    return recorded_vehicle(texts[0], origin) if texts else None
 
 
 def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:
@@ -165,27 +168,40 @@ def run_plain(session: RunningSession, stop: StopRequest, write: Callable[[str],
 
 
 @contextmanager
-def ending(session: RunningSession, stop: StopRequest) -> Iterator[None]:
+def ending(session: RunningSession, stop: StopRequest, *, needs_revolutions: bool = True) -> Iterator[None]:
     """Finish the recording and print the summary after the work on a session, whatever ended it.
 
+    Args:
+        session: the session.
+        stop: request of a signal to stop.
+        needs_revolutions: whether a wheel without a revolution is a missing result.
+
     Raises:
-        TreadlinkError: a source or the session failed.
+        TreadlinkError: a source, the recording or the session failed.
         StopSignal: the terminal is closed, so that the summary cannot be printed.
+        SystemExit: the session has no result.
     """
     try:
         try:
             yield
         finally:
-            end_session(session, click.echo)
+            no_frames, no_revolutions = end_session(session, click.echo)
     except OSError:
         stop.raise_if_set()
         raise
+    if session.live.core.recording_fault is not None:
+        raise RecordingError(session.live.core.recording_fault, "The part written before is readable.")
+    if no_frames or (needs_revolutions and no_revolutions):
+        raise SystemExit(exit_status.NO_RESULT)
 
 
-def end_session(session: RunningSession, write: Callable[[str], None]) -> SessionSnapshot:
+def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[tuple[Notice, ...], tuple[Notice, ...]]:
     """Close the session and print its summary.
 
     A recording that has received nothing, because no source could be opened, is removed.
+
+    Returns:
+        the printed warnings of links without frames, and of wheels without revolutions.
 
     Raises:
         TreadlinkError: a source or the session failed.
@@ -194,9 +210,13 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> Sessio
         snapshot = session.live.close()
     finally:
         removed = session.recorder is not None and _remove_empty(session.recorder)
+    links = {link.link: FrameCounts(link.frames, sum(link.judged.values())) for link in snapshot.links}
+    no_frames, no_revolutions = missing_frames(links), missing_revolutions(snapshot.wheels, links)
     write("")
-    for line in summary_lines(session.summary.wheels(), snapshot.links):
+    for line in summary_lines(session.summary.wheels(), snapshot.links, snapshot.alarm_records):
         write(clean(line))
+    for notice in (*session.live.core.contradictions(), *no_frames, *no_revolutions):
+        write(clean(notice_text(notice)))
     if snapshot.recording and not removed:
         write("")
         write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB)")
@@ -205,7 +225,7 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> Sessio
             write(f"  replay it: treadlink replay {snapshot.recording}")
         else:
             write(f"  INCOMPLETE: {session.live.core.recording_fault}")
-    return snapshot
+    return no_frames, no_revolutions
 
 
 def _remove_empty(recorder: RecordingWriter) -> bool:

@@ -23,6 +23,7 @@ from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import Simulation
 from gateway.simulator.simulation import simulate as make_simulation
 from gateway.simulator.simulator_source import SimulatorSource, link_name, parse_speed
+from gateway.views.output_file import write_whole
 
 _TICKS_PER_S = 10
 
@@ -119,7 +120,7 @@ def simulate(
     )
     toml, clock, link = vehicle_toml(loaded, signed=key_file is not None), SystemClock(), link_name(scenario)
     if vehicle is not None:
-        _write_new(vehicle, toml)
+        write_whole(vehicle, toml)
     if out is not None:
         if simulation.duration_s is None:
             raise SourceError(f"scenario '{scenario}' is endless", "Give a length, for example --duration 30.")
@@ -178,14 +179,6 @@ def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Ca
             yield write
     else:
         raise OutputError(f"'{out.name}' has an unknown suffix", "Give a name that ends in .mcap or .bin.")
-
-
-def _write_new(path: Path, text: str) -> None:
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise OutputError(f"cannot create '{path}': {error.strerror}", "Give the name of a new file.") from error
 
 
 def _to_pty(source: SimulatorSource, vehicle: Path | None) -> None:

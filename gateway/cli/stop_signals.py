@@ -11,9 +11,6 @@ from typing import Final
 
 # Windows has no SIGHUP.
 _ENDING: Final = tuple(number for name in ("SIGTERM", "SIGHUP") if (number := getattr(signal, name, None)) is not None)
-_SIGNALLED: Final = 128
-CLOSED_PIPE: Final = 141
-"""Exit status when the reader of standard output is gone: 128 plus the number of SIGPIPE, as in shells."""
 
 
 class StopSignal(KeyboardInterrupt):
@@ -48,11 +45,6 @@ class StopRequest(threading.Event):
         """Raise StopSignal if a signal has arrived."""
         if self.number is not None:
             raise StopSignal(self.number)
-
-
-def exit_status(error: KeyboardInterrupt) -> int:
-    """Return the exit status of a program that a signal ended: 128 plus its number, as in shells."""
-    return _SIGNALLED + (error.number if isinstance(error, StopSignal) else signal.SIGINT)
 
 
 def install() -> None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeGuard
+from typing import Any, Final, TypeGuard
 
 from gateway.config.validation import Fault, key_of, nearest, show
+
+# Hubs times wheels of one hub are far fewer; the checks of names compare all with all.
+_MAX_WHEELS: Final = 1000
 
 
 def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -14,6 +17,9 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     The raw document is checked so that these faults are reported together with those of single keys.
     """
     wheels = _tables(data.get("wheel"))
+    if len(wheels) > _MAX_WHEELS:
+        yield Fault("wheel", show(data["wheel"]), f"allowed: at most {_MAX_WHEELS} tables")
+        return
     yield from _duplicates(data, wheels)
     yield from _axles(data, wheels)
     yield from _radii(data, wheels)

@@ -22,6 +22,7 @@ VERSION: Final = 1
 
 _KEY: Final = "treadlink_effects"
 _LISTED_FAULTS: Final = 8
+_MAX_BYTES: Final = 16 << 20
 _OFFSET_TOLERANCE_M: Final = 5e-5
 # Relative.
 _RADIUS_TOLERANCE: Final = 5e-3
@@ -151,7 +152,7 @@ def load_effects(path: Path) -> CorrectionTable:
     Raises:
         ConfigError: the file cannot be read, or is not an effects file of a supported version.
     """
-    text = read_text(path, "the effects file")
+    text = read_text(path, "the effects file", max_bytes=_MAX_BYTES)
     version = _version(text, path)
     if version != VERSION:
         raise ConfigError(
@@ -190,10 +191,11 @@ def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | No
             raise ConfigError(f"two effects files belong to wheel {name}", "Give one file per wheel.")
         seen.add(name)
         again = "Run `treadlink diagnose --save-effects` again with this configuration."
-        if abs(wheel.mounting.offset_m - table.sensor_offset_m) > _OFFSET_TOLERANCE_M:
+        stated_m = wheel.mounting.offset_m
+        if stated_m is not None and abs(stated_m - table.sensor_offset_m) > _OFFSET_TOLERANCE_M:
             raise ConfigError(
                 f"the effects of wheel {name} were found with the sensor {table.sensor_offset_m * 1e3:g} mm below the "
-                f"neutral layer, but the configuration states {wheel.mounting.offset_mm:g} mm",
+                f"neutral layer, but the configuration states {stated_m * 1e3:g} mm",
                 again,
             )
         radius_m = vehicle.tire_of(wheel).radius_m

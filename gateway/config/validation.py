@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import json
-import tomllib
 import types
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -16,11 +16,15 @@ import annotated_types
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
+from gateway.config.toml_reader import MAX_TOML_BYTES, parse_toml
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Location = tuple[int | str, ...]
+
+# A file that is no configuration has a fault in every line.
+_LISTED_FAULTS: Final = 100
 
 
 class Section(BaseModel):
@@ -58,19 +62,37 @@ _UNIT_HINTS: Final[dict[str, tuple[tuple[float, str], ...]]] = {
 }
 
 
-def read_text(path: Path, what: str) -> str:
-    """Return the text of a TOML file.
+def read_text(path: Path, what: str, *, max_bytes: int = MAX_TOML_BYTES) -> str:
+    """Return the text of a file, without a byte order mark.
+
+    Args:
+        path: the file.
+        what: what the file is, for messages.
+        max_bytes: size of the largest file to read.
 
     Raises:
-        ConfigError: there is no such file, it cannot be read, or it is not UTF-8.
+        ConfigError: there is no such file, it cannot be read, is too large, or is not UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: byte {error.start} is not UTF-8", "Save the file as UTF-8 text.") from error
+        with path.open("rb") as file:
+            data = file.read(max_bytes + 1)
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path}: {what} cannot be read: no such file", "Check the path.") from error
+    except IsADirectoryError as error:
+        raise ConfigError(f"{path}: {what} cannot be read: this is a folder", "Give a file in it.") from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ConfigError(f"{path}: {what} cannot be read: {reason}", "Check the path and its permissions.") from error
+        raise ConfigError(f"{path}: {what} cannot be read: {reason}", "Check the permissions.") from error
+    if len(data) > max_bytes:
+        raise ConfigError(f"{path}: {what} is larger than {max_bytes >> 10} KiB", "Check that it is the right file.")
+    try:
+        return data.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        if b"\0" in data and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+            remedy = f"This is not a text file. Give {what}."
+        else:
+            remedy = "Save the file as UTF-8 text."
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8", remedy) from error
 
 
 def parse_document(
@@ -90,12 +112,7 @@ def parse_document(
     Raises:
         ConfigError: naming every fault, or the line of a syntax error.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        end = f"at the end of the document, line {text.rstrip().count(chr(10)) + 1}"
-        message = str(error).replace("at end of document", end)
-        raise ConfigError(f"{origin}: not valid TOML: {message}", "Correct the syntax there.") from error
+    data = parse_toml(text, origin)
     parsed: ModelT | None = None
     faults: list[Fault] = []
     try:
@@ -103,15 +120,14 @@ def parse_document(
     except ValidationError as error:
         # A fault without location comes from the model's own call of the checks across keys; `more` reports it better.
         # "too short" counts only the valid items of a list, so it is reported only if the list is empty.
-        faults += [
-            _fault(model, data, dict(item))
-            for item in error.errors()
-            if item["loc"] and not (item["type"] == "too_short" and item["input"])
-        ]
-    faults += more(data)
+        found = [item for item in error.errors() if item["loc"] and not (item["type"] == "too_short" and item["input"])]
+        faults += [_fault(model, data, dict(item)) for item in found[: _LISTED_FAULTS + 1]]
+    faults += itertools.islice(more(data), _LISTED_FAULTS)
     if parsed is None or faults:
         lines = list(dict.fromkeys(f"{origin}: {fault}" for fault in faults))
         count = "1 fault" if len(lines) == 1 else f"{len(lines)} faults"
+        if len(lines) > _LISTED_FAULTS:
+            lines, count = [*lines[:_LISTED_FAULTS], f"{origin}: and more"], f"{_LISTED_FAULTS} faults and more"
         raise ConfigError("\n".join(lines), f"Correct {count} in {origin}.")
     return parsed
 

@@ -15,12 +15,27 @@ from gateway.config.cross_checks import cross_faults
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.pipeline.wheel_setup import LoadCalibration, ReferenceNumbers, TireData, WheelSetup
+from gateway.errors import ConfigError
+from gateway.pipeline.wheel_setup import (
+    GAIN_STD,
+    HAND_MOUNTED_STD_M,
+    RADIUS_STD,
+    ZERO_G_STD_MPS2,
+    LoadCalibration,
+    ReferenceNumbers,
+    SensorClaims,
+    TireData,
+    WheelSetup,
+)
 from gateway.reasons import Code, Notice, Reason
 
 _logger = logging.getLogger(__name__)
 
 ASSUMED_RADIUS_MM: Final = 320.0
+# Belts of passenger cars to trucks.
+ASSUMED_RADIUS_STD_MM: Final = 80.0
+UNKNOWN_WHEEL: Final = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3, radius_std_m=ASSUMED_RADIUS_STD_MM * 1e-3)
+"""A wheel that no configuration describes."""
 POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
 
 
@@ -48,6 +63,9 @@ class Reference(Section):
     Ts_std: float | None = Field(default=None, ge=0, le=1000, description="standard error of Ts")
     pressure_kpa: float | None = Field(
         default=None, ge=10, le=1500, description="gauge pressure of the measurement in kPa; default: the tire's"
+    )
+    temperature_degc: float | None = Field(
+        default=None, ge=-60, le=200, description="inner-liner temperature of the measurement in °C; default: not known"
     )
     estimator: str | None = Field(default=None, description="estimator that measured the numbers; default: weak-form")
 
@@ -97,6 +115,9 @@ class Tire(Section):
     radius_mm: float | None = Field(
         default=None, ge=100, le=1200, description="belt radius in mm: rolling circumference / (2 pi)"
     )
+    radius_std_mm: float | None = Field(
+        default=None, ge=0, le=200, description="standard error of radius_mm in mm; default: 1 % of the radius"
+    )
     pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure in kPa")
     pressure_std_kpa: float | None = Field(
         default=None, ge=0, le=500, description="standard error of pressure_kpa in kPa"
@@ -125,6 +146,13 @@ class Tire(Section):
     def radius_m(self) -> float | None:
         """Belt radius in m."""
         return None if self.radius_mm is None else self.radius_mm * 1e-3
+
+    @property
+    def radius_std_m(self) -> float:
+        """Standard error of the belt radius in m; 0 without a radius."""
+        if self.radius_std_mm is not None:
+            return self.radius_std_mm * 1e-3
+        return RADIUS_STD * (self.radius_m or 0.0)
 
     @property
     def pressure_pa(self) -> float | None:
@@ -176,8 +204,15 @@ class Axle(Section):
 class Mounting(Section):
     """`[wheel.mounting]`: position and orientation of the sensor in the tire."""
 
-    offset_mm: float = Field(
-        default=0.0, ge=-20, le=80, description="distance of the sensor below the belt's neutral layer in mm"
+    offset_mm: float | None = Field(
+        default=None,
+        ge=-20,
+        le=80,
+        description="distance of the sensor below the belt's neutral layer in mm; default: as the circumferential axis "
+        "measures it",
+    )
+    offset_std_mm: float = Field(
+        default=HAND_MOUNTED_STD_M * 1e3, ge=0, le=40, description="standard error of offset_mm in mm"
     )
     roll_deg: float = Field(
         default=0.0, ge=-45, le=45, description="rotation about the circumferential axis in degrees"
@@ -185,9 +220,9 @@ class Mounting(Section):
     pitch_deg: float = Field(default=0.0, ge=-45, le=45, description="rotation about the lateral axis in degrees")
 
     @property
-    def offset_m(self) -> float:
-        """Distance of the sensor below the belt's neutral layer in m."""
-        return self.offset_mm * 1e-3
+    def offset_m(self) -> float | None:
+        """Distance of the sensor below the belt's neutral layer in m; None when it is not stated."""
+        return None if self.offset_mm is None else self.offset_mm * 1e-3
 
     @property
     def roll_rad(self) -> float:
@@ -198,6 +233,17 @@ class Mounting(Section):
     def pitch_rad(self) -> float:
         """Pitch of the sensor about the lateral axis in rad."""
         return math.radians(self.pitch_deg)
+
+
+class Sensor(Section):
+    """`[wheel.sensor]`: accuracy of the scale and the zero that the hub states."""
+
+    gain_std_percent: float = Field(
+        default=GAIN_STD * 1e2, ge=0, le=50, description="standard error of the sensor's gain in percent"
+    )
+    zero_g_std_mps2: float = Field(
+        default=ZERO_G_STD_MPS2, ge=0, le=500, description="standard error of the sensor's zero-g offset in m/s^2"
+    )
 
 
 class Wheel(Section):
@@ -218,6 +264,7 @@ class Wheel(Section):
     load_std_n: float | None = Field(default=None, ge=0, le=50_000, description="standard error of load_n in N")
     tire: Tire = Field(default=Tire(), description="deviations of this wheel's tire from [tire]")
     mounting: Mounting = Field(default=Mounting(), description="position and orientation of the sensor")
+    sensor: Sensor = Field(default=Sensor(), description="accuracy of the sensor")
 
     @property
     def sensor_number(self) -> int | None:
@@ -241,6 +288,12 @@ class Thresholds(Section):
     )
     battery_min_percent: float | None = Field(
         default=None, ge=0, le=100, description="lowest state of charge of a hub's battery in percent"
+    )
+    silent_after_s: float | None = Field(
+        default=None,
+        ge=0.2,
+        le=3600,
+        description="time without samples after which a sensor is silent, in s; 1 s when not stated",
     )
 
     @property
@@ -331,12 +384,18 @@ class VehicleConfig(Section):
             hub=wheel.hub,
             wheel=wheel.wheel,
             radius_m=tire.radius_m,
+            radius_std_m=tire.radius_std_m,
             load_n=load_n,
             load_std_n=load_std_n,
             pressure_pa=tire.pressure_pa,
             pressure_std_pa=tire.pressure_std_pa,
             temperature_degc=tire.temperature_degc,
-            sensor_offset_m=wheel.mounting.offset_m,
+            sensor=SensorClaims(
+                offset_m=wheel.mounting.offset_m,
+                offset_std_m=wheel.mounting.offset_std_mm * 1e-3,
+                gain_std=wheel.sensor.gain_std_percent * 1e-2,
+                zero_g_std_mps2=wheel.sensor.zero_g_std_mps2,
+            ),
             tire=tire.data(),
         )
 
@@ -352,11 +411,12 @@ class VehicleConfig(Section):
 def default_vehicle(wheels: Sequence[tuple[int, int]]) -> VehicleConfig:
     """Return a configuration for wheels (hub, wheel) that are not configured.
 
-    The belt radius is assumed to be 0.32 m, as `vehicle.assumed` states; load and pressure stay unknown.
+    The belt radius is assumed to be 0.32 m, as `vehicle.assumed` states, with an error so large that the measured one
+    replaces it; load and pressure stay unknown.
     """
     return VehicleConfig(
         vehicle=Vehicle(assumed=(f"tire.radius_mm = {ASSUMED_RADIUS_MM:g} (no configuration states it)",)),
-        tire=Tire(radius_mm=ASSUMED_RADIUS_MM),
+        tire=Tire(radius_mm=ASSUMED_RADIUS_MM, radius_std_mm=ASSUMED_RADIUS_STD_MM),
         wheel=tuple(Wheel(position=f"hub{hub}.wheel{wheel}", hub=hub, wheel=wheel) for hub, wheel in wheels),
     )
 
@@ -379,3 +439,17 @@ def parse_vehicle(text: str, origin: str) -> VehicleConfig:
         ConfigError: with one line for each fault, `origin: key: value found, problem`.
     """
     return parse_document(VehicleConfig, text, origin, cross_faults)
+
+
+def recorded_vehicle(text: str, origin: str) -> VehicleConfig:
+    """Return the configuration that a recording contains; `origin` names the recording in messages.
+
+    Raises:
+        ConfigError: it has faults, which the user cannot correct there.
+    """
+    try:
+        return parse_vehicle(text, f"{origin}: its configuration")
+    except ConfigError as error:
+        raise ConfigError(
+            str(error), "Give the configuration with --config VEHICLE.toml; it replaces that of the recording."
+        ) from error

@@ -113,14 +113,20 @@ def determination(fitted: FittedNumbers) -> Determination:
 
 
 def number_estimates(
-    fitted: FittedNumbers, conditions: TireConditions, doubts: tuple[Reason, ...], notes: tuple[Reason, ...] = ()
+    estimator: str,
+    fitted: FittedNumbers,
+    conditions: TireConditions,
+    doubts: tuple[Reason, ...],
+    notes: tuple[Reason, ...] = (),
 ) -> tuple[Estimate, ...]:
     """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
 
     All four numbers are proportional to Q / (p0 R^2), so their errors include those of Q, p0 and R^2. Without load or
-    pressure they are invalid, but not the ratios.
+    pressure they are invalid, but not the ratios. The width of a belt does not change with wear: where Cw differs from
+    the new tire's, load, pressure or radius are not as stated, and the four numbers are provisional.
 
     Args:
+        estimator: name in the registry.
         fitted: the numbers; those of any load number when `conditions` lack load or pressure.
         conditions: with their standard errors.
         doubts: why the estimates are provisional; empty when they are not.
@@ -129,6 +135,7 @@ def number_estimates(
     found = determination(fitted)
     std = np.sqrt(np.maximum(np.diagonal(fitted.noise + fitted.model), 0.0))
     missing = missing_conditions(conditions)
+    width = () if missing else _other_width(estimator, fitted.values[_CW], float(std[_CW]), conditions)
     estimates = []
     for i, name in enumerate(RING_NUMBERS):
         if missing:
@@ -136,8 +143,20 @@ def number_estimates(
             continue
         error = math.hypot(float(std[i]), fitted.values[i] * scale_error(conditions))
         why_not = () if found.determined[i] else found.why_not(i)
-        estimates.append(_estimate(name, fitted.values[i], error, why_not, doubts, notes))
+        estimates.append(_estimate(name, fitted.values[i], error, why_not, (*doubts, *width), notes))
     return (*estimates, *_ratios(fitted, found, doubts, notes))
+
+
+def _other_width(estimator: str, cw: float, std: float, conditions: TireConditions) -> tuple[Reason, ...]:
+    """Return the contradiction between Cw and that of the new tire, empty without one."""
+    reference = conditions.tire.reference
+    if reference.estimator != estimator or not reference.Cw or not cw > 0.0:
+        return ()
+    error = math.hypot(std / cw, scale_error(conditions), reference.Cw_std / reference.Cw)
+    ratio = cw / reference.Cw
+    if not abs(math.log(ratio)) > DETERMINED * error:
+        return ()
+    return (Reason(Code.WIDTH_CONTRADICTED, ratio=ratio, std=ratio * error),)
 
 
 def _ratios(
@@ -155,7 +174,8 @@ def _ratios(
         gradient = np.zeros(4)
         gradient[i], gradient[_CW] = 1.0 / cw, -ratio / cw
         std = math.sqrt(max(0.0, float(gradient @ covariance @ gradient)))
-        fits = found.determined[i] if i == 0 else std * DETERMINED <= ratio
+        # Weak bending must be determined better than the ratio's own error tells.
+        fits = std * DETERMINED <= ratio and (i > 0 or found.determined[i])
         why_not = () if fits else found.why_not(i, std / ratio if fitted.free[i] else math.inf)
         estimates.append(_estimate(name, ratio, std, why_not, doubts, notes))
     return estimates
@@ -172,7 +192,7 @@ def _estimate(
     if not (value > 0.0 and math.isfinite(std)):
         return Estimate.invalid(name, *(why_not or (Reason(Code.FIT_AT_ZERO, number=name.removesuffix("/Cw")),)))
     if why_not or doubts:
-        return Estimate(name, float(value), float(std), Status.PROVISIONAL, why_not or doubts)
+        return Estimate(name, float(value), float(std), Status.PROVISIONAL, (*doubts, *why_not))
     return Estimate(name, float(value), float(std), Status.VALID, notes)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol, Self
 
+from gateway.estimators.sensor_claims import SensorClaims
 from gateway.estimators.tire_data import TireData
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import (
@@ -61,6 +62,10 @@ class TireConditions:
         pressure_std_pa: one standard error of the pressure.
         radius_std_m: one standard error of the belt radius.
         sensor_offset_m: distance of the sensor below (inside) the belt's neutral layer.
+        sensor_offset_std_m: one standard error of it.
+        steady_std_mps2: one standard error of the steady value of the radial axis, beyond a common gain.
+        gain_std: relative standard error of the gain of the sensor's axes.
+        claims: what is stated about the sensor; `sensor_offset_m` is what is in use.
         tire: the new tire's reference numbers, thickness and load calibration.
         given: estimates that earlier estimators made of this revolution, by name of the estimator, then of the
             estimate. Estimators run in the order of the registry. Empty outside `Estimator.update`.
@@ -74,6 +79,10 @@ class TireConditions:
     pressure_std_pa: float = 0.0
     radius_std_m: float = 0.0
     sensor_offset_m: float = 0.0
+    sensor_offset_std_m: float = 0.0
+    steady_std_mps2: float = 0.0
+    gain_std: float = 0.0
+    claims: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)
     given: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
 

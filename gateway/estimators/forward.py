@@ -83,7 +83,9 @@ class ForwardEstimator:
         fitted = FittedNumbers(
             values, np.ones(4, dtype=np.bool_), fit.noise[first, first] * scale, fit.model[first, first] * scale
         )
-        numbers = [_with_shear_doubt(estimate, fit) for estimate in number_estimates(fitted, conditions, doubts)]
+        numbers = [
+            _with_shear_doubt(estimate, fit) for estimate in number_estimates(self.name, fitted, conditions, doubts)
+        ]
         return (*numbers, *_shape(fit, doubts))
 
     def _due(self) -> bool:
@@ -97,7 +99,13 @@ class ForwardEstimator:
         orders = average.orders_mps2[: carried + 1] / steady
         order_std = np.nan_to_num(average.orders_std_mps2[: carried + 1] / steady, nan=_UNKNOWN_STD)
         half_angle = 0.5 * (average.trailing_edge_rad - average.leading_edge_rad)
-        model = ForwardModel(carried, shear=True, offset=conditions.sensor_offset_m / conditions.radius_m)
+        model = ForwardModel(
+            carried,
+            shear=True,
+            offset=conditions.sensor_offset_m / conditions.radius_m,
+            offset_std=conditions.sensor_offset_std_m / conditions.radius_m,
+            steady_std=conditions.steady_std_mps2 / steady,
+        )
         if not np.isfinite(orders).all():
             self._fit, self._failure = None, Reason(Code.ORDERS_UNUSABLE)
             return

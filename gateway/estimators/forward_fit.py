@@ -71,7 +71,8 @@ class ForwardFit:
         model_orders: (m,) its orders, extrapolated to zero grid step.
         residual: (m,) complex, data minus model, shares of the data's mean.
         noise: (SIZE, SIZE) covariance of the parameters from the noise of the orders.
-        model: (SIZE, SIZE) covariance from model error (the residual by bands, with random signs) and priors.
+        model: (SIZE, SIZE) covariance from model error (the residual by bands, with random signs), from priors, and
+            from the errors of the sensor's offset and of the steady value.
         misfit: mean square of the residual over its noise; about 1 when the model is right.
         half_angle_rad: half of the contact angle, extrapolated to zero grid step.
         half_angle_gradient: (SIZE,) derivative of the contact's half angle by the parameters.
@@ -172,11 +173,12 @@ def _fit(
         here = end.solution
         fine, half_angle = model.refined(here)
         derivatives, half_angle_gradient = model.derivatives(here)
+        systematic = model.systematic_changes(here)
     except (RingNotConvergedError, ValueError, np.linalg.LinAlgError):
         return None
     rows = np.where(end.free[:, np.newaxis], derivatives, 0.0)
     residual = np.where(used, orders - fine, 0.0)
-    by_noise, by_model = _covariances(rows, residual, variance, end.error, used, here.parameters)
+    by_noise, by_model = _covariances(rows, residual, variance, end.error, used, here.parameters, systematic)
     return ForwardFit(
         solution=here,
         model_orders=fine,
@@ -256,8 +258,12 @@ def _covariances(
     error: FloatArray,
     used: BoolArray,
     parameters: FloatArray,
+    systematic: ComplexArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of the parameters from noise, and from model error and priors: the linearised refit."""
+    """Return the covariance of the parameters from noise, and from all else, by a linearised refit.
+
+    All else is model error, priors, and the changes `systematic` of the orders, (k, m), one standard error each.
+    """
     normal, _ = _normal(rows, residual, variance + error, used, parameters)
     posterior = np.linalg.inv(normal)
     weight = np.where(used, 1.0 / (variance + error), 0.0)
@@ -265,7 +271,8 @@ def _covariances(
     by_noise = response * np.tile(weight * np.sqrt(variance), 2)
     by_model = response * np.tile(weight * np.sqrt(error), 2)
     by_prior = posterior / PRIOR_STD
-    return by_noise @ by_noise.T, by_model @ by_model.T + by_prior @ by_prior.T
+    by_cause = response @ (stacked(systematic) * np.tile(weight, 2)).T
+    return by_noise @ by_noise.T, by_model @ by_model.T + by_prior @ by_prior.T + by_cause @ by_cause.T
 
 
 def _limited(change: FloatArray) -> FloatArray:

@@ -135,6 +135,8 @@ class ForwardModel:
         max_order: highest order of the result.
         shear: whether the belt is shear-flexible; without, P.SHEAR does nothing.
         offset: e / R, sensor below the neutral layer.
+        offset_std: one standard error of it.
+        steady_std: one standard error of the signal's steady value beyond a common gain, over that value.
         drum: radius of the drum over the belt radius; infinite for a flat road.
         nodes: of the ring.
     """
@@ -142,6 +144,8 @@ class ForwardModel:
     max_order: int
     shear: bool = False
     offset: float = 0.0
+    offset_std: float = 0.0
+    steady_std: float = 0.0
     drum: float = math.inf
     nodes: int = COARSE_NODES
 
@@ -248,6 +252,19 @@ class ForwardModel:
             rows[first + 2] = cosine * packet[2] + sine * packet[3]
             rows[first + 3] = cosine * packet[4] + sine * packet[5]
         return rows, half_angle
+
+    def systematic_changes(self, at: ForwardSolution) -> ComplexArray:
+        """Return the changes of the orders by one standard error of the offset and of the steady value, (2, m).
+
+        Raises:
+            RingNotConvergedError: no equilibrium.
+        """
+        changes = np.zeros((2, self.max_order + 1), dtype=np.complex128)
+        if self.offset_std:
+            moved = replace(self, offset=self.offset + _STEP).solve(at.parameters, at.ring)
+            changes[0] = (moved.orders - at.orders) * (self.offset_std / _STEP)
+        changes[1, 0] = self.steady_std
+        return changes
 
     def refined(self, at: ForwardSolution) -> tuple[ComplexArray, float]:
         """Return orders and half angle at `at`, extrapolated to zero grid step: the error falls with its square."""

@@ -34,9 +34,11 @@ class KinematicEstimator:
     ) -> tuple[Estimate, ...]:
         """Return speed_mps, leading_edge_rad, trailing_edge_rad and contact_length_m of this revolution.
 
-        The standard error of the speed is that of the timing of the two contacts. An error of the belt radius comes on
-        top and scales speed and contact length alike. Contact length is the material length R (trailing - leading).
-        Never raises on values.
+        Contact length is the material length R (trailing - leading). Never raises on values.
+
+        The standard errors of speed and contact length have two parts. The error of the belt radius, which is constant,
+        scales both alike: relative differences between revolutions are more accurate than the stated error. The other
+        part is the timing of the two contacts for the speed, and the contact edges for the length.
         """
         return tuple(self._estimates(revolution, conditions))
 
@@ -45,13 +47,16 @@ class KinematicEstimator:
         leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
         leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
         status, reasons = _condition(revolution)
+        radius_error = conditions.radius_std_m / radius if radius > 0.0 else math.nan
         speed = radius * revolution.omega_radps
-        yield _estimate(NAMES[0], speed, speed * revolution.period_std_s / revolution.period_s, status, reasons)
+        speed_std = speed * math.hypot(revolution.period_std_s / revolution.period_s, radius_error)
+        yield _estimate(NAMES[0], speed, speed_std, status, reasons)
         yield _estimate(NAMES[1], leading, leading_std, status, reasons)
         yield _estimate(NAMES[2], trailing, trailing_std, status, reasons)
         # The definition of both edges may be wrong in the same direction: their errors add.
-        length_std = radius * (leading_std + trailing_std)
-        yield _estimate(NAMES[3], radius * (trailing - leading), length_std, status, reasons)
+        length = radius * (trailing - leading)
+        length_std = math.hypot(radius * (leading_std + trailing_std), length * radius_error)
+        yield _estimate(NAMES[3], length, length_std, status, reasons)
 
 
 def _estimate(name: str, value: float, std: float, status: Status, reasons: tuple[Reason, ...]) -> Estimate:

@@ -63,11 +63,17 @@ class Slopes(NamedTuple):
         values_rad: (3,) peak, first_half, adhesion_line.
         rows: (3, 2 k) linear maps from the coefficients of a record to the slopes.
         stretch_rad: first and last angle of the adhesion line.
+        parity_rad: (2,) slope of the least-squares line through the whole contact, which an even displacement does not
+            change; half the difference of the mean slopes in its second and first half, which an odd displacement that
+            is straight in the contact does not change.
+        parity_rows: (2, 2 k) likewise.
     """
 
     values_rad: FloatArray
     rows: FloatArray
     stretch_rad: tuple[float, float]
+    parity_rad: FloatArray
+    parity_rows: FloatArray
 
 
 DEFINITIONS: Final = ("peak", "first_half", "adhesion_line")
@@ -178,7 +184,8 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
     """
     leading, trailing = edges_rad
     angles = _ANGLES
-    sign = np.sign(line_row(leading, trailing, ORDERS, radius_m) @ record.lateral_m) or 1.0
+    parity_rows = _parity_rows(leading, trailing, radius_m)
+    sign = np.sign(parity_rows[0] @ record.lateral_m) or 1.0
     slope = sign * streamline_slope(record.lateral_m, ORDERS, radius_m, _GRID)
     start, end = np.searchsorted(angles, edges_rad)
     steep = int(start + slope[start:end].argmax())
@@ -194,7 +201,14 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
             line_row(first, last, ORDERS, radius_m),
         ]
     )
-    return Slopes(rows @ record.lateral_m, rows, (first, last))
+    return Slopes(rows @ record.lateral_m, rows, (first, last), parity_rows @ record.lateral_m, parity_rows)
+
+
+def _parity_rows(leading_rad: float, trailing_rad: float, radius_m: float) -> FloatArray:
+    middle = 0.5 * (leading_rad + trailing_rad)
+    first = chord_row(leading_rad, middle, ORDERS, radius_m)
+    second = chord_row(middle, trailing_rad, ORDERS, radius_m)
+    return np.stack([line_row(leading_rad, trailing_rad, ORDERS, radius_m), 0.5 * (second - first)])
 
 
 def edge_errors(
@@ -204,21 +218,35 @@ def edge_errors(
     edges_std_rad: tuple[float, float],
     radius_m: float,
 ) -> FloatArray:
-    """Return the errors of the three slopes from those of the contact edges, (3,) rad.
+    """Return the errors of the three slopes and the two of `parity_rad` from those of the contact edges, (5,) rad.
 
-    The peak does not depend on the edges, the adhesion line only where it ends at one.
+    The peak does not depend on the edges. The adhesion line depends on them only where it ends at one; where it ends at
+    a zero of the slope, noise moves its end.
     """
-    total = np.zeros(len(DEFINITIONS))
+    total = np.zeros(len(DEFINITIONS) + len(found.parity_rad))
     for edge, std in enumerate(edges_std_rad):
+        at_edge = found.stretch_rad[edge] == edges_rad[edge]
+        end_std = std if at_edge else _zero_std(record, found.stretch_rad[edge], radius_m)
+        if math.isfinite(end_std) and end_std > 0.0:
+            ends = [end + end_std * (place == edge) for place, end in enumerate(found.stretch_rad)]
+            total[2] += (line_row(ends[0], ends[1], ORDERS, radius_m) @ record.lateral_m - found.values_rad[2]) ** 2
         if not (math.isfinite(std) and std > 0.0):
             continue
         leading, trailing = edges_rad[0] + std * (edge == 0), edges_rad[1] + std * (edge == 1)
         chord = chord_row(leading, 0.5 * (leading + trailing), ORDERS, radius_m) @ record.lateral_m
         total[1] += (chord - found.values_rad[1]) ** 2
-        if found.stretch_rad[edge] == edges_rad[edge]:
-            stretch = (leading, found.stretch_rad[1]) if edge == 0 else (found.stretch_rad[0], trailing)
-            total[2] += (line_row(*stretch, ORDERS, radius_m) @ record.lateral_m - found.values_rad[2]) ** 2
+        parity = _parity_rows(leading, trailing, radius_m) @ record.lateral_m
+        total[len(DEFINITIONS) :] += np.square(parity - found.parity_rad)
     return np.sqrt(total)
+
+
+def _zero_std(record: LateralRecord, zero_rad: float, radius_m: float) -> float:
+    """Return the error by noise of the angle at which the slope of the streamline is zero; infinite without one."""
+    row = slope_row(zero_rad, ORDERS, radius_m)
+    step = _ANGLES[1] - _ANGLES[0]
+    bend = (slope_row(zero_rad + step, ORDERS, radius_m) - row) @ record.lateral_m / step
+    noise = math.sqrt(max(float(row @ record.covariance @ row), 0.0))
+    return noise / abs(float(bend)) if bend else math.inf
 
 
 def _acceleration_gain(revolution: Revolution, n: int) -> FloatArray:

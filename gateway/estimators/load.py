@@ -1,8 +1,10 @@
 """Estimator of the vertical load from the contact, for wheels without a stated load or for comparison with it.
 
 There are two methods. One is a power law of contact half angle and pressure, calibrated for the tire (`treadlink
-calibrate`); it follows every revolution. The other uses the belt width, which wear does not change: all four numbers
-are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
+calibrate`); it follows every revolution. Wear makes the ring more flexible and so the contact longer under the same
+load: on the exact ring Q ~ EI^beta at a half angle and pressure. This is corrected for the wear that is estimated;
+where none is, the standard error includes the wear that a tire in use may have. The other uses the belt width, which
+wear does not change: all four numbers are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
 """
 
 from __future__ import annotations
@@ -13,14 +15,26 @@ from typing import Final
 
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
+from gateway.estimators.tire_data import LOAD_LAW_STD
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
 
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
 
 _ASSUMED_LOAD_N: Final = 4000.0
-# Wear from which the calibration is wrong by more than its usual error: 6.4 mm make it 28 % too high on the exact ring.
-_WORN_MM: Final = 1.0
+# Wear from which its correction is reported.
+_WORN_MM: Final = 0.5
+# beta on random tires of the exact ring: mean, standard deviation, and change with ln Bs about the mean of ln Bs.
+_BETA: Final = 0.13
+_BETA_STD: Final = 0.07
+_BETA_STD_KNOWN_BS: Final = 0.055
+_BETA_PER_LN_BS: Final = 0.0735
+_MEAN_BS: Final = 1.73e-3
+# Of a tire in use whose wear is not known, and thickness of a ring of unknown thickness.
+_UNKNOWN_WEAR_STD_M: Final = 3e-3
+_USUAL_THICKNESS_M: Final = 0.015
+# The ring wears down to its belt at most.
+_LEAST_THICKNESS_SHARE: Final = 0.3
 
 
 class LoadEstimator:
@@ -91,20 +105,39 @@ def _by_angle(
         return Estimate.invalid(NAMES[1], Reason(Code.NEEDS_LOAD_CALIBRATION))
     if not half > 0.0:
         return Estimate.invalid(NAMES[1], Reason(Code.NO_CONTACT_EDGES))
-    load = calibration.load_at(half, pressure)
+    wear_logarithm, wear_std, wear_notes = _wear_effect(conditions)
+    load = calibration.load_at(half, pressure) * math.exp(wear_logarithm)
     relative = math.hypot(
-        calibration.relative_std,
+        max(calibration.relative_std, LOAD_LAW_STD),
         calibration.slope_at(half) * half_std / half,
         calibration.pressure_exponent * conditions.pressure_std_pa / pressure,
+        wear_std,
     )
     if not (math.isfinite(load) and math.isfinite(relative)):
         return Estimate.invalid(NAMES[1], Reason(Code.EDGE_ERRORS_UNKNOWN))
-    reasons = [*revolution.faults, *calibration.outside(half, pressure)]
+    doubts = (*revolution.faults, *calibration.outside(half, pressure))
+    status = Status.PROVISIONAL if doubts else Status.VALID
+    return Estimate(NAMES[1], load, load * relative, status, (*doubts, *wear_notes))
+
+
+def _wear_effect(conditions: TireConditions) -> tuple[float, float, tuple[Reason, ...]]:
+    """Return the logarithm of the correction for wear since the calibration, its error, and notes."""
+    thickness = conditions.tire.ring_thickness_m or _USUAL_THICKNESS_M
+    new_bending = conditions.tire.reference.Bs
+    beta, beta_std = _BETA, _BETA_STD
+    if new_bending is not None:
+        beta = max(0.0, beta + _BETA_PER_LN_BS * math.log(new_bending / _MEAN_BS))
+        beta_std = _BETA_STD_KNOWN_BS
     wear = conditions.given.get("wear", {}).get("wear_mm")
-    if wear is not None and wear.status is not Status.INVALID and wear.value > _WORN_MM:
-        reasons.append(Reason(Code.WORN_SINCE_CALIBRATION, wear_m=1e-3 * wear.value))
-    status = Status.PROVISIONAL if reasons else Status.VALID
-    return Estimate(NAMES[1], load, load * relative, status, tuple(reasons))
+    if wear is None or wear.status is Status.INVALID:
+        std = 3.0 * math.hypot(beta, beta_std) * _UNKNOWN_WEAR_STD_M / thickness
+        return 0.0, std, (Reason(Code.WEAR_UNKNOWN, relative_error=std),)
+    left = max(1.0 - 1e-3 * wear.value / thickness, _LEAST_THICKNESS_SHARE)
+    # EI ~ thickness^3
+    stiffness = 3.0 * math.log(left)
+    std = math.hypot(3.0 * beta * 1e-3 * wear.std / (thickness * left), beta_std * stiffness)
+    worn = wear.value > _WORN_MM
+    return beta * stiffness, std, (Reason(Code.CORRECTED_FOR_WEAR, wear_m=1e-3 * wear.value),) if worn else ()
 
 
 def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:

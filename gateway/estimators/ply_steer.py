@@ -1,6 +1,8 @@
-"""Estimator of the ply steer angle: the slope of the streamline in the contact, in three definitions.
+"""Estimator of the ply steer angle: the slope of the streamline in the contact, in four definitions, and of conicity.
 
-docs/explanation/ply-steer.md has the meaning of the angle, its errors and its limits.
+Conicity displaces the belt evenly about the contact centre, so it adds nothing to the line through the whole contact.
+This line alone decides the sign of the ply steer. The other definitions contain conicity. docs/explanation/ply-steer.md
+has the meaning of the angles, their errors and their limits.
 """
 
 from __future__ import annotations
@@ -11,12 +13,15 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
+    CIRCUMFERENTIAL,
     DEFINITIONS,
     ORDERS,
     LateralAverage,
+    LateralRecord,
     contact_edges,
     edge_errors,
     has_lateral,
@@ -28,10 +33,20 @@ from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, Ro
 from gateway.types import FloatArray
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
+# Of a fixed part of the contact, so that it has its own sign.
+_OWN_SIGN: Final = frozenset({"ply_steer_first_half_rad"})
+LINE_NAME: Final = "ply_steer_contact_line_rad"
+CONICITY_NAME: Final = "conicity_slope_rad"
 ROLL_NAME: Final = "sensor_roll_rad"
 
 # Memory of the average: ply steer changes only with load, pressure and temperature.
 HORIZON_REVOLUTIONS: Final = 100.0
+# Standard errors from zero beyond which a sign is reported.
+_SIGNIFICANT: Final = 3.0
+# Ply steer's share of the difference between second and first half of a rolling contact, over the contact line and the
+# square of the half angle, and its standard deviation over belts and treads (docs/explanation/ply-steer.md).
+_ROLLING_DIFFERENCE: Final = 2.9
+_ROLLING_DIFFERENCE_STD: Final = 1.4
 # Least number of orders: with fewer the peak is wrong by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
 
@@ -96,12 +111,14 @@ class PlySteerEstimator:
         self._average.roll.reset()
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return ply_steer_peak_rad, ply_steer_first_half_rad, ply_steer_adhesion_line_rad and sensor_roll_rad.
+        """Return the estimates of NAMES, ply_steer_contact_line_rad, conicity_slope_rad and sensor_roll_rad.
 
-        With one direction of rotation the angle is the sum of ply steer, conicity and the mean slip angle of the
-        averaged revolutions; a reason says so. The standard error covers scatter, roll calibration, a mounting yaw of
-        1 deg and the contact edges. It does not cover the definition of the slope, in which the three angles differ.
-        Never raises on values.
+        All ply steer angles include the mean slip angle of the averaged revolutions; those of NAMES also include
+        conicity, and a reason says so. Peak and adhesion line take their sign from the contact line; they are invalid
+        where its sign is not significant. conicity_slope_rad is half the change of the slope from the first to the
+        second half of the contact, less what ply steer contributes to it in a rolling contact. The standard errors
+        cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but not the definition of the
+        slope, in which the angles differ. Never raises on values.
         """
         if not has_lateral(revolution):
             return ()
@@ -116,20 +133,34 @@ class PlySteerEstimator:
         record = self._average.record()
         found = slopes(record, edges, conditions.radius_m)
         roll = self._average.roll
-        variance = np.sum((found.rows @ record.covariance) * found.rows, axis=1)
-        variance += np.square(found.rows @ record.radial_m * roll.roll_std_rad)
-        variance += np.square(found.rows @ record.along_m * MOUNTING_STD_RAD)
+        rows = np.concatenate([found.rows, found.parity_rows])
+        variance = np.sum((rows @ record.covariance) * rows, axis=1)
+        # The place of the peak is the largest of several places: their noise counts once more.
+        variance[0] *= 2.0
+        variance += np.square(rows @ record.radial_m * roll.roll_std_rad)
+        variance += np.square(rows @ _along(record, revolution, conditions) * MOUNTING_STD_RAD)
+        # The slopes scale with the lateral axis's gain over the radius.
+        scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m)
+        variance += np.square(rows @ record.lateral_m * scale_std)
         edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
         variance += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
         doubt = unusable or self._doubt(record.order_max)
-        notes = (
-            Reason(Code.INCLUDES_CONICITY),
-            Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max),
-        )
+        orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
+        stds = np.sqrt(variance)
+        line, difference = found.parity_rad.tolist()
+        line_std, difference_std = stds[len(NAMES) :].tolist()
         estimates = [
-            _estimate(name, float(value), math.sqrt(error), doubt, notes)
-            for name, value, error in zip(NAMES, found.values_rad, variance, strict=True)
+            _estimate(name, float(value), float(std), doubt, (Reason(Code.INCLUDES_CONICITY), orders))
+            for name, value, std in zip(NAMES, found.values_rad, stds, strict=False)
         ]
+        if not abs(line) > _SIGNIFICANT * line_std:
+            chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
+            estimates = [
+                e if name in _OWN_SIGN else Estimate.invalid(name, chance)
+                for name, e in zip(NAMES, estimates, strict=True)
+            ]
+        estimates.append(_estimate(LINE_NAME, line, line_std, doubt, (orders,)))
+        estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
         return (*estimates, _roll_estimate(roll))
 
     def _doubt(self, order_max: int) -> Reason | None:
@@ -147,11 +178,43 @@ class PlySteerEstimator:
 def _estimate(name: str, value: float, std: float, doubt: Reason | None, notes: tuple[Reason, ...]) -> Estimate:
     if not (math.isfinite(value) and math.isfinite(std)):
         return Estimate.invalid(name, Reason(Code.NOT_FINITE))
-    if doubt is None and std >= abs(value):
+    if doubt is None and not abs(value) > _SIGNIFICANT * std:
         doubt = Reason(Code.NOT_DETERMINED, relative_error=std / abs(value) if value else math.inf)
     if doubt is not None:
         return Estimate(name, value, std, Status.PROVISIONAL, (*notes, doubt))
     return Estimate(name, value, std, Status.VALID, notes)
+
+
+def _along(record: LateralRecord, revolution: Revolution, conditions: TireConditions) -> FloatArray:
+    """Return the coefficients of the circumferential axis over Omega^2, (2 k,) m.
+
+    Without that axis it is -(e / R) ds/dtheta and gravity, which a sensor e below the neutral layer would read.
+    """
+    if not np.isnan(revolution.axes_mps2[CIRCUMFERENTIAL]).all():
+        return record.along_m
+    depth = math.hypot(conditions.sensor_offset_m, conditions.sensor_offset_std_m)
+    cosine, sine = record.radial_m.reshape(2, -1) * np.asarray(ORDERS)
+    result: FloatArray = np.concatenate([-sine, cosine]) * (depth / conditions.radius_m)
+    result[len(ORDERS)] += STANDARD_GRAVITY_MPS2 / revolution.omega_radps**2
+    return result
+
+
+def _conicity(
+    line_rad: float,
+    difference_rad: float,
+    stds_rad: tuple[float, float],
+    edges_rad: tuple[float, float],
+    doubt: Reason | None,
+) -> Estimate:
+    """Return conicity's part of the change of slope in the contact."""
+    square = (0.5 * (edges_rad[1] - edges_rad[0])) ** 2
+    value = difference_rad - _ROLLING_DIFFERENCE * square * line_rad
+    std = math.hypot(
+        stds_rad[1], _ROLLING_DIFFERENCE * square * stds_rad[0], _ROLLING_DIFFERENCE_STD * square * line_rad
+    )
+    if doubt is None and not abs(value) > _SIGNIFICANT * std:
+        doubt = Reason(Code.CONICITY_NOT_SEPARATED)
+    return _estimate(CONICITY_NAME, value, std, doubt, ())
 
 
 def _roll_estimate(roll: RollCalibration) -> Estimate:
@@ -161,4 +224,4 @@ def _roll_estimate(roll: RollCalibration) -> Estimate:
 
 
 def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
-    return tuple(Estimate.invalid(name, reason) for name in (*NAMES, ROLL_NAME))
+    return tuple(Estimate.invalid(name, reason) for name in (*NAMES, LINE_NAME, CONICITY_NAME, ROLL_NAME))

@@ -52,6 +52,10 @@ _NUISANCES: Final = 2 + len(SHAPE_MEANS)
 # Least error of an order, as a share of the largest: the linear ring follows the exact one no closer.
 _LEAST_STD: Final = 1e-3
 
+# Error of the linear ring with a constant tension on the exact one, over the fitted value: rms over random tires
+# (docs/evidence/validity.md). It is a bias, which repeats.
+MODEL_ERRORS: Final = np.array([0.05, 0.6, 0.11, 5.0])
+
 # A number below this share of its unit is on its bound.
 _ON_BOUND: Final = 1e-6
 
@@ -106,7 +110,7 @@ class RingModalEstimator:
         fitted = FittedNumbers(
             fit.numbers * number, fit.free, _noise(fit, std[used]) * number**2, _model(fit) * number**2
         )
-        return number_estimates(fitted, conditions, doubt_about(revolution, average), (_MODEL_NOTE,))
+        return number_estimates(self.name, fitted, conditions, doubt_about(revolution, average), (_MODEL_NOTE,))
 
     def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
         self._warm = None
@@ -121,12 +125,16 @@ def _noise(fit: ModalFit, std: FloatArray) -> FloatArray:
 
 
 def _model(fit: ModalFit) -> FloatArray:
-    """Return the covariance of the numbers when the residual is added back: random phases, sizes by band."""
+    """Return the covariance of the numbers from model error.
+
+    It is that of the residual added back with random phases and sizes by band, and the known bias of the model.
+    """
     power = np.zeros(ORDER_COUNT)
     power[FIRST_ORDER : FIRST_ORDER + len(fit.residual)] = 0.5 * np.square(np.abs(fit.residual))
     drawn = np.sqrt(band_mean(power)[FIRST_ORDER : FIRST_ORDER + len(fit.residual)])
     moved = fit.response * drawn
     covariance: FloatArray = (moved @ moved.conj().T).real
+    covariance += np.diag(np.square(MODEL_ERRORS * fit.numbers))
     return covariance
 
 

@@ -3,7 +3,7 @@
 It is not the best that the signal allows: on the geometrically exact ring its numbers are wrong by tens of percent,
 because a loaded belt is not a linear ring and the contact pressure is not uniform.
 docs/explanation/ring-paper-estimator.md has the equations, the corrections and the measured errors. The standard errors
-cover noise, the fit's residual, load, pressure and contact angle, but not that model error.
+cover noise, the fit's residual, load, pressure, contact angle and that model error.
 """
 
 from __future__ import annotations
@@ -34,6 +34,9 @@ from gateway.types import BoolArray, FloatArray
 MAX_RESIDUAL_SHARE: Final = 0.5
 
 _MODEL_NOTE: Final = Reason(Code.LINEAR_RING)
+# Error of the model on the exact ring, over the fitted value: rms over random tires (docs/evidence/validity.md). It is
+# a bias, which repeats.
+MODEL_ERRORS: Final = np.array([0.35, 0.65, 0.3, 0.7])
 
 # The fit works in units of Table 3, so that all four parameters are about 1.
 _UNITS: Final = np.array(TABLE_3_NUMBERS)
@@ -99,8 +102,9 @@ class RingPaperEstimator:
         # The definition of both edges may be wrong in the same direction: their errors add.
         angle_std = 0.5 * (average.leading_edge_std_rad + average.trailing_edge_std_rad)
         covariance = fit.covariance + np.outer(fit.angle_derivative, fit.angle_derivative) * _square(angle_std)
-        fitted = FittedNumbers(fit.numbers, fit.free, covariance, np.zeros((4, 4)))
-        return number_estimates(fitted, conditions, doubt_about(revolution, average), (_MODEL_NOTE,))
+        model = np.diag(np.square(MODEL_ERRORS * fit.numbers))
+        fitted = FittedNumbers(fit.numbers, fit.free, covariance, model)
+        return number_estimates(self.name, fitted, conditions, doubt_about(revolution, average), (_MODEL_NOTE,))
 
     def _start(self, force_m: float) -> FloatArray | None:
         """Return the last numbers, scaled to this force; None for a cold start, at updates 1, 2, 4, 8, ..."""

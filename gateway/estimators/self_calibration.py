@@ -15,15 +15,18 @@ roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.sensor_claims import GAIN_STD, HAND_MOUNTED_STD_M
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import contact_interior
 from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows
+from gateway.types import FloatArray
 
 NAMES: Final = (
     "gain",
@@ -44,8 +47,6 @@ _MEAN_STD_MPS2: Final = 0.5
 _CLOSURE_STD: Final = 1.5e-4
 # Signal in the middle of a flat contact as a share of R Omega^2, on the exact ring over loads, and its error.
 _CONTACT_LEVEL: Final = (-0.025, 0.035)
-# Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
-_AXES_STD: Final = 0.02
 # Errors from belt stretch and contact shear in the circumferential axis.
 _OFFSET_MODEL_M: Final = 2e-5
 _PITCH_MODEL_RAD: Final = 4e-4
@@ -54,12 +55,43 @@ _HORIZON_REVOLUTIONS: Final = 2000.0
 _SEPARATED: Final = 0.3
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 _LEAST_REVOLUTIONS: Final = 8
+# The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
+_LEAST_OF_OFFSET: Final = 3
 _BELT_EVERY: Final = 8
 
 
 class _Found(NamedTuple):
     value: float
     std: float
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Quantities of the sensor that its own signal gives, for comparison with what is stated.
+
+    Attributes:
+        revolutions: used so far.
+        ac_coupled: whether the sensor passes no steady value.
+        rate_hz: sampling rate in use.
+        steady_mps2: latest mean of the radial axis that a perfect sensor would read on a belt of the stated radius.
+        mean_square: mean square of kappa R.
+        by_mean: (2, 2) information and (2,) right-hand side of the relative error of the steady value and of the
+            zero-g offset in m/s^2, from the means of the revolutions.
+        by_gravity: (2, 2) and (2,) likewise of the relative error of the gain, and of belt stretch as order 1 of R
+            Omega^2, from gravity in order 1.
+        contact_gain: gain of an AC-coupled sensor and its standard error, from the depth of the contact; None without.
+        offset_m: sensor below the neutral layer and its standard error; None without a circumferential axis.
+    """
+
+    revolutions: int
+    ac_coupled: bool
+    rate_hz: float
+    steady_mps2: float
+    mean_square: float
+    by_mean: tuple[FloatArray, FloatArray]
+    by_gravity: tuple[FloatArray, FloatArray]
+    contact_gain: tuple[float, float] | None
+    offset_m: tuple[float, float] | None
 
 
 class SelfCalibrationEstimator:
@@ -83,12 +115,22 @@ class SelfCalibrationEstimator:
         self._information = np.zeros((4, 4))
         self._weighted = np.zeros(4)
         self._steady = np.zeros(4)
+        self._forget_means()
+        self._is_calibrated = False
+        self._is_ac, self._rate_hz = False, math.nan
+        # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
+        self._axes_std = math.sqrt(2.0) * GAIN_STD
         self._reference_degc: float | None = None
         self._warm = 0.0
         self._mounting: MountingRows | None = None
         self._ratio = 0.0
         self._belt: BeltKinematics | None = None
         self._floor: Estimate | None = None
+
+    def _forget_means(self) -> None:
+        self._by_mean = np.zeros((2, 2)), np.zeros(2)
+        self._by_gravity = np.zeros((2, 2)), np.zeros(2)
+        self._expected_mps2 = math.nan
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the estimates of NAMES; a perfect sensor has gain 1.
@@ -110,6 +152,8 @@ class SelfCalibrationEstimator:
     def _take(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> None:
         """Add one revolution without faults."""
         self._count += 1
+        self._is_ac, self._rate_hz = revolution.ac_coupled, revolution.rate_hz
+        self._axes_std = math.sqrt(2.0) * conditions.claims.gain_std
         belt = self._belt_of(average, conditions)
         axes = revolution.axes_mps2
         if np.isfinite(axes[_CIRCUMFERENTIAL]).all():
@@ -127,9 +171,11 @@ class SelfCalibrationEstimator:
         if revolution.ac_coupled:
             return
         self._roll.update(float(axes[_LATERAL].mean()), float(axes[_RADIAL].mean()))
-        if conditions.sensor_offset_m or self._mounting is None or self._count > _LEAST_REVOLUTIONS:
-            # Before that, the mounting offset, which the mean depends on, is not known.
-            self._take_gain(revolution, average, conditions, belt)
+        # Before that, the mounting offset, which the mean depends on, is not known.
+        is_calibrated = (
+            conditions.claims.offset_m is not None or self._mounting is None or self._count > _LEAST_REVOLUTIONS
+        )
+        self._take_gain(revolution, average, conditions, belt, is_calibrated=is_calibrated)
 
     def _belt_of(self, average: AngleAverage, conditions: TireConditions) -> BeltKinematics:
         """Return the belt's kinematics from the average, updated every few revolutions."""
@@ -143,9 +189,15 @@ class SelfCalibrationEstimator:
         return self._count <= _LEAST_REVOLUTIONS + 1 or self._count % _BELT_EVERY == 0
 
     def _take_gain(
-        self, revolution: Revolution, average: AngleAverage, conditions: TireConditions, belt: BeltKinematics
+        self,
+        revolution: Revolution,
+        average: AngleAverage,
+        conditions: TireConditions,
+        belt: BeltKinematics,
+        *,
+        is_calibrated: bool,
     ) -> None:
-        """Add the two equations of one revolution."""
+        """Add the two equations of one revolution; `is_calibrated` tells whether the sensor's offset is known."""
         degc = conditions.temperature_degc
         if degc is not None:
             self._reference_degc = degc if self._reference_degc is None else self._reference_degc
@@ -164,19 +216,44 @@ class SelfCalibrationEstimator:
         by_gravity = np.array([gravity, 0.0, gravity * self._warm, steady]) / order_std
         if not (np.isfinite(by_mean).all() and np.isfinite(by_gravity).all() and math.isfinite(left)):
             return
+        if is_calibrated and not self._is_calibrated:
+            self._forget_means()
+        self._is_calibrated = is_calibrated
+        self._expected_mps2 = expected
+        self._by_mean = _added(self._by_mean, self._keep, by_mean[:2], (mean - expected) / _MEAN_STD_MPS2)
+        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], left / order_std)
+        if not is_calibrated:
+            return
         rows = np.stack([by_mean, by_gravity])
         found = np.array([(mean - expected) / _MEAN_STD_MPS2, left / order_std])
         self._information = self._keep * self._information + rows.T @ rows
         self._weighted = self._keep * self._weighted + found @ rows
         self._steady = self._keep * self._steady + by_mean * (expected / _MEAN_STD_MPS2)
 
+    @property
+    def measured(self) -> Measured | None:
+        """Result of the revolutions so far; None before the first."""
+        if self._belt is None:
+            return None
+        found = self._mounting_found() if self._count >= _LEAST_OF_OFFSET else None
+        floor = self._floor
+        return Measured(
+            revolutions=self._count,
+            ac_coupled=self._is_ac,
+            rate_hz=self._rate_hz,
+            steady_mps2=self._expected_mps2,
+            mean_square=self._belt.mean_square,
+            by_mean=self._by_mean,
+            by_gravity=self._by_gravity,
+            contact_gain=None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std),
+            offset_m=None if found is None else (found[1].value, found[1].std),
+        )
+
     def _offset_ratio(self, conditions: TireConditions) -> float:
-        """Return e / R as configured, else as estimated once its error is below 1 mm."""
-        if conditions.sensor_offset_m:
-            return conditions.sensor_offset_m / conditions.radius_m
+        """Return e / R: as measured once its error is below 1 mm, else as stated, else 0."""
         found = self._mounting_found()
-        if found is None or not found[1].std < 1e-3:
-            return 0.0
+        if found is None or not found[1].std < HAND_MOUNTED_STD_M:
+            return (conditions.claims.offset_m or 0.0) / conditions.radius_m
         return float(np.clip(found[1].value / conditions.radius_m, -0.05, 0.15))
 
     def _mounting_found(self) -> tuple[_Found, _Found] | None:
@@ -185,10 +262,10 @@ class SelfCalibrationEstimator:
             return None
         solution, stds = self._mounting.solve()
         offset, tilt = float(solution[0]), float(solution[1])
-        offset_std = math.hypot(float(stds[0]), _AXES_STD * offset, _OFFSET_MODEL_M)
+        offset_std = math.hypot(float(stds[0]), self._axes_std * offset, _OFFSET_MODEL_M)
         if not (math.isfinite(offset_std) and math.isfinite(tilt)):
             return None
-        return _Found(math.atan(tilt), math.hypot(float(stds[1]), _AXES_STD * tilt, _PITCH_MODEL_RAD)), _Found(
+        return _Found(math.atan(tilt), math.hypot(float(stds[1]), self._axes_std * tilt, _PITCH_MODEL_RAD)), _Found(
             offset, offset_std
         )
 
@@ -198,17 +275,17 @@ class SelfCalibrationEstimator:
             reason = refused or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_CIRCUMFERENTIAL])
             return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
         doubt = refused or self._unsettled()
-        pitch = _estimate(NAMES[4], found[0], doubt)
-        stated_m = conditions.sensor_offset_m
-        if doubt is None and stated_m and abs(stated_m - found[1].value) > 3.0 * found[1].std:
-            doubt = Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)
-        return pitch, _estimate(NAMES[5], found[1], doubt)
+        offset = _estimate(NAMES[5], found[1], doubt)
+        stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
+        if stated_m is not None and abs(stated_m - found[1].value) > 3.0 * math.hypot(stated_std_m, found[1].std):
+            offset = replace(offset, reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))
+        return _estimate(NAMES[4], found[0], doubt), offset
 
     def _roll_estimate(self, revolution: Revolution, refused: Reason | None) -> Estimate:
         if not self._roll.count:
             lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
             return Estimate.invalid(NAMES[3], refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
-        found = _Found(self._roll.roll_rad, math.hypot(self._roll.roll_std_rad, _AXES_STD * self._roll.roll_rad))
+        found = _Found(self._roll.roll_rad, math.hypot(self._roll.roll_std_rad, self._axes_std * self._roll.roll_rad))
         doubt = refused or self._unsettled()
         if doubt is None and self._roll.roll_std_rad > _ROLL_SEPARATED_RAD:
             doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")
@@ -269,6 +346,14 @@ def _refused(revolution: Revolution, average: AngleAverage, conditions: TireCond
     if not math.isfinite(float(average.orders_std_mps2[1])):
         return Reason(Code.AVERAGE_ERRORS_UNKNOWN)
     return None
+
+
+def _added(
+    sums: tuple[FloatArray, FloatArray], keep: float, row: FloatArray, found: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return information and right-hand side with one more equation."""
+    information, weighted = sums
+    return keep * information + np.outer(row, row), keep * weighted + found * row
 
 
 def _floor_gain(average: AngleAverage, conditions: TireConditions, refused: Reason | None) -> Estimate:

@@ -36,6 +36,8 @@ SLIP_NAME: Final = "slip_angle_rad"
 # Memory of the learnt zero in revolutions: long compared with a bend, short compared with changes of temperature.
 REFERENCE_HORIZON: Final = 500.0
 REFERENCE_SETTLED: Final = 50.0
+# Usual mean slip of a wheel on a straight road (toe, crown), times a usual share of the belt: error of a learnt zero.
+_LEARNT_ZERO_STD_RAD: Final = math.radians(0.15) * 0.3
 # Standard errors from zero beyond which slip has a direction.
 _SIGNIFICANT: Final = 3.0
 # Apparent slip from which a revolution counts as left or right.
@@ -98,10 +100,11 @@ class SlipAngleEstimator:
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return slip_apparent_rad, slip_direction, lateral_asymmetry, left_right_asymmetry, then slip_angle_rad.
 
-        Positive slip pulls the tire to the left. slip_direction is 1, -1, or 0 when slip is within three standard
-        errors of zero. left_right_asymmetry is the sum of the mean lateral_asymmetry at left and at right slip, 0 for a
-        tire without ply steer and conicity. slip_angle_rad needs the belt's share. There are no estimates without a
-        lateral axis. Never raises on values.
+        Positive slip pulls the tire to the left. Slip that is constant while the zero is learnt becomes part of the
+        zero, so the standard error includes a usual mean slip. slip_direction is 1, -1, or 0 when slip is within three
+        standard errors of zero; a reason says so. left_right_asymmetry is the sum of the mean lateral_asymmetry at left
+        and at right slip, 0 for a tire without ply steer and conicity. slip_angle_rad needs the belt's share. There are
+        no estimates without a lateral axis. Never raises on values.
         """
         if not has_lateral(revolution):
             return ()
@@ -121,6 +124,7 @@ class SlipAngleEstimator:
         std = self._scatter(slope)
         if self._given is None and self._reference.effective_count > 1.0:
             std *= math.sqrt(1.0 + 1.0 / self._reference.effective_count)
+            std = math.hypot(std, _LEARNT_ZERO_STD_RAD)
         apparent = slope - reference
         asymmetry = lateral_asymmetry(lateral_waveform(own.lateral_m, ORDERS, 512))
         if abs(apparent) > _SIDE_RAD:
@@ -129,9 +133,10 @@ class SlipAngleEstimator:
         status, reason = self._status(std)
         reasons = (reason,)
         direction = math.copysign(1.0, apparent) if abs(apparent) > _SIGNIFICANT * std else 0.0
+        unsigned = () if direction else (Reason(Code.SIGN_NOT_DETERMINED, errors=abs(apparent) / std if std else 0.0),)
         estimates = [
             Estimate(NAMES[0], apparent, std, status, reasons),
-            Estimate(NAMES[1], direction, math.nan, status, reasons),
+            Estimate(NAMES[1], direction, math.nan, status, (*reasons, *unsigned)),
             Estimate(NAMES[2], asymmetry, math.nan, status, reasons),
             self._left_right(),
         ]

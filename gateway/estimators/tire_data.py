@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from gateway.reasons import Code, Reason
+
+# Relative loss of the ring's bending stiffness per kelvin, and its standard error over compounds: the rubber softens,
+# the cords do not (docs/reference/estimates.md).
+SOFTENING_PER_K: Final = 0.006
+SOFTENING_STD_PER_K: Final = 0.003
+# Relative error of the power law of the load at a point that it was not fitted to, on the exact ring.
+LOAD_LAW_STD: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +30,7 @@ class ReferenceNumbers:
         Rs_std: one standard error.
         Ts_std: one standard error.
         pressure_pa: inflation (gauge) pressure at which they hold; None when not known.
+        temperature_degc: inner-liner temperature that they were measured at; None when not known.
         estimator: that they were measured with. Every estimator has its own bias, so only numbers of the same estimator
             may be compared.
     """
@@ -35,6 +44,7 @@ class ReferenceNumbers:
     Rs_std: float = 0.0
     Ts_std: float = 0.0
     pressure_pa: float | None = None
+    temperature_degc: float | None = None
     estimator: str = "weak-form"
 
 

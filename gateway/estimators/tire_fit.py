@@ -16,14 +16,12 @@ import numpy as np
 
 from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
+from gateway.estimators.tire_data import LOAD_LAW_STD, SOFTENING_PER_K, LoadCalibration, ReferenceNumbers
 from gateway.types import FloatArray
 
 # Exponent of the half angle, curvature and exponent of the pressure on the exact ring, and their variation.
 _EXPONENTS: Final = (1.4, 0.1, 0.5)
 _EXPONENT_STDS: Final = (0.15, 0.1, 0.15)
-# Relative error of the law at each point, independent between points.
-_MODEL_STD: Final = 0.01
 # Points from which leaving one out gives the error.
 _LEAST_POINTS: Final = 3
 # Sidewall numbers change with pressure: they are averaged over points within this share of the reference pressure.
@@ -41,6 +39,7 @@ class TirePoint:
         pressure_pa: mean pressure.
         half_angle_rad: median contact half angle.
         numbers: estimates of the four numbers at the end of the recording, by name.
+        temperature_degc: mean inner-liner temperature; None when not known.
     """
 
     name: str
@@ -49,6 +48,7 @@ class TirePoint:
     pressure_pa: float
     half_angle_rad: float
     numbers: dict[str, Estimate]
+    temperature_degc: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +69,9 @@ class LoadFit:
 def fit_load_calibration(points: Sequence[TirePoint]) -> LoadFit:
     """Fit load = f(half angle, pressure) to at least one point.
 
-    The calibration's standard error is the root mean square error of leaving each point out in turn. With fewer than
-    three points it is the error that the prior of the exponents leaves over a factor of two in load, and at least 5 %.
+    The calibration's standard error is the root mean square error of leaving each point out in turn, and at least that
+    of the law on the exact ring, since a few points may agree by chance. With fewer than three points it is the error
+    that the prior of the exponents leaves over a factor of two in load, and at least 5 %.
     """
     calibration = _fit(points)
     load = np.array([point.load_n for point in points])
@@ -80,7 +81,7 @@ def fit_load_calibration(points: Sequence[TirePoint]) -> LoadFit:
         others = _fit([*points[:index], *points[index + 1 :]])
         left_out[index] = others.load_at(point.half_angle_rad, point.pressure_pa) / point.load_n - 1.0
     if len(points) >= _LEAST_POINTS:
-        error = math.sqrt(float(np.square(left_out).mean()))
+        error = math.hypot(math.sqrt(float(np.square(left_out).mean())), LOAD_LAW_STD)
     else:
         error = math.hypot(0.05, _EXPONENT_STDS[0] * 0.5 * math.log(2.0))
     return LoadFit(replace(calibration, relative_std=error), fitted / load - 1.0, left_out)
@@ -91,7 +92,7 @@ def _fit(points: Sequence[TirePoint]) -> LoadCalibration:
     half = np.array([point.half_angle_rad for point in points])
     pressure = np.array([point.pressure_pa for point in points])
     load = np.array([point.load_n for point in points])
-    weight = 1.0 / np.hypot(_MODEL_STD, [point.load_std_n / point.load_n for point in points])
+    weight = 1.0 / np.hypot(LOAD_LAW_STD, [point.load_std_n / point.load_n for point in points])
     middle = float(np.exp(np.log(half).mean())), float(np.exp(np.log(pressure).mean()))
     angle = np.log(half / middle[0])
     rows = np.stack([np.ones(len(half)), angle, np.square(angle), np.log(pressure / middle[1])], axis=1)
@@ -115,10 +116,14 @@ def _fit(points: Sequence[TirePoint]) -> LoadCalibration:
 def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceNumbers:
     """Return the tire's numbers at the median pressure, each the weighted mean over the points that determine it.
 
-    Bs is proportional to 1 / p, because EI belongs to the tire; Cw does not depend on pressure. The standard error is
+    Bs is proportional to 1 / p, because EI belongs to the tire, and falls with the temperature; it is given at the
+    median temperature of the points, unless some are not known. Cw does not depend on pressure. The standard error is
     the larger of the formal one of the mean and that from the scatter of the points.
     """
     pressure = sorted(point.pressure_pa for point in points)[len(points) // 2]
+    temperatures = [point.temperature_degc for point in points if point.temperature_degc is not None]
+    known = len(temperatures) == len(points)
+    temperature = sorted(temperatures)[len(points) // 2] if known else None
     values: dict[str, float | None] = {}
     stds: dict[str, float] = {}
     for name in RING_NUMBERS:
@@ -128,13 +133,19 @@ def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceN
             near = abs(point.pressure_pa / pressure - 1.0) < _SAME_PRESSURE
             if estimate is None or estimate.status is not Status.VALID or not (near or name in ("Bs", "Cw")):
                 continue
-            factor = point.pressure_pa / pressure if name == "Bs" else 1.0
+            factor = 1.0
+            if name == "Bs":
+                warmer_k = 0.0
+                if temperature is not None and point.temperature_degc is not None:
+                    warmer_k = point.temperature_degc - temperature
+                factor = point.pressure_pa / pressure * math.exp(SOFTENING_PER_K * warmer_k)
             found.append((estimate.value * factor, estimate.std * factor))
         values[name], stds[name] = _mean(np.array(found)) if found else (None, 0.0)
     return ReferenceNumbers(
         values["Bs"], values["Cw"], values["Rs"], values["Ts"],
         stds["Bs"], stds["Cw"], stds["Rs"], stds["Ts"],
         pressure_pa=pressure,
+        temperature_degc=temperature,
         estimator=estimator,
     )  # fmt: skip
 

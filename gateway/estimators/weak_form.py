@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.determination import (
     FittedNumbers,
     all_invalid,
@@ -22,21 +23,35 @@ from gateway.estimators.determination import (
 )
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
+from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
-from gateway.physics.belt_shape import MAX_ORDER, curvature_orders, even_orders
+from gateway.physics.belt_shape import (
+    MAX_ORDER,
+    belt_shape,
+    curvature_orders,
+    even_orders,
+    gravity_orders,
+    orders_about,
+)
 from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT
-from gateway.types import BoolArray, FloatArray
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # The solution of the first revolution is the start of the next, so it need not converge on the noise.
 _COLD_PASSES: Final = 2
 # Curvature in the middle of the contact over the mean: below 0 on a drum, 0 on a road, near 1 at very low load.
 _MAX_CONTACT_CURVATURE: Final = 0.9
 
-# Relative change of the numbers by a belt of EA = 5 MN, the same at all loads and wear
-# (docs/explanation/estimators.md). The extensibility of a belt is not known, so this is one standard error.
-EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0005, -0.0012, 0.0022, -0.025])
+# Relative change of the numbers by a belt that inflation strains by 1.2e-3 (docs/explanation/estimators.md). The strain
+# of a belt is not known, so this is one standard error.
+EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0015, -0.0025, 0.0045, -0.04])
+
+# Standard error of the correction for damping as a share of it: what the linear ring leaves of the effect, and what it
+# mistakes a shifted contact pressure for.
+_DAMPING_ERROR: Final = 0.5
+# Step of the derivative by the sensor's offset, over the belt radius.
+_OFFSET_STEP: Final = 1e-3
 
 _WAVEFORMS_PER_BLOCK: Final = 32
 
@@ -72,27 +87,63 @@ class WeakFormEstimator:
         carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         max_order = MAX_ORDER if carried >= ORDER_COUNT - 1 else carried
         offset = conditions.sensor_offset_m / conditions.radius_m
-        orders, mean = curvature_of(average.radial_mps2[np.newaxis], centre, offset, max_order)
+        signal = orders_about(average.radial_mps2, centre, max_order)
+        mean = float(signal[0].real)
+        orders = curvature_orders(signal.real[np.newaxis], offset)
         if not np.isfinite(orders).all():
             return self._cold(Reason(Code.NO_STEADY_VALUE))
         if (curvature := float(orders[0].sum())) > _MAX_CONTACT_CURVATURE:
             return self._cold(Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE))
-        std = relative_std(average.orders_std_mps2, float(mean[0]), orders[0], max_order)[np.newaxis]
+        std = relative_std(average.orders_std_mps2, mean, orders[0], max_order)[np.newaxis]
+        begin = motion_begin(half_angle)
         try:
-            solution = solve_balance(
-                orders, motion_begin(half_angle), std, self._warm, 1 if self._warm else _COLD_PASSES
-            )
+            warm = self._warm or solve_balance(orders, begin, std, None, _COLD_PASSES)
+            damping = sidewall_damping(signal, warm.unknowns[0, :4], max_order)
+            if damping is not None:
+                orders = curvature_orders((signal.real + damping.correction)[np.newaxis], offset)
+            solution = solve_balance(orders, begin, std, warm, 1)
         except np.linalg.LinAlgError:
             return self._cold(Reason(Code.NO_BELT_SHAPE))
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
             return self._cold(Reason(Code.NO_BELT_SHAPE))
         self._warm = solution
-        fitted = fits_of(solution, std).numbers(0, load_number(conditions))
-        return number_estimates(fitted, conditions, doubt_about(revolution, average))
+        systematic = systematic_errors(signal, conditions, damping)
+        fitted = fits_of(solution, std, systematic).numbers(0, load_number(conditions))
+        return number_estimates(self.name, fitted, conditions, doubt_about(revolution, average))
 
     def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
         self._warm = None
         return all_invalid(reason)
+
+
+def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping: SidewallDamping | None) -> FloatArray:
+    """Return changes of the relative signal's orders by one standard error each, (k, ORDER_COUNT).
+
+    They are those of the sensor's offset, of the signal's steady value, of the correction for damping, and of gravity,
+    which is subtracted with a gain of 1.
+
+    Args:
+        signal: (MAX_ORDER + 1,) orders about the contact centre.
+        conditions: with the standard errors of offset, steady value and gain.
+        damping: None where it was not fitted.
+    """
+    mean = float(signal[0].real)
+    changes = np.zeros((4, ORDER_COUNT))
+    offset, step = conditions.sensor_offset_m / conditions.radius_m, _OFFSET_STEP
+    if conditions.sensor_offset_std_m:
+        sides = [curvature_orders(signal.real[np.newaxis], offset + side)[0] for side in (-step, step)]
+        slope = (sides[1] - sides[0])[:ORDER_COUNT] / (2.0 * step)
+        changes[0] = slope * (conditions.sensor_offset_std_m / conditions.radius_m)
+    # Column 0 of the response is that to a relative error of the steady value.
+    changes[1, 0] = conditions.steady_std_mps2 / mean
+    if damping is not None:
+        changes[2] = _DAMPING_ERROR * damping.change[:ORDER_COUNT] / mean
+    if conditions.gain_std:
+        shape = belt_shape(curvature_orders(signal.real[np.newaxis], offset))
+        gravity = gravity_orders(shape)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
+        changes[3] = conditions.gain_std * gravity
+    changes[[0, 2, 3], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
+    return changes
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +201,7 @@ def curvature_of(
     return curvature_orders(orders, offset), orders[:, 0]
 
 
-def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
+def fits_of(solution: WeakFormSolution, order_std: FloatArray, systematic: FloatArray | None = None) -> WaveformFits:
     """Return the numbers of a solution with their covariances.
 
     Noise: standard errors of the orders, propagated by the response of the numbers. Model error: the least correction
@@ -161,6 +212,7 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
     Args:
         solution: of b waveforms.
         order_std: (b or 1, ORDER_COUNT) standard errors of the relative signal's orders.
+        systematic: (k, ORDER_COUNT) changes of the orders by one standard error of k independent causes.
     """
     response = solution.response[:, :4]
     weighted = response * order_std[:, np.newaxis, :]
@@ -172,6 +224,9 @@ def fits_of(solution: WeakFormSolution, order_std: FloatArray) -> WaveformFits:
     model = 0.5 * excess[:, np.newaxis, np.newaxis] * (moved.transpose(0, 2, 1) @ moved)
     extension = solution.unknowns[:, :4] * EXTENSION_ERRORS
     model += extension[:, :, np.newaxis] * extension[:, np.newaxis, :]
+    if systematic is not None:
+        by_cause = systematic @ response.transpose(0, 2, 1)
+        model += by_cause.transpose(0, 2, 1) @ by_cause
     return WaveformFits(
         values=solution.unknowns[:, :4],
         free=solution.free[:, :4],

@@ -2,8 +2,8 @@
 
 A ring of thickness h has EI ~ h^3 and Bs = EI / (R^4 p0), so the wear is h0 (1 - (Bs p0 / (Bs_new p0_new))^1/3). h is
 the thickness of the whole ring, belt and tread; with the tread depth alone, as printed in the ring paper, 6.4 mm of
-wear would reduce Bs to a hundredth. This compensates pressure. It does not compensate temperature, which softens the
-rubber and so reduces Bs.
+wear would reduce Bs to a hundredth. Pressure and temperature are compensated where they are known, here and in the
+reference; where they are not, the standard error includes how far they usually differ.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.tire_data import SOFTENING_PER_K, SOFTENING_STD_PER_K
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 
@@ -21,6 +22,13 @@ NAMES: Final = ("wear_mm", "wear_number", "wear_drift_mm")
 
 # Revolutions after which a value of the running average is independent of an earlier one.
 _SPACING_REVOLUTIONS: Final = round(2 * DEFAULT_HORIZON_REVOLUTIONS)
+# Usual difference from a temperature or a pressure that is not known (one standard deviation), and the temperature that
+# is assumed.
+_UNKNOWN_DIFFERENCE_K: Final = 15.0
+_ASSUMED_DEGC: Final = 25.0
+_UNKNOWN_PRESSURE_SHARE: Final = 0.1
+# Error of the difference of two temperatures of the belt, which are measured at the inner liner.
+_DIFFERENCE_STD_K: Final = 2.0
 # Least number of values for a drift.
 _LEAST_VALUES: Final = 4
 
@@ -42,6 +50,7 @@ class WearEstimator:
         self._values = RunningMoments(2, covariance=True)
         self._first = self._latest = 0.0
         self._due: int | None = None
+        self._temperatures: list[float] = []
 
     def update(
         self,
@@ -51,6 +60,8 @@ class WearEstimator:
     ) -> tuple[Estimate, ...]:
         """Return wear_mm, wear_number and wear_drift_mm.
 
+        The standard error covers that of the number, of the reference, of the thickness, of the rubber's softening
+        with temperature, and of a temperature or pressure that is not known. The drift's covers scatter and softening.
         Without a load Bs/Cw is used in place of Bs, because wear does not change the belt's width. Never raises on
         values.
         """
@@ -59,16 +70,18 @@ class WearEstimator:
             return (wear, *(Estimate.invalid(name, *wear.reasons) for name in NAMES[1:]))
         radius_mm = conditions.radius_m * 1e3
         number = Estimate(NAMES[1], wear.value / radius_mm, wear.std / radius_mm, wear.status, wear.reasons)
-        return wear, number, self._drift(revolution, wear)
+        return wear, number, self._drift(revolution, wear, conditions)
 
-    def _drift(self, revolution: Revolution, wear: Estimate) -> Estimate:
+    def _drift(self, revolution: Revolution, wear: Estimate, conditions: TireConditions) -> Estimate:
         """Add a value when it is independent of the last, and return the drift along the line through all values."""
+        temperature = conditions.temperature_degc
         if wear.status is Status.VALID and (self._due is None or revolution.index >= self._due):
             if self._due is None:
                 self._first = float(revolution.index)
             self._due = revolution.index + _SPACING_REVOLUTIONS
             self._latest = float(revolution.index)
             self._values.update(np.array([self._latest, wear.value]), 1.0 / (self._values.count + 1))
+            self._temperatures = [*self._temperatures[:1], math.nan if temperature is None else temperature]
         count = self._values.count
         if count < _LEAST_VALUES:
             needed = (_LEAST_VALUES - 1) * _SPACING_REVOLUTIONS
@@ -78,10 +91,16 @@ class WearEstimator:
         (xx, xy), (_, yy) = self._values.variance()
         span = self._latest - self._first
         left = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)
-        std = math.sqrt(left / (xx * (count - 1))) * span
-        return Estimate(
-            NAMES[2], float(xy / xx) * span, std, Status.VALID, (Reason(Code.OVER_REVOLUTIONS, revolutions=span),)
-        )
+        scatter = math.sqrt(left / (xx * (count - 1))) * span
+        change_k = self._temperatures[-1] - self._temperatures[0]
+        known = math.isfinite(change_k)
+        softening = _softening_std(change_k if known else None)
+        thickness_mm = 1e3 * (conditions.tire.ring_thickness_m or 0.0)
+        reasons = [Reason(Code.OVER_REVOLUTIONS, revolutions=span)]
+        if not known:
+            reasons.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=_UNKNOWN_DIFFERENCE_K))
+        std = math.hypot(scatter, thickness_mm / 3.0 * softening)
+        return Estimate(NAMES[2], float(xy / xx) * span, std, Status.VALID, tuple(reasons))
 
 
 def _wear(conditions: TireConditions) -> Estimate:
@@ -107,15 +126,34 @@ def _wear(conditions: TireConditions) -> Estimate:
     if bending.status is Status.INVALID:
         return Estimate.invalid(NAMES[0], *bending.reasons)
     stiffness = bending.value / new
+    errors = [bending.std / bending.value, new_relative]
+    status = bending.status
     if conditions.pressure_pa and reference.pressure_pa:
         stiffness *= conditions.pressure_pa / reference.pressure_pa
     else:
         notes.append(Reason(Code.PRESSURE_NOT_COMPENSATED))
+        errors.append(_UNKNOWN_PRESSURE_SHARE)
+        status = Status.PROVISIONAL
+    present, then = conditions.temperature_degc, reference.temperature_degc
+    warmer_k = (_ASSUMED_DEGC if present is None else present) - (_ASSUMED_DEGC if then is None else then)
+    stiffness *= math.exp(SOFTENING_PER_K * warmer_k)
+    known = present is not None and then is not None
+    errors.append(_softening_std(warmer_k if known else None))
+    if not known:
+        errors.append(SOFTENING_STD_PER_K * warmer_k)
+        notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=_UNKNOWN_DIFFERENCE_K))
     if not (stiffness > 0.0 and math.isfinite(stiffness)):
         return Estimate.invalid(NAMES[0], Reason(Code.BENDING_NOT_POSITIVE))
     left = stiffness ** (1.0 / 3.0)
-    error = thickness * left / 3.0 * math.hypot(bending.std / bending.value, new_relative)
+    error = thickness * left / 3.0 * math.hypot(*errors)
     std = math.hypot(error, (1.0 - left) * tire.ring_thickness_std_m)
     if bending.status is Status.PROVISIONAL:
         notes[:0] = bending.reasons
-    return Estimate(NAMES[0], 1e3 * thickness * (1.0 - left), 1e3 * std, bending.status, tuple(notes))
+    return Estimate(NAMES[0], 1e3 * thickness * (1.0 - left), 1e3 * std, status, tuple(notes))
+
+
+def _softening_std(warmer_k: float | None) -> float:
+    """Return the relative error of the bending stiffness by a difference of temperature, None if it is not known."""
+    if warmer_k is None:
+        return math.hypot(SOFTENING_PER_K, SOFTENING_STD_PER_K) * _UNKNOWN_DIFFERENCE_K
+    return math.hypot(SOFTENING_STD_PER_K * warmer_k, SOFTENING_PER_K * _DIFFERENCE_STD_K)

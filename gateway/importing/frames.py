@@ -62,7 +62,11 @@ class Quantiser:
         )
 
     def counts(self, columns: FloatArray) -> tuple[NDArray[np.int16], FloatArray]:
-        """Return (n, axes) counts, and the (axes,) largest quantisation error of unclipped samples in m/s^2."""
+        """Return (n, axes) counts, and the (axes,) largest quantisation error of unclipped samples in m/s^2.
+
+        Args:
+            columns: (n, axes) finite values in the columns' units, n at least 1.
+        """
         values_mps2 = (columns - self.offsets) * self.factors_mps2
         rounded = np.rint(values_mps2 / self.scale_mps2)
         clipped = np.clip(rounded, -32767, 32767)
@@ -83,6 +87,7 @@ class FrameStream:
         self._chunk_samples = max(1, round(CHUNK_S * found.rate_hz / self._block_samples)) * self._block_samples
         self._pressure_pa = PRESSURE_UNITS_PA[import_map.environment.pressure_unit]
         self._counts = np.empty((0, len(axes)), dtype=np.int16)
+        self._present = np.empty(0, dtype=np.bool_)
         self._slow = np.empty((0, 2))
         self._sample = 0
         self._seq = 0
@@ -96,27 +101,31 @@ class FrameStream:
         return self._sample / self._rate_hz
 
     def chunks(
-        self, counts: NDArray[np.int16], slow: FloatArray, *, last: bool = False
+        self, counts: NDArray[np.int16], present: NDArray[np.bool_], slow: FloatArray, *, last: bool = False
     ) -> Iterator[tuple[float, bytes]]:
         """Yield (end of its last sample in s, bytes) of each complete chunk; with `last`, of all that remain.
 
         Args:
             counts: (n, axes) samples.
+            present: (n,) whether there is a sample; gaps are not sent, but numbered.
             slow: (n, 2) pressure in the map's unit and temperature in degC, NaN where not measured.
             last: whether these are the last samples.
         """
         self._counts = np.concatenate((self._counts, counts))
+        self._present = np.concatenate((self._present, present))
         self._slow = np.concatenate((self._slow, slow))
         done, total = 0, len(self._counts)
         while total - done >= self._chunk_samples or (last and done < total):
             stop = min(done + self._chunk_samples, total)
-            data = self._chunk(self._counts[done:stop], self._slow[done:stop])
+            data = self._chunk(self._counts[done:stop], self._present[done:stop], self._slow[done:stop])
             done = stop
-            yield self.end_s, data
+            if data:
+                yield self.end_s, data
         # Copies: a view would keep the whole block alive.
         self._counts, self._slow = self._counts[done:].copy(), self._slow[done:].copy()
+        self._present = self._present[done:].copy()
 
-    def _chunk(self, counts: NDArray[np.int16], slow: FloatArray) -> bytes:
+    def _chunk(self, counts: NDArray[np.int16], present: NDArray[np.bool_], slow: FloatArray) -> bytes:
         parts = []
         if self._sample >= self._next_hello:
             parts.append(self._frame(MessageType.HELLO, self._hello))
@@ -127,9 +136,12 @@ class FrameStream:
             self._next_environment = self._sample + round(wire.ENVIRONMENT_PERIOD_S * self._rate_hz)
         for first in range(0, len(counts), self._block_samples):
             block = counts[first : first + self._block_samples]
-            samples = SampleBlock(self._sample & 0xFFFF_FFFF, self._mask, block)
-            parts.append(self._frame(MessageType.SAMPLES, samples))
-            self._sample += len(block)
+            begin = self._sample
+            for start, stop in _runs(present[first : first + self._block_samples]):
+                self._sample = begin + start
+                samples = SampleBlock(self._sample & 0xFFFF_FFFF, self._mask, block[start:stop])
+                parts.append(self._frame(MessageType.SAMPLES, samples))
+            self._sample = begin + len(block)
         return b"".join(parts)
 
     def _frame(self, kind: MessageType, message: Message) -> bytes:
@@ -151,6 +163,14 @@ class FrameStream:
         if pressure is None and temperature is None:
             return None
         return Environment(None if pressure is None else pressure * self._pressure_pa, temperature, None)
+
+
+def _runs(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return (start, stop) of each run of true values."""
+    if present.all():
+        return [(0, len(present))] if len(present) else []
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], present, [False])).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def _hello(import_map: ImportMap, found: Scan, quantiser: Quantiser) -> Hello:

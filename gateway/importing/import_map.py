@@ -11,7 +11,15 @@ from pydantic import AwareDatetime, BeforeValidator, Field
 
 from firmware_protocol.messages import Axis, Coupling
 from gateway.config.validation import Fault, Section, nearest, parse_document, read_text, show
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, POSITION_PATTERN, Tire, Vehicle, VehicleConfig, Wheel
+from gateway.config.vehicle import (
+    ASSUMED_RADIUS_MM,
+    ASSUMED_RADIUS_STD_MM,
+    POSITION_PATTERN,
+    Tire,
+    Vehicle,
+    VehicleConfig,
+    Wheel,
+)
 from gateway.constants import STANDARD_GRAVITY_MPS2
 
 ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
@@ -221,6 +229,7 @@ class ImportMap(Section):
         tire = Tire(
             size=stated.tire,
             radius_mm=ASSUMED_RADIUS_MM if stated.radius_mm is None else stated.radius_mm,
+            radius_std_mm=ASSUMED_RADIUS_STD_MM if stated.radius_mm is None else None,
             pressure_kpa=stated.pressure_kpa,
             pressure_std_kpa=stated.pressure_std_kpa,
             temperature_degc=stated.temperature_degc,

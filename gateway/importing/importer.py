@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -11,13 +12,17 @@ from typing import Final
 
 import numpy as np
 
-from firmware_protocol.messages import Axis
+from firmware_protocol.messages import Axis, Coupling
+from gateway.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.errors import RecordingError
-from gateway.importing.columns import Block, ColumnReader, open_columns, require_columns
+from gateway.importing.columns import Block, ColumnReader, require_columns
 from gateway.importing.data_scan import Scan, scan
+from gateway.importing.file_formats import open_columns
 from gateway.importing.frames import FrameStream, Quantiser
 from gateway.importing.import_map import ImportMap
+from gateway.importing.unit_check import unlikely_unit
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
+from gateway.reasons import Reason
 from gateway.recording.writer import RecordingWriter
 from gateway.types import FloatArray
 
@@ -55,13 +60,17 @@ class ImportReport:
         position: wheel position in it.
         samples: number of samples imported.
         skipped: rows left out before the start.
+        gaps: rows in which an axis has no value, which are gaps between samples.
         rate_hz: sampling rate.
+        rate_std_hz: its standard error where the times are rounded, else None.
+        rounding_s: step to which the times are rounded, None when they are not.
         duration_s: samples over rate.
         jitter_s: largest deviation of a step of the time column, None without a time column.
         axes: one report per axis, in the protocol's order.
         environment_frames: pressure and temperature messages.
         assumed: assumptions of the map that the results rest on, as kept in the recording's configuration.
         start_is_file_date: whether the file's modification time stands in for the start, which the map does not state.
+        findings: contradictions between the map and the measurement.
     """
 
     recording: Path
@@ -69,13 +78,17 @@ class ImportReport:
     position: str
     samples: int
     skipped: int
+    gaps: int
     rate_hz: float
+    rate_std_hz: float | None
+    rounding_s: float | None
     duration_s: float
     jitter_s: float | None
     axes: tuple[AxisReport, ...]
     environment_frames: int
     assumed: tuple[str, ...]
     start_is_file_date: bool
+    findings: tuple[Reason, ...]
 
 
 def import_file(
@@ -93,13 +106,19 @@ def import_file(
         ImportDataError: the measurement does not match the map; nothing was written.
         RecordingError: the recording exists or cannot be written.
     """
-    if out.is_file():
-        # The writer would reject it too, but only after the first pass.
-        raise RecordingError(
-            f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
-        )
-    reader = open_columns(path, import_map.file)
-    require_columns(reader, path, import_map.columns())
+    with contextlib.closing(open_columns(path, import_map.file)) as reader:
+        require_columns(reader, path, import_map.columns())
+        if out.is_file():
+            # The writer would reject it too, but only after the first pass.
+            raise RecordingError(
+                f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
+            )
+        return _import(path, reader, import_map, out, progress)
+
+
+def _import(
+    path: Path, reader: ColumnReader, import_map: ImportMap, out: Path, progress: Callable[[float], None]
+) -> ImportReport:
     found = scan(path, reader, import_map, lambda share: progress(0.5 * share))
     _logger.info("%s: %d rows after the first %d, %g Hz", path, found.samples, found.skipped, found.rate_hz)
     quantiser = Quantiser.of(import_map, found)
@@ -112,12 +131,15 @@ def import_file(
         errors_mps2 = np.zeros(len(quantiser.scale_mps2))
         for columns, slow, share in _selected(reader, import_map, found):
             progress(0.5 + 0.5 * share)
-            counts, block_errors_mps2 = quantiser.counts(columns)
-            errors_mps2 = np.maximum(errors_mps2, block_errors_mps2)
-            for end_s, data in stream.chunks(counts, slow):
+            present = np.asarray(np.isfinite(columns).all(axis=1))
+            counts = np.zeros(columns.shape, dtype=np.int16)
+            if present.any():
+                counts[present], block_errors_mps2 = quantiser.counts(columns[present])
+                errors_mps2 = np.maximum(errors_mps2, block_errors_mps2)
+            for end_s, data in stream.chunks(counts, present, slow):
                 writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
         no_counts = np.empty((0, len(quantiser.scale_mps2)), dtype=np.int16)
-        for end_s, data in stream.chunks(no_counts, np.empty((0, 2)), last=True):
+        for end_s, data in stream.chunks(no_counts, np.empty(0, dtype=np.bool_), np.empty((0, 2)), last=True):
             writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
         end_ns = start_ns + round(stream.end_s * 1e9)
         writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED))
@@ -137,6 +159,9 @@ def import_file(
         position=import_map.conditions.position,
         samples=found.samples,
         skipped=found.skipped,
+        gaps=found.gaps,
+        rate_std_hz=found.rate_std_hz,
+        rounding_s=found.rounding_s,
         rate_hz=found.rate_hz,
         duration_s=found.samples / found.rate_hz,
         jitter_s=found.jitter_s,
@@ -144,7 +169,17 @@ def import_file(
         environment_frames=stream.environment_frames,
         assumed=import_map.assumptions(),
         start_is_file_date=import_map.sampling.start_utc is None,
+        findings=_findings(import_map, found),
     )
+
+
+def _findings(import_map: ImportMap, found: Scan) -> tuple[Reason, ...]:
+    radial = import_map.axis.radial
+    radius_m = (import_map.conditions.radius_mm or ASSUMED_RADIUS_MM) * 1e-3
+    assert radial is not None  # the map requires it
+    dc = import_map.sensor.protocol_coupling is Coupling.DC
+    finding = unlikely_unit(found.liveliest_mps2, found.rate_hz, radius_m, radial.unit, dc=dc)
+    return () if finding is None else (finding,)
 
 
 def _selected(

@@ -59,6 +59,7 @@ EVENT_DETAILS: Final[Mapping[str, Mapping[str, type]]] = {
     Code.BLE_DEVICE: {"device": str},
     Code.LINK_AWAY: {"away_s": float},
     Code.LINK_DISCONNECTED: {},
+    Code.MARK_NOT_KEPT: {},
     Code.MTU: {"mtu": int},
     Code.MTU_TOO_SMALL: {"mtu": int, "needed": int},
     Code.MTU_UNKNOWN: {"needed": int},
@@ -101,7 +102,8 @@ class LinkEvent:
     def reason(self) -> Reason:
         """Kind, text and details as one reason, for views."""
         if self.kind is LinkEventKind.MARK:
-            return Reason(Code.MARK, text=self.text)
+            event = Reason(Code.MARK, text=self.text)
+            return Reason(Code.LINK_EVENT, event=event, details=self.details) if self.details else event
         event = Reason(_EVENT_CODES[self.kind])
         quoted = (Reason(Code.QUOTED_TEXT, text=self.text),) if self.text else ()
         details = (*quoted, *self.details)

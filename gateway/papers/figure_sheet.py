@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -26,6 +27,7 @@ def draw_figures(
     out: Path,
     *,
     suffix: str,
+    write: Callable[[Path, bytes], None],
     force: bool = False,
     on_figure: Callable[[str, str], None] = lambda _name, _caption: None,
 ) -> list[Path]:
@@ -35,6 +37,7 @@ def draw_figures(
         figures: drawing function by name.
         out: folder; created if it does not exist.
         suffix: one of FORMATS.
+        write: writes a whole file.
         force: whether existing files may be replaced.
         on_figure: called with name and caption after each figure.
 
@@ -51,17 +54,12 @@ def draw_figures(
             captions[name] = draw(figure)
             for axes in figure.axes:
                 axes.spines[["top", "right"]].set_visible(False)
-            try:
-                # No date, so that the same figure gives the same file.
-                figure.savefig(file, metadata={"Date": None} if suffix == "svg" else None)
-            except OSError as error:
-                raise OutputError(f"cannot write '{file}': {error.strerror}", "Choose another folder.") from error
+            drawn = io.BytesIO()
+            # No date, so that the same figure gives the same file.
+            figure.savefig(drawn, format=suffix, metadata={"Date": None} if suffix == "svg" else None)
+            write(file, drawn.getvalue())
             on_figure(name, captions[name])
-    page = _index(figures, captions, suffix)
-    try:
-        (out / INDEX).write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot write '{out / INDEX}': {error.strerror}", "Choose another folder.") from error
+    write(out / INDEX, _index(figures, captions, suffix).encode())
     return [*files, out / INDEX]
 
 

@@ -74,8 +74,10 @@ class BeltShape:
     closure: FloatArray
 
 
-def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_order: int = MAX_ORDER) -> FloatArray:
-    """Return the cosine orders about `centre_rad` of waveforms on the angle grid.
+def orders_about(
+    waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_order: int = MAX_ORDER
+) -> ComplexArray:
+    """Return the orders c - i s about `centre_rad` of waveforms on the angle grid: c cos n theta + s sin n theta.
 
     Args:
         waveform: (..., n), theta = -pi + 2 pi k / n, n > 2 MAX_ORDER.
@@ -88,9 +90,15 @@ def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_
     n = waveform.shape[-1]
     spectrum = np.fft.rfft(waveform, axis=-1)[..., : MAX_ORDER + 1]
     turn = np.multiply.outer(np.asarray(centre_rad) - math.pi, _ORDERS)
-    orders: FloatArray = (spectrum * np.exp(1j * turn)).real * (2.0 / n)
+    orders: ComplexArray = spectrum * np.exp(1j * turn) * (2.0 / n)
     orders[..., 0] *= 0.5
     orders[..., max_order + 1 :] = 0.0
+    return orders
+
+
+def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_order: int = MAX_ORDER) -> FloatArray:
+    """Return the cosine orders about `centre_rad`, (..., MAX_ORDER + 1), of waveforms as in `orders_about`."""
+    orders: FloatArray = orders_about(waveform, centre_rad, max_order).real.copy()
     return orders
 
 
@@ -146,6 +154,15 @@ def belt_shape(orders: FloatArray) -> BeltShape:
         position=-1j + integrate_from_zero(tangent),
         closure=closed[:, 1] - orders[:, 1],
     )
+
+
+def gravity_orders(shape: BeltShape) -> FloatArray:
+    """Return the cosine orders of gravity along the belt's normal over g, (b, MAX_ORDER + 1).
+
+    A sensor on the belt reads g cos(psi), psi being the angle of the normal from the vertical.
+    """
+    orders: FloatArray = np.cos(shape.angle_rad) @ _ANALYSIS
+    return orders
 
 
 def integrate_from_zero(values: ComplexArray) -> ComplexArray:

@@ -12,6 +12,21 @@ from gateway.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
+class Alarm:
+    """Something wrong now.
+
+    Attributes:
+        position: of the wheel, or name of the link.
+        name: kind of the alarm, one or two words: an `AlarmName` or the name of a sensor's flag.
+        reason: what is wrong.
+    """
+
+    position: str
+    name: str
+    reason: Reason
+
+
+@dataclass(frozen=True, slots=True)
 class RevolutionResult:
     """Result of one revolution of one wheel.
 
@@ -21,6 +36,8 @@ class RevolutionResult:
         revolution: the revolution itself.
         conditions: load, pressure and temperature during the revolution.
         estimates: of every estimator, in running order.
+        alarms: alarms that stood at the wheel; of recordings that are estimated in one pass only, as the next.
+        silent_before_s: time for which its sensor was silent between the previous result and this one.
     """
 
     position: str
@@ -28,15 +45,57 @@ class RevolutionResult:
     revolution: Revolution
     conditions: TireConditions
     estimates: tuple[Estimate, ...]
+    alarms: tuple[Alarm, ...] = ()
+    silent_before_s: float = 0.0
 
 
 class WheelState(StrEnum):
-    """Motion of a wheel, from its radial axis."""
+    """Motion of a wheel, from its radial axis; silent when its samples have stopped."""
 
     NO_DATA = "no data"
     SEARCHING = "searching"
     STANDSTILL = "standstill"
     ROLLING = "rolling"
+    SILENT = "silent"
+
+
+class SilentPart(StrEnum):
+    """What is silent, from the widest to the narrowest; a wheel that stands still is not silent."""
+
+    LINK = "link"
+    """The link is down."""
+    HUB = "hub"
+    """The hub sends no frame of any kind."""
+    SENSOR = "sensor"
+    """The hub sends, but nothing of this sensor."""
+    SAMPLES = "samples"
+    """The sensor sends other messages only."""
+    AXIS = "axis"
+    """The samples lack an axis that the hello declares."""
+    ENVIRONMENT = "environment"
+    """Pressure and temperature are old."""
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """A part of a wheel's stream that has stopped.
+
+    Attributes:
+        part: what is silent.
+        age_s: time since the last of it, or since the session began when there was none.
+        reason: the same in words.
+        is_certain: False in the seconds in which it is not known yet whether more is silent.
+    """
+
+    part: SilentPart
+    age_s: float
+    reason: Reason
+    is_certain: bool = True
+
+    @property
+    def stops_numbers(self) -> bool:
+        """Whether no new revolution can come."""
+        return self.part is not SilentPart.ENVIRONMENT
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +140,8 @@ class WheelSnapshot:
         wear_mm: tread wear; None when no estimator gives it.
         counters: sample and revolution counts.
         flags: present faults of the sensor.
+        missing: why not a single revolution has come, None when one has, or when it is too early to say.
+        silences: what of it is silent, the widest first.
     """
 
     position: str
@@ -95,6 +156,18 @@ class WheelSnapshot:
     wear_mm: Estimate | None = None
     counters: WheelCounters = field(default_factory=WheelCounters)
     flags: tuple[SensorFlag, ...] = ()
+    missing: Reason | None = None
+    silences: tuple[Silence, ...] = ()
+
+    @property
+    def silence(self) -> Silence | None:
+        """Why no new revolution can come, None while samples arrive."""
+        return next((silence for silence in self.silences if silence.stops_numbers), None)
+
+    @property
+    def old_environment(self) -> Silence | None:
+        """The silence of pressure and temperature, None while they are current."""
+        return next((silence for silence in self.silences if silence.part is SilentPart.ENVIRONMENT), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +186,13 @@ class LinkSnapshot:
         duplicates: frames seen twice.
         reordered: frames that came late.
         skipped: frames of unknown type or newer version.
-        latency_s: delay of the newest samples against the fastest seen, or None before time is known.
+        latency_s: delay of the newest samples against the fastest seen; None before time is known and in silence.
         queue_dropped: items that a stage could not take, by stage name.
         battery_percent: of the hub, None when unknown.
         rssi_dbm: of the hub's sensor link, else of the link itself when it was connected; None when unknown.
         supply_w: of the hub, None when unknown.
         judged: frames by what the check of their signatures found; empty when signatures do not matter.
+        silent_s: time since the last frame when every hub of the link is silent, else None.
     """
 
     link: str
@@ -138,21 +212,32 @@ class LinkSnapshot:
     rssi_dbm: int | None = None
     supply_w: float | None = None
     judged: Mapping[str, int] = field(default_factory=dict)
+    silent_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Alarm:
-    """Something wrong now.
+class AlarmRecord:
+    """An alarm over a whole session or recording.
 
     Attributes:
-        position: of the wheel, or name of the link.
-        name: kind of the alarm, one or two words: an `AlarmName` or the name of a sensor's flag.
-        reason: what is wrong.
+        position: as in Alarm.
+        name: as in Alarm.
+        reason: what was wrong, as last seen.
+        count: number of times that it was raised.
+        total_s: time for which it stood.
+        first_s: time of its first raising, from the beginning of the session or recording.
+        last_s: time at which it was last seen standing.
+        is_standing: whether it stood at the end.
     """
 
     position: str
     name: str
     reason: Reason
+    count: int
+    total_s: float
+    first_s: float
+    last_s: float
+    is_standing: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +253,7 @@ class SessionSnapshot:
         recording: path of the recording, empty when not recording.
         recorded_bytes: its size so far.
         ended: True when every source has ended.
+        alarm_records: every alarm since the session began, in the order in which they were first raised.
     """
 
     elapsed_s: float
@@ -178,3 +264,4 @@ class SessionSnapshot:
     recording: str
     recorded_bytes: int
     ended: bool
+    alarm_records: tuple[AlarmRecord, ...] = ()

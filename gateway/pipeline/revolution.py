@@ -63,8 +63,8 @@ class SensorReading:
 
     @property
     def has_radial(self) -> bool:
-        """Whether the sensor has a radial axis."""
-        return Axis.RADIAL in self.columns
+        """Whether the sensor has a radial axis that can be used; one of scale 0 cannot."""
+        return Axis.RADIAL in self.columns and self.scale_mps2[self.radial_column] != 0.0
 
     @property
     def radial_column(self) -> int:
@@ -131,7 +131,7 @@ def revolution_in_angle(
     missing = buffer.missing_between(math.floor(timed.start.centre), math.ceil(timed.end.centre)) / period
     radial_counts = counts[:, reading.radial_column]
     saturated = reading.is_saturated(radial_counts)
-    clipped = not saturated and (is_clipped(radial_counts) or is_clipped(-radial_counts))
+    clipped = not saturated and is_clipped(radial_counts * reading.sign)
     return Revolution(
         index=index,
         start_s=start_s,

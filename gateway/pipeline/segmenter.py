@@ -14,16 +14,15 @@ from gateway.pipeline.contact_tracking import ContactPair as ContactPair
 from gateway.pipeline.contact_tracking import ContactTrack, Missing, Read, consistent, restore_lost_edge
 from gateway.pipeline.results import WheelState
 from gateway.signal.contact_trains import LONGEST_PERIOD_S, Known
-from gateway.signal.segmentation import Contact, find_contacts, refine_contact
+from gateway.signal.segmentation import Contact, find_contacts, is_still, refine_contact
 from gateway.types import FloatArray
 
 SEARCH_STEP_S: Final = 0.125
 SEARCH_WINDOW_S: Final = 3.0
 # Samples older than this are never read: more than the longest periods with unobserved contacts in between.
 LOOK_BACK_S: Final = 3.4 * LONGEST_PERIOD_S
-# A wheel stands still when it shows no contact for this long and its signal varies by less than this.
+# A wheel stands still when it shows no contact for this long and its signal hardly varies.
 STANDSTILL_S: Final = 2.0
-STANDSTILL_STD_MPS2: Final = 2.5
 # A search uses the known properties of the wheel for this long.
 _TRUST_KNOWN_S: Final = 6.0
 # After this number of contacts, and then at this interval, an independent search over the last periods checks them.
@@ -109,7 +108,7 @@ class Segmenter:
         contacts = self._latest_placed(coarse, radial * sign, first, missing)
         if len(contacts) < 3:
             if not coarse and searched_s >= STANDSTILL_S:
-                self.state = WheelState.STANDSTILL if self._is_still(radial) else WheelState.SEARCHING
+                self.state = WheelState.STANDSTILL if is_still(radial, self._rate_hz) else WheelState.SEARCHING
             return []
         self.sign = sign
         self.state = WheelState.ROLLING
@@ -140,11 +139,6 @@ class Segmenter:
             else:
                 runs.append([contact])
         return next((run for run in reversed(runs) if len(run) >= 3), [])
-
-    def _is_still(self, radial: FloatArray) -> bool:
-        box = max(1, round(0.05 * self._rate_hz))
-        n = len(radial) // box * box
-        return n >= 4 * box and float(radial[:n].reshape(-1, box).mean(axis=1).std()) < STANDSTILL_STD_MPS2
 
     def _lose(self, resume: int, now: int) -> None:
         """Search again from sample `resume` on; decisions continue from `now`."""

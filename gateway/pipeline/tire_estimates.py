@@ -11,9 +11,12 @@ from typing import Final
 import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
+from gateway.estimators.evidence import Evidence, assess
 from gateway.estimators.registry import in_order, make_estimator
-from gateway.pipeline.results import RevolutionResult
+from gateway.estimators.self_calibration import SelfCalibrationEstimator
+from gateway.pipeline.old_pressure import old_pressure_s, rest_on_old_pressure
+from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import RunningAverage
@@ -26,11 +29,22 @@ _UNAFFECTED: Final = frozenset({"kinematic", "asynchronous"})
 
 
 class _Series:
-    """Average and estimators of revolutions that may be averaged together."""
+    """Average, self-calibration and estimators of revolutions that may be averaged together."""
 
     def __init__(self, estimators: Sequence[str]) -> None:
         self.average = RunningAverage()
-        self.estimators = [make_estimator(name) for name in in_order(estimators)]
+        # Always on, because what it measures decides how far the other estimates hold.
+        self.calibration = SelfCalibrationEstimator()
+        self.estimators: list[Estimator] = [
+            self.calibration if name == self.calibration.name else make_estimator(name) for name in in_order(estimators)
+        ]
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire."""
+        self.average.reset()
+        self.calibration.reset()
+        for estimator in self.estimators:
+            estimator.reset()
 
 
 class TireEstimates:
@@ -39,6 +53,7 @@ class TireEstimates:
     Attributes:
         last: the latest result, None before the first revolution.
         rejected: revolutions with faults, which stay out of the average.
+        evidence: what the signal says for or against what is stated; None before the first revolution.
     """
 
     def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
@@ -51,13 +66,13 @@ class TireEstimates:
         self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
         self.last: RevolutionResult | None = None
         self.rejected = 0
+        self.evidence: Evidence | None = None
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
         for series in self._series.values():
-            series.average.reset()
-            for estimator in series.estimators:
-                estimator.reset()
+            series.reset()
+        self.evidence = None
 
     def forget_environment(self) -> None:
         """Forget readings: the hub's time has restarted."""
@@ -74,32 +89,45 @@ class TireEstimates:
             self._series[uncorrected] = _Series(self._names)
         self._current = self._series[uncorrected]
         average = self._take_in(revolution)
-        conditions = self.conditions(end_us)
-        estimates = self._estimate(revolution, average, conditions)
+        conditions, estimates = self._estimate(revolution, average, self.conditions(end_us))
+        old_s = old_pressure_s(self._environment, end_us)
+        if old_s is not None:
+            estimates = rest_on_old_pressure(estimates, old_s)
         self.last = RevolutionResult(self._setup.position, host_ns, revolution, conditions, estimates)
         return self.last
 
     def _estimate(
-        self, revolution: Revolution, average: AngleAverage, conditions: TireConditions
-    ) -> tuple[Estimate, ...]:
-        """Run the estimators in order; each gets the estimates of those before it.
+        self, revolution: Revolution, average: AngleAverage, stated: TireConditions
+    ) -> tuple[TireConditions, tuple[Estimate, ...]]:
+        """Run the estimators in order; each gets the estimates of those before it, and the conditions in use.
 
         A name that an earlier estimator has used is prefixed with the estimator's: `ring-paper:Bs`.
         """
+        calibration = self._current.calibration
+        calibrated = calibration.update(revolution, average, stated)
+        self.evidence = evidence = assess(
+            calibration.measured,
+            stated,
+            stated.radius_m * revolution.omega_radps**2,
+            ac_coupled=revolution.ac_coupled,
+        )
+        conditions = evidence.applied_to(stated)
         given: dict[str, dict[str, Estimate]] = {}
         seeing = replace(conditions, given=MappingProxyType(given))
         estimates: list[Estimate] = []
         taken: set[str] = set()
         for estimator in self._current.estimators:
-            made = estimator.update(revolution, average, seeing)
+            is_calibration = estimator is calibration
+            made = calibrated if is_calibration else estimator.update(revolution, average, seeing)
             if revolution.uncorrected is not None and estimator.name not in _UNAFFECTED:
                 made = tuple(_doubted(estimate, revolution.uncorrected) for estimate in made)
+            made = tuple(evidence.qualified(estimate) for estimate in made)
             found = {estimate.name: estimate for estimate in made}
             given[estimator.name] = found
             for name, estimate in found.items():
                 estimates.append(replace(estimate, name=f"{estimator.name}:{name}") if name in taken else estimate)
             taken.update(found)
-        return tuple(estimates)
+        return conditions, tuple(estimates)
 
     def _take_in(self, revolution: Revolution) -> AngleAverage:
         """Update the running average, or leave it unchanged when the revolution has faults."""
@@ -137,9 +165,15 @@ class TireEstimates:
             temperature_degc=temperature,
             load_std_n=self._setup.load_std_n,
             pressure_std_pa=pressure_std,
-            sensor_offset_m=self._setup.sensor_offset_m,
+            radius_std_m=self._setup.radius_std_m,
+            claims=self._setup.sensor,
             tire=self._setup.tire,
         )
+
+    def flags(self) -> tuple[SensorFlag, ...]:
+        """Return what the signal contradicts of what is stated."""
+        contradictions = self.evidence.contradictions if self.evidence is not None else ()
+        return tuple(SensorFlag(str(found.subject), found.reason) for found in contradictions)
 
     @property
     def average(self) -> AngleAverage | None:

@@ -10,10 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import Environment, Hello
+from firmware_protocol.messages import Axis, Environment, Hello
+from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
+from gateway.constants import AXIS_NAMES
 from gateway.pipeline.contact_timing import ContactTimer
-from gateway.pipeline.results import RevolutionResult, WheelCounters, WheelSnapshot, WheelState
+from gateway.pipeline.missing_revolutions import MissingRevolutions
+from gateway.pipeline.results import RevolutionResult, SensorFlag, WheelCounters, WheelSnapshot, WheelState
 from gateway.pipeline.revolution import SensorReading, revolution_in_angle
 from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
@@ -21,6 +24,7 @@ from gateway.pipeline.sensor_health import SensorHealth
 from gateway.pipeline.timebase import HostClock, SampleClock
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 BUFFER_S: Final = 8.0
@@ -28,6 +32,8 @@ BUFFER_S: Final = 8.0
 _MAX_GAP_S: Final = 0.25
 # Tolerance between the time stamp and the sample number of a late block. If it is exceeded, the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
+# Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
+_NO_CONTACTS_WITH: Final = frozenset((Code.SENSOR_DEAD, Code.SENSOR_STUCK, Code.SENSOR_TILTED))
 
 
 @dataclass(slots=True)
@@ -47,6 +53,7 @@ class WheelPipeline:
         self.setup = setup
         self._tire = TireEstimates(setup, estimators)
         self._timer = ContactTimer()
+        self._missing = MissingRevolutions(setup.radius_m)
         self._sensor: _Sensor | None = None
         self._buffer: SampleBuffer | None = None
         self._segmenter: Segmenter | None = None
@@ -112,7 +119,8 @@ class WheelPipeline:
         if self._segmenter is None:
             buffer.reset(first_sample)
             self._looked_at = first_sample
-            self._segmenter = Segmenter(sensor.hello.rate_hz, first_sample)
+            self._start_segmenter(first_sample)
+        assert self._segmenter is not None
         first = unwrap(buffer.head, first_sample)
         step = first - buffer.head
         if step < 0:
@@ -125,7 +133,9 @@ class WheelPipeline:
             self._begin_at(first_sample)
             return self.samples(first_sample, ticks_us, axes, counts, host)
         if step > _MAX_GAP_S * sensor.hello.rate_hz:
-            self._lost += step
+            # Numbers for which the hub's clock shows no time are a jump of the firmware's, not lost samples.
+            if not is_jump(step, ticks_us[0] - clock.hub_us(buffer.head), sensor.hello.rate_hz):
+                self._lost += step
             before = self._finish_segment(host)
             self._begin_at(first)
             return before + self.samples(first_sample, ticks_us, axes, counts, host)
@@ -145,11 +155,17 @@ class WheelPipeline:
                 self._count_saturated()
                 pairs = self._segmenter.advance(self._read_radial, buffer.missing_between, buffer.head)
                 results += [self._revolve(pair, host) for pair in pairs]
+            self._missing.samples(buffer.head, self._read_radial, self._saturated_share)
         return results
 
     def finish(self, host: HostClock) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more samples will come."""
-        return self._finish_segment(host) if self._segmenter is not None else []
+        if self._segmenter is None:
+            return []
+        results = self._finish_segment(host)
+        assert self._buffer is not None
+        self._missing.finish(self._buffer.head, self._read_radial, self._saturated_share)
+        return results
 
     def _count_saturated(self) -> None:
         """Check the samples since the last call; once per revolution is cheaper than once per frame."""
@@ -169,9 +185,15 @@ class WheelPipeline:
         self._count_saturated()
         self._looked_at = head
         self._buffer.reset(head)
-        self._segmenter = Segmenter(self._sensor.hello.rate_hz, head)
+        self._start_segmenter(head)
         self._timer.reset()
         self._clock = SampleClock(self._sensor.hello.rate_hz)
+
+    def _start_segmenter(self, head: int) -> None:
+        assert self._sensor is not None
+        rate_hz = self._sensor.hello.rate_hz
+        self._segmenter = Segmenter(rate_hz, head)
+        self._missing.begin(head, rate_hz, is_dc=not self._sensor.reading.ac_coupled)
 
     def _finish_segment(self, host: HostClock) -> list[RevolutionResult]:
         buffer, segmenter = self._buffer, self._segmenter
@@ -186,6 +208,15 @@ class WheelPipeline:
         assert sensor is not None
         assert buffer is not None
         return sensor.reading.radial_mps2(buffer.view(first, end))
+
+    def _saturated_share(self, first: int, end: int) -> float:
+        """Return the share of samples whose radial axis is at the end of the sensor's range."""
+        sensor, buffer = self._sensor, self._buffer
+        assert sensor is not None
+        assert buffer is not None
+        radial = buffer.view(first, end)[:, sensor.reading.radial_column]
+        limit = sensor.reading.saturation_counts
+        return float(((radial >= limit) | (radial <= -limit)).mean()) if len(radial) else 0.0
 
     def _revolve(self, pair: ContactPair, host: HostClock) -> RevolutionResult:
         sensor, buffer, clock, segmenter = self._sensor, self._buffer, self._clock, self._segmenter
@@ -218,6 +249,7 @@ class WheelPipeline:
             uncorrected=uncorrected,
         )
         self._revolutions += 1
+        self._missing.came(pair.end.centre)
         sensor.health.revolution(in_angle)
         return self._tire.take(in_angle, end_us, host.host_ns(end_us))
 
@@ -227,13 +259,42 @@ class WheelPipeline:
         average = self._tire.average
         return average.radial_mps2 if average is not None else None
 
+    def _missing_reason(self, flags: tuple[SensorFlag, ...]) -> Reason | None:
+        """Return why not a single revolution has come, None when one has, or it is too early to say."""
+        sensor = self._sensor
+        why = self._missing.reasons
+        if self._revolutions:
+            return None
+        if not why and self.blocks_before_hello:
+            if sensor is not None and not sensor.reading.has_radial:
+                why = (Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[Axis.RADIAL]),)
+            else:
+                why = (Reason(Code.SAMPLES_WITHOUT_HELLO, count=self.blocks_before_hello),)
+        elif not why and sensor is not None and self._segmenter is None:
+            why = (Reason(Code.NO_SAMPLES),)
+        if not why:
+            return None
+        faults = tuple(flag.reason for flag in flags if flag.reason.code in _NO_CONTACTS_WITH)
+        if faults and why[0].code is not Code.RADIAL_AT_RANGE_END:
+            why = faults
+        return Reason(Code.NO_REVOLUTION, duration_s=self._missing.duration_s, why=why)
+
+    def _flags(self) -> tuple[SensorFlag, ...]:
+        """Return the present faults, one that keeps revolutions from coming last."""
+        health = self._sensor.health.flags() if self._sensor is not None else ()
+        flags = (*health, *self._tire.flags())
+        if not self._missing.is_fault or any(flag.reason.code in _NO_CONTACTS_WITH for flag in flags):
+            return flags
+        reason = Reason(Code.NO_REVOLUTION, duration_s=self._missing.waited_s, why=self._missing.present)
+        return (*flags, SensorFlag("no revolution", reason))
+
     def snapshot(self) -> WheelSnapshot:
         """Return the latest state for views."""
         conditions = self._tire.conditions(math.inf)
         load = self._tire.latest("load_n") if conditions.load_n is None else None
         hello = self._sensor.hello if self._sensor is not None else None
         state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
-        buffer = self._buffer
+        buffer, flags = self._buffer, self._flags()
         return WheelSnapshot(
             position=self.setup.position,
             sensor_id=f"{hello.sensor_id:08x}" if hello is not None else "",
@@ -253,5 +314,6 @@ class WheelPipeline:
                 revolutions=self._revolutions,
                 revolutions_rejected=self._tire.rejected,
             ),
-            flags=self._sensor.health.flags() if self._sensor is not None else (),
+            flags=flags,
+            missing=self._missing_reason(flags),
         )

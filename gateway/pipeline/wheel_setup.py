@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gateway.estimators.tire_data import LoadCalibration as LoadCalibration  # for gateway.config, as the next ones
+from gateway.estimators.sensor_claims import GAIN_STD as GAIN_STD  # for gateway.config, as the next ones
+from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M as HAND_MOUNTED_STD_M
+from gateway.estimators.sensor_claims import RADIUS_STD as RADIUS_STD
+from gateway.estimators.sensor_claims import ZERO_G_STD_MPS2 as ZERO_G_STD_MPS2
+from gateway.estimators.sensor_claims import SensorClaims as SensorClaims
+from gateway.estimators.tire_data import LoadCalibration as LoadCalibration
 from gateway.estimators.tire_data import ReferenceNumbers as ReferenceNumbers
 from gateway.estimators.tire_data import TireData as TireData
 from gateway.signal.effect_correction import CorrectedEffect as CorrectedEffect
@@ -21,12 +26,13 @@ class WheelSetup:
         hub: hub number on its link.
         wheel: wheel number at the hub.
         radius_m: belt radius.
+        radius_std_m: its standard error.
         load_n: vertical load, None when unknown.
         load_std_n: its standard error.
         pressure_pa: stated inflation pressure, used until the sensor reports one; None when unknown.
         pressure_std_pa: its standard error.
         temperature_degc: stated temperature, used until the sensor reports one.
-        sensor_offset_m: distance of the sensor below (inside) the belt's neutral layer.
+        sensor: what is stated about the sensor.
         tire: the new tire's reference numbers, thickness and load calibration.
         correction: known effects to subtract from the axes; None for none.
     """
@@ -35,11 +41,12 @@ class WheelSetup:
     hub: int
     wheel: int
     radius_m: float
+    radius_std_m: float = 0.0
     load_n: float | None = None
     load_std_n: float = 0.0
     pressure_pa: float | None = None
     pressure_std_pa: float = 0.0
     temperature_degc: float | None = None
-    sensor_offset_m: float = 0.0
+    sensor: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)
     correction: CorrectionTable | None = None

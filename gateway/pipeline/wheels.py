@@ -5,7 +5,7 @@ Synchronous and deterministic: no clock, no I/O. The results do not depend on th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from operator import itemgetter
@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import Environment, Frame, Hello, MessageType, SampleBlock
+from firmware_protocol.messages import HUB_ITSELF, Environment, Frame, Hello, MessageType, SampleBlock
 from firmware_protocol.sequence import unwrap
+from firmware_protocol.wheel_limit import WheelLimit
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.pipeline.timebase import HostClock
@@ -45,7 +46,11 @@ class _Hub:
 
 
 class Pipeline:
-    """Routes frames to wheels by link, hub and wheel number."""
+    """Routes frames to wheels by link, hub and wheel number.
+
+    Attributes:
+        limit: admission of wheels; frames of others are not used.
+    """
 
     def __init__(
         self,
@@ -71,12 +76,15 @@ class Pipeline:
         self._claimed: dict[tuple[int, int], str] = {}
         self._wheels: dict[tuple[str, int, int], WheelPipeline] = {}
         self._hubs: dict[tuple[str, int], _Hub] = {}
+        self.limit = WheelLimit(self._setups)
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions they complete."""
         results: list[RevolutionResult] = []
         newest: tuple[_Hub, int] | None = None
         for frame in frames:
+            if not self.limit.admits(link, frame.hub, frame.wheel):
+                continue
             hub = self._hub(link, frame)
             tick_us = hub.unwrap(frame.tick_us)
             hub.host.stamp(tick_us, host_ns)
@@ -84,6 +92,8 @@ class Pipeline:
             message = frame.message
             if isinstance(message, SampleBlock):
                 wheel = self._wheel(link, frame.hub, frame.wheel)
+                if wheel is None:
+                    continue
                 results += wheel.samples(message.first_sample, (tick_us,), message.axes, message.counts, hub.host)
             else:
                 self._slow(link, frame, tick_us)
@@ -100,15 +110,15 @@ class Pipeline:
             host_ns: (frames,) arrival time of each.
         """
         results: list[RevolutionResult] = []
-        groups = batch.sample_groups()
+        groups = _Groups(batch, lambda hub, wheel: self.limit.admits(link, hub, wheel))
         slow = np.flatnonzero(batch.type != MessageType.SAMPLES).tolist()
         begin = 0
         # Split at every slow frame, so that a hello or a pressure takes effect exactly where it does live. In between,
         # wheels are independent, and each wheel's blocks are processed at once.
         for stop in (*slow, len(batch.type)):
             if stop > begin:
-                ticks_us = self._stamp(link, batch, slice(begin, stop), host_ns)
-                for group, part in _in_stream_order(groups, begin, stop):
+                ticks_us = self._stamp(link, batch, slice(begin, stop), groups.is_used[begin:stop], host_ns)
+                for group, part in groups.in_stream_order(begin, stop):
                     own_ticks_us = ticks_us[group.frame_index[part] - begin]
                     results += self._group(link, group, part, own_ticks_us)
             if stop < len(batch.type):
@@ -124,14 +134,16 @@ class Pipeline:
             begin = stop + 1
         return results
 
-    def _stamp(self, link: str, batch: FrameBatch, part: slice, host_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Unwrap the hub time of a run of sample frames and update the hubs' clocks."""
+    def _stamp(
+        self, link: str, batch: FrameBatch, part: slice, is_used: NDArray[np.bool_], host_ns: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Unwrap the hub time of a run of sample frames and update the hubs' clocks; unused frames change nothing."""
         hubs = np.asarray(batch.hub[part])
         ticks = np.asarray(batch.tick_us[part])
         arrivals = host_ns[part]
         unwrapped = np.empty(len(ticks), np.int64)
-        for number in np.unique(hubs).tolist():
-            own = np.flatnonzero(hubs == number)
+        for number in np.unique(hubs[is_used]).tolist():
+            own = np.flatnonzero((hubs == number) & is_used)
             hub = self._known_hub(link, number)
             first = hub.unwrap(int(ticks[own[0]]))
             steps = np.diff(ticks[own].astype(np.uint32)).astype(np.int32).astype(np.int64)
@@ -143,6 +155,8 @@ class Pipeline:
 
     def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> list[RevolutionResult]:
         wheel = self._wheel(link, group.hub, group.wheel)
+        if wheel is None:
+            return []
         host = self._hubs[(link, group.hub)].host
         first = np.asarray(group.first_sample[part]).astype(np.uint32)
         counts = group.counts[part]
@@ -173,12 +187,17 @@ class Pipeline:
         return hub
 
     def _slow(self, link: str, frame: Frame, tick_us: int) -> None:
-        if isinstance(frame.message, Hello):
-            self._wheel(link, frame.hub, frame.wheel).hello(frame.message)
-        elif isinstance(frame.message, Environment):
-            self._wheel(link, frame.hub, frame.wheel).environment(tick_us, frame.message)
+        if isinstance(frame.message, Hello | Environment):
+            wheel = self._wheel(link, frame.hub, frame.wheel)
+            if wheel is not None and isinstance(frame.message, Hello):
+                wheel.hello(frame.message)
+            elif wheel is not None and isinstance(frame.message, Environment):
+                wheel.environment(tick_us, frame.message)
 
-    def _wheel(self, link: str, hub: int, number: int) -> WheelPipeline:
+    def _wheel(self, link: str, hub: int, number: int) -> WheelPipeline | None:
+        """Return an admitted wheel, new if need be; None for the hub itself, which has no sensor."""
+        if number == HUB_ITSELF:
+            return None
         key = (link, hub, number)
         wheel = self._wheels.get(key)
         if wheel is None:
@@ -216,25 +235,43 @@ class Pipeline:
         """Return the running average of a wheel's radial axis, None before its first revolution."""
         return next((wheel.average_mps2 for wheel in self._order if wheel.setup.position == position), None)
 
-    def latency_s(self, link: str) -> float | None:
-        """Return the delay of the newest frame of `link` relative to the fastest, None before the first frame."""
-        known = [hub.host.latency_s for (of, _), hub in self._hubs.items() if of == link]
+    def latency_s(self, link: str, hubs: Container[int]) -> float | None:
+        """Return the delay of the newest frame of these hubs relative to the fastest, None before the first frame."""
+        known = [hub.host.latency_s for (of, number), hub in self._hubs.items() if of == link and number in hubs]
         return max((value for value in known if value is not None), default=None)
 
 
-def _in_stream_order(groups: Sequence[SampleGroup], begin: int, stop: int) -> Iterator[tuple[SampleGroup, slice]]:
-    """Yield the groups' frames from `begin` to `stop`, those of each wheel in the order of the stream."""
-    parts: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
-    for group in groups:
-        lo, hi = np.searchsorted(group.frame_index, (begin, stop)).tolist()
-        if lo < hi:
-            parts.setdefault((group.hub, group.wheel), []).append((group, lo, hi))
-    for of_wheel in parts.values():
-        if len(of_wheel) == 1:
-            group, lo, hi = of_wheel[0]
-            yield group, slice(lo, hi)
-            continue
-        # The wheel changed its block size or its axes: its blocks are taken one by one.
-        frames = [(int(group.frame_index[at]), group, at) for group, lo, hi in of_wheel for at in range(lo, hi)]
-        for _, group, at in sorted(frames, key=itemgetter(0)):
-            yield group, slice(at, at + 1)
+class _Groups:
+    """Sample blocks of a batch by wheel and shape, found by their place in the stream."""
+
+    def __init__(self, batch: FrameBatch, admits: Callable[[int, int], bool]) -> None:
+        # Places are taken in the order of the stream, as live.
+        used = {source for source in batch.sources() if admits(*source)}
+        self._groups = [group for group in batch.sample_groups() if (group.hub, group.wheel) in used]
+        # Group of each frame of the batch, -1 where its samples are not used, and its place in the group.
+        self._of: NDArray[np.int64] = np.full(len(batch), -1)
+        self._place: NDArray[np.int64] = np.zeros(len(batch), np.int64)
+        for number, group in enumerate(self._groups):
+            self._of[group.frame_index] = number
+            self._place[group.frame_index] = np.arange(len(group.frame_index))
+        self.is_used: NDArray[np.bool_] = self._of >= 0
+
+    def in_stream_order(self, begin: int, stop: int) -> Iterator[tuple[SampleGroup, slice]]:
+        """Yield the groups' frames from `begin` to `stop`, those of each wheel in the order of the stream."""
+        of = self._of[begin:stop]
+        numbers, counts = np.unique(of, return_counts=True)
+        parts: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
+        for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
+            if number >= 0:
+                group = self._groups[number]
+                lo = int(self._place[begin + int(np.argmax(of == number))])
+                parts.setdefault((group.hub, group.wheel), []).append((group, lo, lo + count))
+        for of_wheel in parts.values():
+            if len(of_wheel) == 1:
+                group, lo, hi = of_wheel[0]
+                yield group, slice(lo, hi)
+                continue
+            # The wheel changed its block size or its axes: its blocks are taken one by one.
+            frames = [(int(group.frame_index[at]), group, at) for group, lo, hi in of_wheel for at in range(lo, hi)]
+            for _, group, at in sorted(frames, key=itemgetter(0)):
+                yield group, slice(at, at + 1)

@@ -15,6 +15,7 @@ from gateway.io.source import Chunk
 
 # Below 0.5 MiB the cost per block is noticeable.
 _BLOCK_BYTES: Final = 1 << 20
+_BLOCK_CHUNKS: Final = 1 << 16
 
 
 class LinkBlocks:
@@ -42,7 +43,7 @@ class LinkBlocks:
         self._pending += chunk.data
         self._ends.append(self._fed + len(self._pending))
         self._arrivals_ns.append(chunk.host_ns)
-        if len(self._pending) >= _BLOCK_BYTES:
+        if len(self._pending) >= _BLOCK_BYTES or len(self._ends) >= _BLOCK_CHUNKS:
             yield from self._decode(self._decoder.feed(self._take()))
 
     def finish(self) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:

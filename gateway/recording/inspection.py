@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.block_decoder import FrameBatch, SampleGroup
 from firmware_protocol.counters import LinkCounters
-from firmware_protocol.messages import Hello, MessageType
+from firmware_protocol.messages import Hello, LogText, Message, MessageType
+from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
+from firmware_protocol.wheel_limit import WheelLimit
 from gateway.io.source import LinkEvent
 from gateway.reasons import Reason
 from gateway.recording.decoder_blocks import LinkBlocks
-from gateway.recording.mcap_layout import RAW_ENCODING, message_to_item
+from gateway.recording.mcap_layout import RAW_ENCODING, link_items
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _SECOND_NS: Final = 1_000_000_000
+# Lines of a hub's log that are kept; they are for people to read.
+_MOST_LOG_LINES: Final = 1000
+MAX_EVENTS: Final = 10_000
+"""Largest number of events that an inspection keeps."""
+# A day; the time line of a longer recording shows the rest in its last second.
+_MAX_SECONDS: Final = 86_400
 
 
 @dataclass(slots=True)
@@ -55,12 +63,23 @@ class WheelInspection:
             self.boots.append(boot_count)
             self._next = self._first = self._tick = None
 
+    def _jumps(self, number: int, tick_us: int) -> bool:
+        """Return whether sample numbers and the hub's clock advance apart, so that no samples are missing."""
+        if self._next is None or self._tick is None or self.hello is None:
+            return False
+        us = unwrap(self._tick, tick_us) - self._tick
+        return bool(is_jump(unwrap(self._next, number) - self._next, us, self.hello.rate_hz))
+
     def add(self, group: SampleGroup, place: int, host_s: int) -> None:
         """Count a block of samples."""
         n = group.counts.shape[1]
         number = int(group.first_sample[place])
+        if self._jumps(number, int(group.tick_us[place])):
+            self._next = self._first = self._tick = None
         expected = self._next
         first = number if expected is None else unwrap(expected, number)
+        if host_s not in self.seconds and len(self.seconds) >= _MAX_SECONDS:
+            host_s = next(reversed(self.seconds))
         second = self.seconds.setdefault(host_s, [0, 0])
         self.samples += n
         second[0] += n
@@ -79,6 +98,14 @@ class WheelInspection:
             self.measured_hz = (first - self._first[0]) * 1e6 / (self._tick - self._first[1])
 
 
+class LogLine(NamedTuple):
+    """A line of a hub's log: its arrival, the number of the hub, and the message."""
+
+    host_ns: int
+    hub: int
+    message: LogText
+
+
 @dataclass(slots=True)
 class LinkInspection:
     """Inspection of one link of a recording.
@@ -91,6 +118,9 @@ class LinkInspection:
         longest_silence_s: longest time between two chunks.
         counters: counts of the decoder.
         wheels: inspection by (hub, wheel).
+        limit: admission of wheels; others are counted only.
+        log: the first lines of the hubs' logs.
+        log_lines: number of all of them.
     """
 
     chunks: int = 0
@@ -100,10 +130,25 @@ class LinkInspection:
     longest_silence_s: float = 0.0
     counters: LinkCounters = field(default_factory=LinkCounters)
     wheels: dict[tuple[int, int], WheelInspection] = field(default_factory=dict)
+    limit: WheelLimit = field(default_factory=WheelLimit)
+    log: list[LogLine] = field(default_factory=list)
+    log_lines: int = 0
 
     def wheel(self, hub: int, wheel: int) -> WheelInspection:
         """Return the inspection of a source, created if it is new."""
         return self.wheels.setdefault((hub, wheel), WheelInspection())
+
+    def take(self, hub: int, wheel: int, message: Message, host_ns: int) -> None:
+        """Take a hello or a line of a hub's log."""
+        if isinstance(message, Hello):
+            for (of_hub, _), source in self.wheels.items():
+                if of_hub == hub:
+                    source.restart(message.boot_count)
+            self.wheel(hub, wheel).hello = message
+        elif isinstance(message, LogText):
+            self.log_lines += 1
+            if len(self.log) < _MOST_LOG_LINES:
+                self.log.append(LogLine(host_ns, hub, message))
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +158,8 @@ class Inspection:
     Attributes:
         info: description of the recording.
         links: inspection of each link, by name.
-        events: link events and marks in order.
+        events: the first link events and marks in order, at most MAX_EVENTS.
+        events_omitted: number of further ones.
         topics: number of messages by decoded topic.
         damage: the first unreadable part, None when everything was read.
     """
@@ -121,6 +167,7 @@ class Inspection:
     info: RecordingInfo
     links: dict[str, LinkInspection]
     events: tuple[LinkEvent, ...]
+    events_omitted: int
     topics: dict[str, int]
     damage: Reason | None
 
@@ -133,12 +180,17 @@ class Inspection:
         return min(link.first_ns for link in known), max(link.last_ns for link in known)
 
 
-def inspect_recording(path: Path, on_position: Callable[[int], None] | None = None) -> Inspection:
+def inspect_recording(
+    path: Path,
+    on_position: Callable[[int], None] | None = None,
+    on_batch: Callable[[str, FrameBatch], None] | None = None,
+) -> Inspection:
     """Read a recording in one pass.
 
     Args:
         path: the file.
         on_position: called with the number of bytes read so far, for a progress bar.
+        on_batch: called with the link and a block of its frames.
 
     Raises:
         RecordingError: the file does not exist or is not a recording.
@@ -148,39 +200,50 @@ def inspect_recording(path: Path, on_position: Callable[[int], None] | None = No
     blocks: dict[str, LinkBlocks] = {}
     events: list[LinkEvent] = []
     topics: Counter[str] = Counter()
+    omitted = 0
+
+    def count(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
+        for batch, arrivals_ns in batches:
+            if on_batch is not None:
+                on_batch(link, batch)
+            _count(links[link], batch, arrivals_ns)
+
     for message in reader.messages():
         if on_position is not None:
             on_position(reader.position)
-        item = message_to_item(message)
-        if isinstance(item, LinkEvent):
-            events.append(item)
         if message.channel.encoding != RAW_ENCODING:
             topics[message.channel.topic] += 1
-        if item is None or isinstance(item, LinkEvent):
-            continue
-        link = links.setdefault(item.link, LinkInspection(first_ns=item.host_ns, last_ns=item.host_ns))
-        link.chunks += 1
-        link.bytes_received += len(item.data)
-        link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - link.last_ns) * 1e-9)
-        link.last_ns = max(link.last_ns, item.host_ns)
-        for batch, arrivals_ns in blocks.setdefault(item.link, LinkBlocks(item.link)).add(item):
-            _count(link, batch, arrivals_ns)
+        for item in link_items(message):
+            if isinstance(item, LinkEvent):
+                if len(events) < MAX_EVENTS:
+                    events.append(item)
+                else:
+                    omitted += 1
+                continue
+            link = links.setdefault(item.link, LinkInspection(first_ns=item.host_ns, last_ns=item.host_ns))
+            link.chunks += 1
+            link.bytes_received += len(item.data)
+            link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - link.last_ns) * 1e-9)
+            link.last_ns = max(link.last_ns, item.host_ns)
+            count(item.link, blocks.setdefault(item.link, LinkBlocks(item.link)).add(item))
     for name, rest in blocks.items():
-        for batch, arrivals_ns in rest.finish():
-            _count(links[name], batch, arrivals_ns)
+        count(name, rest.finish())
         links[name].counters = rest.counters
-    return Inspection(reader.info, links, tuple(events), dict(topics), reader.damage)
+    return Inspection(reader.info, links, tuple(events), omitted, dict(topics), reader.damage)
 
 
 def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+    admitted = {source for source in batch.sources() if link.limit.admits("", *source)}
     kinds = np.asarray(batch.type).astype(np.int64)
     sources = np.asarray(batch.hub).astype(np.int64) << 8 | np.asarray(batch.wheel)
     for key, count in zip(*np.unique(sources << 8 | kinds, return_counts=True), strict=True):
-        name = MessageType(int(key) & 0xFF).name.lower()
-        link.wheel(int(key) >> 16, int(key) >> 8 & 0xFF).frames[name] += int(count)
+        source = int(key) >> 16, int(key) >> 8 & 0xFF
+        if source in admitted:
+            link.wheel(*source).frames[MessageType(int(key) & 0xFF).name.lower()] += int(count)
     blocks = {
         int(frame): (group, place)
         for group in batch.sample_groups()
+        if (group.hub, group.wheel) in admitted
         for place, frame in enumerate(group.frame_index.tolist())
     }
     seconds = (arrivals_ns // _SECOND_NS).tolist()
@@ -189,10 +252,7 @@ def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int6
         if entry is not None:
             group, place = entry
             link.wheel(group.hub, group.wheel).add(group, place, seconds[frame])
-        elif kinds[frame] == MessageType.HELLO:
-            hello = batch.message(frame)
-            assert isinstance(hello, Hello)
-            for (hub, _), wheel in link.wheels.items():
-                if hub == int(batch.hub[frame]):
-                    wheel.restart(hello.boot_count)
-            link.wheel(int(batch.hub[frame]), int(batch.wheel[frame])).hello = hello
+        elif kinds[frame] in (MessageType.HELLO, MessageType.LOG_TEXT):
+            source = int(batch.hub[frame]), int(batch.wheel[frame])
+            if source in admitted:
+                link.take(*source, batch.message(frame), int(arrivals_ns[frame]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -33,8 +33,17 @@ MARKS_TOPIC: Final = "/marks"
 
 _MAX_CHANNEL_DIGITS: Final = 5
 _MAX_TIME_NS: Final = (1 << 63) - 1
-MAX_RECORD_BYTES: Final = 256 << 20
-"""Upper limit of the length of a record; a longer one is damaged."""
+MAX_CHANNELS: Final = 8192
+"""Largest number of channels of a recording; no session has as many."""
+MAX_CHANNEL_CHARS: Final = 1024
+"""Largest number of characters of topic, encoding and link of a channel."""
+_MAX_EVENT_BYTES: Final = 64 << 10
+_MAX_ITEM_BYTES: Final = 1 << 20
+MAX_RECORD_BYTES: Final = 16 << 20
+"""Largest record, and largest content of a compressed chunk, that is read into memory.
+
+Treadlink writes chunks of 256 KiB, other programs of up to 4 MiB.
+"""
 
 
 class ChannelInfo(NamedTuple):
@@ -115,17 +124,25 @@ def _event_details(recorded: list[dict[str, Any]]) -> tuple[Reason, ...]:
     return tuple(details)
 
 
-def message_to_item(message: RecordedMessage) -> LinkItem | None:
-    """Return the link item of a message, or None for decoded topics and unreadable events."""
+def link_items(message: RecordedMessage) -> Iterator[LinkItem]:
+    """Yield the link items of a message: none for decoded topics and unreadable events, several for very many bytes."""
     channel = message.channel
     # Times in MCAP are unsigned; those from the year 2262 on exceed a signed 64-bit integer.
     host_ns = min(message.log_time_ns, _MAX_TIME_NS)
     if channel.encoding == RAW_ENCODING:
-        return Chunk(channel.link, host_ns, message.data) if message.data else None
+        for begin in range(0, len(message.data), _MAX_ITEM_BYTES):
+            yield Chunk(channel.link, host_ns, message.data[begin : begin + _MAX_ITEM_BYTES])
+        return
     if channel.topic != MARKS_TOPIC and not (channel.topic.startswith("/link/") and channel.topic.endswith("/event")):
-        return None
+        return
+    event = _event(message.data, host_ns) if len(message.data) <= _MAX_EVENT_BYTES else None
+    if event is not None:
+        yield event
+
+
+def _event(data: bytes, host_ns: int) -> LinkEvent | None:
     try:
-        payload = json.loads(message.data)
+        payload = json.loads(data)
         kind, rssi_dbm = LinkEventKind(payload["kind"]), payload.get("rssi_dbm")
         return LinkEvent(
             str(payload["link"]),

@@ -35,6 +35,8 @@ MESSAGE_HEAD_BYTES: Final = RECORD_HEAD.size + MESSAGE_HEAD.size
 CHUNK_HEAD: Final = struct.Struct("<QQQII")
 CHUNK_DATA_LENGTH: Final = struct.Struct("<Q")
 
+# Its Python objects take some twenty times as much.
+_MAX_SMALL_BYTES: Final = 1 << 20
 _SMALL_RECORDS: Final[dict[int, Any]] = {
     Opcode.HEADER: Header,
     Opcode.FOOTER: Footer,
@@ -71,6 +73,19 @@ class ChunkParts(NamedTuple):
     data_offset: int
 
 
+class ChunkTooLargeError(ValueError):
+    """A chunk that states more content than is read into memory.
+
+    Attributes:
+        size_bytes: stated size of its content.
+    """
+
+    def __init__(self, size_bytes: int) -> None:
+        """Store the size."""
+        super().__init__(f"a chunk of {size_bytes} bytes is too large")
+        self.size_bytes = size_bytes
+
+
 class MessageParts(NamedTuple):
     """Fields of a message record."""
 
@@ -96,7 +111,7 @@ def parse_chunk(body: memoryview, *, length: int | None = None) -> ChunkParts:
         raise ValueError("chunk header is damaged")
     compression = bytes(body[CHUNK_HEAD.size : CHUNK_HEAD.size + name_length])
     (data_length,) = CHUNK_DATA_LENGTH.unpack_from(body, CHUNK_HEAD.size + name_length)
-    if compression not in (b"", b"zstd", b"lz4") or data_offset + data_length != stated or size > MAX_RECORD_BYTES:
+    if compression not in (b"", b"zstd", b"lz4") or data_offset + data_length != stated:
         raise ValueError("chunk header is damaged")
     if not compression and size != data_length:
         raise ValueError("chunk sizes contradict each other")
@@ -107,12 +122,15 @@ def chunk_records(chunk: ChunkParts) -> memoryview:
     """Return a chunk's records, decompressed and checked against its CRC.
 
     Raises:
+        ChunkTooLargeError: it contains more than is read into memory.
         ValueError: the chunk is damaged.
     """
+    if chunk.uncompressed_size > MAX_RECORD_BYTES:
+        raise ChunkTooLargeError(chunk.uncompressed_size)
     if chunk.compression == "zstd":
-        data = _unzstd(bytes(chunk.data), chunk.uncompressed_size)
+        data = _unzstd(chunk.data, chunk.uncompressed_size)
     elif chunk.compression == "lz4":
-        data = _unlz4(bytes(chunk.data), chunk.uncompressed_size)
+        data = _unlz4(chunk.data, chunk.uncompressed_size)
     else:
         data = chunk.data
     if len(data) != chunk.uncompressed_size or (chunk.crc and zlib.crc32(data) != chunk.crc):
@@ -120,7 +138,7 @@ def chunk_records(chunk: ChunkParts) -> memoryview:
     return data
 
 
-def _unzstd(data: bytes, size: int) -> memoryview:
+def _unzstd(data: memoryview, size: int) -> memoryview:
     import zstandard
 
     try:
@@ -133,7 +151,7 @@ def _unzstd(data: bytes, size: int) -> memoryview:
         raise ValueError("a compressed chunk is damaged") from error
 
 
-def _unlz4(data: bytes, size: int) -> memoryview:
+def _unlz4(data: memoryview, size: int) -> memoryview:
     import lz4.frame  # type: ignore[import-untyped]
 
     try:
@@ -171,11 +189,13 @@ def parse_small(opcode: int, body: memoryview) -> Any:
     """Parse any record other than a message, chunk or attachment with `mcap`.
 
     Raises:
-        ValueError: the type is unknown, or the fields do not fill the stated length.
+        ValueError: the type is unknown, or the fields do not fill the stated length, or it is very long.
     """
     kind = _SMALL_RECORDS.get(opcode)
     if kind is None:
         raise ValueError(f"unknown record type {opcode:#x}")
+    if len(body) > _MAX_SMALL_BYTES:
+        raise ValueError("record is too long")
     stream = ReadDataStream(BytesIO(body))
     try:
         record = kind.read(stream)

@@ -18,17 +18,21 @@ from gateway.io.source import LinkItem
 from gateway.reasons import Code, Reason
 from gateway.recording.mcap_layout import (
     CHANNEL_METADATA,
+    MAX_CHANNEL_CHARS,
+    MAX_CHANNELS,
     MAX_RECORD_BYTES,
+    RAW_ENCODING,
     SESSION_METADATA,
     ChannelInfo,
     RecordedMessage,
     declared_channel,
     is_sealed,
-    message_to_item,
+    link_items,
 )
 from gateway.recording.mcap_records import (
     MAGIC,
     RECORD_HEAD,
+    ChunkTooLargeError,
     channel_info,
     chunk_records,
     parse_chunk,
@@ -40,6 +44,14 @@ from gateway.recording.mcap_records import (
 REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."
 _MAX_TIME_DIGITS: Final = 19
 _FOOTER_BYTES: Final = RECORD_HEAD.size + 20
+
+_READ_RECORDS: Final = frozenset(
+    (Opcode.CHUNK, Opcode.MESSAGE, Opcode.CHANNEL, Opcode.METADATA, Opcode.DATA_END, Opcode.FOOTER)
+)
+# Limits that no session reaches: what a hostile file states would otherwise fill the memory.
+_MAX_LINKS: Final = 256
+_MAX_NOTE_CHARS: Final = 4 << 20
+_ENTRY_CHARS: Final = 100
 
 _logger = logging.getLogger(__name__)
 
@@ -89,6 +101,7 @@ class RecordingReader:
         self._path = Path(path)
         self.notes: list[tuple[str, dict[str, str]]] = []
         self._channels: dict[int, ChannelInfo] = {}
+        self._note_chars = 0
         with self._open() as file:
             size = os.fstat(file.fileno()).st_size
             self.session = self._session_metadata(file, size)
@@ -102,15 +115,14 @@ class RecordingReader:
     def items(self) -> Generator[LinkItem, None, None]:
         """Yield chunks, link events and marks in file order; `damage` is set afterwards."""
         for message in self.messages():
-            item = message_to_item(message)
-            if item is not None:
-                yield item
+            yield from link_items(message)
 
     def messages(self) -> Generator[RecordedMessage, None, None]:
         """Yield all messages in file order, including decoded topics; `damage` is set afterwards."""
         self.damage = None
         self._channels.clear()
         self.notes.clear()
+        self._note_chars = 0
         with self._open() as file:
             size = os.fstat(file.fileno()).st_size
             self.position = file.seek(len(MAGIC))
@@ -129,6 +141,15 @@ class RecordingReader:
             chunk = parse_chunk(body, length=stated)
             # The present part of a plain chunk is usable when the rest is cut off, as its frames have checksums.
             records = chunk_records(chunk) if not cut else memoryview(b"") if chunk.compression else chunk.data
+        except ChunkTooLargeError as error:
+            at_byte = self.position - len(body)
+            self._note(
+                Code.RECORDING_RECORD_TOO_LARGE,
+                at_byte=at_byte,
+                size_bytes=error.size_bytes,
+                largest_bytes=MAX_RECORD_BYTES,
+            )
+            return
         except ValueError as error:
             at_byte = self.position - len(body)
             _logger.info("%s: %s near byte %d", self._path, error, at_byte)
@@ -148,7 +169,7 @@ class RecordingReader:
                     yield RecordedMessage(channel, message.sequence, message.log_time_ns, bytes(message.data))
             elif opcode == Opcode.CHANNEL:
                 record: Channel = parse_small(opcode, body)
-                self._channels[record.id] = channel_info(record)
+                self._declare(record.id, channel_info(record))
             elif opcode == Opcode.METADATA:
                 self._learn(parse_small(opcode, body))
         except ValueError as error:
@@ -158,12 +179,28 @@ class RecordingReader:
     def _learn(self, metadata: Metadata) -> None:
         if metadata.name == CHANNEL_METADATA:
             declared = declared_channel(metadata.metadata)
-            if declared is not None:
-                self._channels.setdefault(*declared)
+            if declared is not None and declared[0] not in self._channels:
+                self._declare(*declared)
         elif metadata.name != SESSION_METADATA:
+            self._note_chars += len(metadata.name) + sum(
+                len(key) + len(value) + _ENTRY_CHARS for key, value in metadata.metadata.items()
+            )
+            if self._note_chars > _MAX_NOTE_CHARS:
+                raise ValueError("too much metadata")
             self.notes.append((metadata.name, metadata.metadata))
         elif not is_sealed(metadata.metadata):
             self._note(Code.RECORDING_DESCRIPTION_DAMAGED)
+
+    def _declare(self, number: int, channel: ChannelInfo) -> None:
+        """Remember a channel; raises ValueError when it is not one that a session can have."""
+        if number not in self._channels:
+            raw = channel.encoding == RAW_ENCODING
+            links = sum(known.encoding == RAW_ENCODING for known in self._channels.values()) if raw else 0
+            if len(self._channels) >= MAX_CHANNELS or links >= _MAX_LINKS:
+                raise ValueError("too many channels")
+        if sum(map(len, channel)) > MAX_CHANNEL_CHARS:
+            raise ValueError("the name of a channel is too long")
+        self._channels[number] = channel
 
     def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
         """Yield (opcode, stated length, body); the last body may be shorter than stated."""
@@ -173,14 +210,27 @@ class RecordingReader:
                 self._note(Code.RECORDING_CUT_OFF, at_byte=size)
                 return
             opcode, length = RECORD_HEAD.unpack(head)
-            if not 0 < opcode < 0x80 or length > MAX_RECORD_BYTES:
+            remaining = size - self.position - len(head)
+            if not 0 < opcode < 0x80 or (length > MAX_RECORD_BYTES and length > remaining):
                 self._note(Code.RECORDING_RECORD_MISSING, at_byte=self.position)
                 return
-            body = file.read(length)
-            self.position += len(head) + len(body)
-            if len(body) < length:
+            if length > remaining:
                 self._note(Code.RECORDING_CUT_OFF, at_byte=size)
-            yield opcode, length, body
+            wanted = opcode in _READ_RECORDS
+            if wanted and length > MAX_RECORD_BYTES:
+                self._note(
+                    Code.RECORDING_RECORD_TOO_LARGE,
+                    at_byte=self.position,
+                    size_bytes=length,
+                    largest_bytes=MAX_RECORD_BYTES,
+                )
+                wanted = False
+            if wanted:
+                body = file.read(length)
+                self.position += len(head) + len(body)
+                yield opcode, length, body
+            else:
+                self.position = file.seek(self.position + len(head) + min(length, remaining))
             if opcode == Opcode.FOOTER:
                 return
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, Protocol
 
-from gateway.clock import Clock, wait_until
+from gateway.clock import Clock
 from gateway.errors import RecordingError, SourceError
+from gateway.io.playback import Playback
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, positive_option
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
@@ -56,7 +56,11 @@ class RawDump:
 
 
 class ReplaySource:
-    """Replay of items on an absolute schedule, so that delays do not accumulate."""
+    """Replay of items on an absolute schedule, so that delays do not accumulate.
+
+    Attributes:
+        playback: the schedule, which can be paused.
+    """
 
     def __init__(self, playable: _Playable, link: str, speed: float, clock: Clock) -> None:
         """Replay `playable` at `speed` times its pace; infinite speed does not wait.
@@ -69,8 +73,7 @@ class ReplaySource:
         """
         self._playable = playable
         self._link = link
-        self._speed = speed
-        self._clock = clock
+        self.playback = Playback(clock, speed)
         self._closed = threading.Event()
 
     @property
@@ -85,14 +88,9 @@ class ReplaySource:
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the recorded items, then an `ENDED` event that reports any damage."""
-        begin_ns = self._clock.now_ns()
-        first_ns: int | None = None
         last: LinkItem | None = None
         for item in self._playable.items():
-            if first_ns is None:
-                first_ns = item.host_ns
-            due_ns = begin_ns + (0 if math.isinf(self._speed) else round((item.host_ns - first_ns) / self._speed))
-            if not wait_until(self._clock, due_ns, stop, self._closed):
+            if not self.playback.wait_until(item.host_ns, stop, self._closed):
                 return
             yield item
             last = item

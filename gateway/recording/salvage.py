@@ -18,6 +18,8 @@ from mcap.records import Channel, MessageIndex, Metadata
 from gateway.recording.mcap_layout import (
     CHANNEL_METADATA,
     JSON_ENCODING,
+    MAX_CHANNEL_CHARS,
+    MAX_CHANNELS,
     MAX_RECORD_BYTES,
     RAW_ENCODING,
     SESSION_METADATA,
@@ -43,7 +45,6 @@ from gateway.recording.mcap_records import (
 _MAX_STEP_BACK_NS: Final = 60 * 10**9
 _MAX_STEP_FORWARD_NS: Final = 30 * 86_400 * 10**9
 _MAX_TIME_SAMPLES: Final = 10_000
-_MAX_SMALL_BYTES: Final = 1 << 20
 # Channel numbers count up from 1, so a number that exceeds the known ones by more than this is not a channel.
 _UNKNOWN_CHANNELS: Final = 64
 _RECORD_START: Final = re.compile(rb"[\x01-\x0f][\s\S]{4}\x00{4}")
@@ -136,9 +137,9 @@ class Salvage:
                 return
             if opcode == Opcode.CHUNK:
                 chunk = parse_chunk(self._data[body : min(end, self.size)], length=end - body)
-                whole = self._whole_chunk(body, end)
-                if whole is not None:
-                    for message in whole:
+                records = self._whole_chunk(body, end)
+                if records is not None:
+                    for message in self._messages(records):
                         base[message.channel] = message.log_time_ns
                         yield CompleteMessage(message, True, end)
                     at = end
@@ -203,22 +204,31 @@ class Salvage:
         offset, channel, time_ns = entries[places[0] - 1]
         return IndexedMessage(channel, time_ns, entries[places[0]][0] - offset - MESSAGE_HEAD_BYTES)
 
-    def _whole_chunk(self, body: int, end: int) -> list[MessageParts] | None:
-        """Return the messages of a complete chunk with a correct checksum, else None."""
+    def _whole_chunk(self, body: int, end: int) -> memoryview | None:
+        """Return the records of a complete chunk with a correct checksum, else None."""
         if end > self.size:
             return None
         try:
-            records = chunk_records(parse_chunk(self._data[body:end]))
+            return chunk_records(parse_chunk(self._data[body:end]))
         except ValueError:
             return None
-        messages = []
+
+    def _messages(self, records: memoryview) -> Iterator[MessageParts]:
+        """Yield the messages among the records of a chunk, and learn its channels."""
         for opcode, inner in walk(records):
-            if opcode == Opcode.MESSAGE:
-                messages.append(parse_message(inner))
-            elif opcode == Opcode.CHANNEL:
-                channel: Channel = parse_small(opcode, inner)
-                self.channels.setdefault(channel.id, channel_info(channel))
-        return messages
+            try:
+                if opcode == Opcode.MESSAGE:
+                    yield parse_message(inner)
+                elif opcode == Opcode.CHANNEL:
+                    channel: Channel = parse_small(opcode, inner)
+                    self._declare(channel.id, channel_info(channel))
+            except ValueError:  # written so: the checksum is correct
+                continue
+
+    def _declare(self, number: int, channel: ChannelInfo) -> None:
+        """Remember a channel that is not known yet."""
+        if len(self.channels) < MAX_CHANNELS and sum(map(len, channel)) <= MAX_CHANNEL_CHARS:
+            self.channels.setdefault(number, channel)
 
     def _plausible(self, at: int, base: Mapping[int, int]) -> tuple[int, int]:
         """Return (opcode, end) of the record that must start at `at`, opcode 0 when none does."""
@@ -245,7 +255,7 @@ class Salvage:
             if opcode == Opcode.CHUNK:
                 chunk = parse_chunk(self._data[body : min(end, self.size)], length=end - body)
                 return _near(chunk.end_time_ns, base.values())
-            if end > self.size or end - body > _MAX_SMALL_BYTES:
+            if end > self.size:
                 return False
             if opcode == Opcode.DATA_END:
                 follows = self._data[end] if end < self.size else 0
@@ -298,11 +308,11 @@ class Salvage:
             elif isinstance(record, Metadata) and record.name == CHANNEL_METADATA:
                 declared = declared_channel(record.metadata)
                 if declared is not None:
-                    self.channels.setdefault(*declared)
+                    self._declare(*declared)
             elif isinstance(record, Metadata) and record.name == SESSION_METADATA and is_sealed(record.metadata):
                 self.session = self.session or record.metadata
         for number, info in unsealed.items():
-            self.channels.setdefault(number, info)
+            self._declare(number, info)
 
     def _find_usual_times(self) -> None:
         """Use the median time of each channel, since a damaged first message may state 0."""

@@ -169,7 +169,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         r"/log",
         "level text",
         """
-        level: s: debug, info, warning or error
+        level: s: debug, info, warning, error, or level N of a later version
         text: s: the line
         hub: i: hub that wrote it
         link: s: link it came by

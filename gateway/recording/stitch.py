@@ -30,6 +30,7 @@ from gateway.recording.evidence import (
 from gateway.recording.mcap_layout import RAW_ENCODING, ChannelInfo, raw_topic
 from gateway.recording.salvage import CompleteMessage, IndexedMessage, Salvage, TornPlace
 
+_MAX_JSON_BYTES: Final = 1 << 20
 _MAX_PIECES_AHEAD: Final = 4096
 # Enough for the rest of a frame and a complete one, which has the hub's time.
 _AHEAD_BYTES: Final = 2 * REACH
@@ -319,6 +320,6 @@ class Stitcher:
 
 def _is_json(data: bytes) -> bool:
     try:
-        return isinstance(json.loads(data), dict)
+        return len(data) <= _MAX_JSON_BYTES and isinstance(json.loads(data), dict)
     except (ValueError, RecursionError):
         return False

@@ -1,4 +1,4 @@
-"""Replay protection: the highest counter of every sensor, kept across restarts, so that no frame is accepted twice."""
+"""Replay protection: the highest counter of every key, kept across restarts, so that no frame is accepted twice."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from pathlib import Path
 from typing import Final
 
 from gateway.security.cmac import SecurityError
-from gateway.security.private_file import read_private, write_private
+from gateway.security.private_file import locked, read_private, write_private
 
 WINDOW: Final = 64
 """Counters behind the highest by which a late frame is still accepted."""
 
 _ALL_SEEN: Final = (1 << WINDOW) - 1
 _COUNTER_END: Final = 1 << 64
+_SEQ_BITS: Final = 32
 _FORMAT: Final = 1
+# Between an identity and the check value of its key.
+_KEY_MARK: Final = ":"
 _MOST_BYTES: Final = 16 << 20
 _REMEDY: Final = "Delete it if you accept that frames of former sessions could be replayed."
 
@@ -31,13 +34,18 @@ class Freshness(Enum):
 
 
 class Counter:
-    """Full counters of one sensor, boot_count << 32 | seq.
+    """Full counters of one sensor or hub, boot_count << 32 | seq.
 
     Attributes:
         highest: so far, -1 before the first.
     """
 
     __slots__ = ("_seen", "highest")
+
+    @property
+    def boot_count(self) -> int:
+        """Boot count of the highest counter, -1 before the first."""
+        return self.highest >> _SEQ_BITS
 
     def __init__(self, highest: int = -1) -> None:
         """Continue from the highest counter of former sessions: all up to it count as seen."""
@@ -65,7 +73,11 @@ class Counter:
 
 
 class Ledger:
-    """Counters by identity, kept in a file across sessions, or in memory only."""
+    """Counters of keys, kept in a file across sessions, or in memory only.
+
+    A counter belongs to an identity and its key, since a counter must not repeat under the same key. A new key begins
+    anew, also while a session with the old key is still running and saves its counters.
+    """
 
     def __init__(self, path: Path | None = None) -> None:
         """Read the file if there is one.
@@ -77,11 +89,14 @@ class Ledger:
         self._saved = _read(path) if path is not None else {}
         self._counters: dict[str, Counter] = {}
 
-    def counter(self, identity: str) -> Counter:
-        """Return the counter of a sensor; changes to it are kept here."""
-        found = self._counters.get(identity)
+    def counter(self, identity: str, check_value: str) -> Counter:
+        """Return the counter of a sensor or hub under the key with this check value; changes to it are kept here."""
+        name = _entry(identity, check_value)
+        found = self._counters.get(name)
         if found is None:
-            found = self._counters[identity] = Counter(self._saved.get(identity, -1))
+            # Files of earlier versions name the identity alone.
+            saved = max(self._saved.get(name, -1), self._saved.get(identity, -1))
+            found = self._counters[name] = Counter(saved)
         return found
 
     def highest(self) -> dict[str, int]:
@@ -100,22 +115,37 @@ class Ledger:
         current = self.highest() if current is None else current
         if self._path is None or current.items() <= self._saved.items():
             return
-        there = _read(self._path)
-        merged = {**self._saved, **there}
-        for name, highest in current.items():
-            merged[name] = max(highest, merged.get(name, -1))
-        write_private(self._path, _text(merged))
+        with locked(self._path):
+            merged = _read(self._path)
+            for name, highest in current.items():
+                merged[name] = max(highest, merged.get(name, -1))
+            write_private(self._path, _text(merged))
         self._saved = merged
 
     def forget(self, identity: str) -> None:
-        """Forget the counter of a sensor, for example because it has a new key.
+        """Forget the counters of a sensor or hub under all its keys, because its key is replaced or removed.
 
         Raises:
             SecurityError: the file cannot be written.
         """
-        self._counters.pop(identity, None)
-        if self._path is not None and self._saved.pop(identity, None) is not None:
-            write_private(self._path, _text(self._saved))
+        for name in [name for name in self._counters if _is_of(name, identity)]:
+            del self._counters[name]
+        if self._path is None:
+            return
+        with locked(self._path):
+            there = _read(self._path)
+            kept = {name: highest for name, highest in there.items() if not _is_of(name, identity)}
+            if kept != there:
+                write_private(self._path, _text(kept))
+        self._saved = kept
+
+
+def _entry(identity: str, check_value: str) -> str:
+    return f"{identity}{_KEY_MARK}{check_value}"
+
+
+def _is_of(name: str, identity: str) -> bool:
+    return name.partition(_KEY_MARK)[0] == identity
 
 
 def _text(highest: Mapping[str, int]) -> str:

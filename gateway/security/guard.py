@@ -43,6 +43,7 @@ class Verdict(StrEnum):
     VERIFIED = "verified"
     UNSIGNED = "unsigned"
     FORGED = "wrong tag"
+    EARLIER_START = "earlier start"
     REPLAYED = "replayed"
     TOO_LATE = "too late"
     NO_KEY = "no key"
@@ -50,7 +51,14 @@ class Verdict(StrEnum):
     EARLY = "before hello"
 
 
-SUSPICIOUS: Final = (Verdict.UNSIGNED, Verdict.FORGED, Verdict.REPLAYED, Verdict.TOO_LATE, Verdict.NOT_ADMITTED)
+SUSPICIOUS: Final = (
+    Verdict.UNSIGNED,
+    Verdict.FORGED,
+    Verdict.EARLIER_START,
+    Verdict.REPLAYED,
+    Verdict.TOO_LATE,
+    Verdict.NOT_ADMITTED,
+)
 """Verdicts that bad intent could explain."""
 
 _CODES: Final = {
@@ -72,6 +80,22 @@ class Place(NamedTuple):
 
     position: str
     sensor: str | None
+
+
+class _EarlierStart(NamedTuple):
+    """A genuine sender in a start below the latest one accepted under its key.
+
+    Attributes:
+        identity: of the sensor or hub.
+        hub: identity of the hub, empty where the frame does not name it.
+        start: boot count of its frames.
+        latest: boot count accepted before.
+    """
+
+    identity: str
+    hub: str
+    start: int
+    latest: int
 
 
 class _Sender:
@@ -109,6 +133,8 @@ class _Sender:
     def fresh(self, frame: bytes) -> Verdict:
         """Return the verdict on the counter of a genuine frame."""
         (seq,) = _SEQ.unpack_from(frame, 8)
+        if self.verifier.boot_count < self.counter.boot_count:
+            return Verdict.EARLIER_START
         found = self.counter.take(self.verifier.boot_count << 32 | seq)
         if found is Freshness.SEEN:
             return Verdict.REPLAYED
@@ -144,6 +170,7 @@ class Guard:
         self.places = places
         self.owners = {place.sensor: place.position for place in places.values() if place.sensor is not None}
         self._keys = keys
+        self._check_values = {identity: key.check_value() for identity, key in keys.items()}
         self._notices: list[Notice] = []
         self._gates: dict[str, LinkGate] = {}
         missing = Code.KEY_MISSING_FRAMES_IGNORED if requires else Code.KEY_MISSING_FRAMES_NOT_VERIFIED
@@ -161,7 +188,11 @@ class Guard:
     def sender(self, identity: str, boot_count: int) -> _Sender | None:
         """Return a sensor or hub in one of its starts, None without its key."""
         key = self._keys.get(identity)
-        return None if key is None else _Sender(identity, key, self.ledger.counter(identity), boot_count)
+        return None if key is None else _Sender(identity, key, self.counter(identity), boot_count)
+
+    def counter(self, identity: str) -> Counter:
+        """Return the counter of a sensor or hub under its present key."""
+        return self.ledger.counter(identity, self._check_values.get(identity, ""))
 
     def report(self, notice: Notice) -> None:
         """Keep a notice until `take_notices`."""
@@ -189,6 +220,8 @@ class LinkGate:
         self._requires = guard.requires
         self._senders: dict[bytes, _Sender] = {}
         self._unknown: dict[bytes, str] = {}
+        self._earlier: dict[bytes, _Sender] = {}
+        self._earlier_starts: dict[bytes, _EarlierStart] = {}
         self._reports = _RefusalReports(link, guard)
         self.counts: Tally[Verdict] = Tally()
 
@@ -199,7 +232,7 @@ class LinkGate:
         if verdict is Verdict.VERIFIED:
             return True
         source = frame[wire.HUB_OFFSET : wire.WHEEL_OFFSET + 1]
-        self._reports.count(source, verdict, self._unknown.get(source))
+        self._reports.count(source, verdict, self._unknown.get(source), self._earlier_starts.get(source))
         return not self._requires
 
     def _judge(self, frame: bytes) -> Verdict:
@@ -214,23 +247,40 @@ class LinkGate:
         if sender is None:
             if source in self._unknown:
                 return Verdict.NO_KEY
-            sender = self._presumed(source)
-            if sender is None:
-                return Verdict.EARLY
-            verdict = sender.judge(frame)
-            if verdict is Verdict.VERIFIED:
-                self._senders[source] = sender
-            # Before a hello the start is a guess: a wrong tag proves nothing yet.
-            return Verdict.EARLY if verdict is Verdict.FORGED else verdict
-        return sender.judge(frame)
+            return self._before_hello(source, frame)
+        verdict = sender.judge(frame)
+        if verdict is Verdict.EARLIER_START:
+            self._note_earlier(source, sender, "")
+        return verdict
+
+    def _before_hello(self, source: bytes, frame: bytes) -> Verdict:
+        """Return the verdict on a frame of a source without an accepted hello."""
+        presumed = self._presumed(source)
+        verdict = presumed.judge(frame) if presumed is not None else Verdict.FORGED
+        if presumed is not None and verdict is Verdict.VERIFIED:
+            self._senders[source] = presumed
+        if verdict is not Verdict.FORGED:
+            return verdict
+        earlier = self._earlier.get(source)
+        if earlier is not None and earlier.is_genuine(frame):
+            return Verdict.EARLIER_START
+        # The start is a guess so far: a wrong tag proves nothing yet.
+        return Verdict.EARLY
+
+    def _note_earlier(self, source: bytes, sender: _Sender, hub: str) -> None:
+        known = self._earlier_starts.get(source)
+        if known is None or hub:
+            self._earlier_starts[source] = _EarlierStart(
+                sender.identity, hub, sender.verifier.boot_count, sender.counter.boot_count
+            )
 
     def _presumed(self, source: bytes) -> _Sender | None:
         """Return the sender there in former sessions, as far as the configuration names it."""
         place = self._guard.places.get((source[0], source[1]))
         if place is None or place.sensor is None:
             return None
-        highest = self._guard.ledger.counter(place.sensor).highest
-        return self._guard.sender(place.sensor, highest >> 32) if highest >= 0 else None
+        latest = self._guard.counter(place.sensor).boot_count
+        return self._guard.sender(place.sensor, latest) if latest >= 0 else None
 
     def _hello(self, source: bytes, frame: bytes) -> Verdict:
         if frame[wire.VERSION_OFFSET] != wire.VERSION_BYTE or frame[wire.LENGTH_OFFSET] != _HELLO_BYTES:
@@ -259,7 +309,12 @@ class LinkGate:
         if verdict is Verdict.VERIFIED:
             self._unknown.pop(source, None)
             self._senders[source] = sender
+            self._earlier.pop(source, None)
             self._introduce_hub(source[:1] + bytes((HUB_ITSELF,)), hub_identity(hub_id), boot_count)
+        elif verdict is Verdict.EARLIER_START:
+            # Kept apart from the accepted senders: a replayed hello must not displace the sensor.
+            self._earlier[source] = sender
+            self._note_earlier(source, sender, hub_identity(hub_id))
         return verdict
 
     def _introduce_hub(self, source: bytes, identity: str, boot_count: int) -> None:
@@ -285,13 +340,14 @@ class _RefusalReports:
         self._counts: dict[tuple[bytes, Verdict, str | None], int] = {}
         self._due: dict[tuple[bytes, Verdict, str | None], int] = {}
 
-    def count(self, source: bytes, verdict: Verdict, claimed: str | None) -> None:
+    def count(self, source: bytes, verdict: Verdict, claimed: str | None, earlier: _EarlierStart | None) -> None:
         """Count a frame, and report it when that is due.
 
         Args:
             source: hub and wheel number.
             verdict: on the frame.
             claimed: identity that the source claims and that is not verified or does not belong there.
+            earlier: start of the source that is below the latest one accepted.
         """
         # The sender can claim any number of identities, so that what is kept must not grow with them.
         key = (source, verdict, claimed if claimed in self._guard.owners else None)
@@ -302,11 +358,25 @@ class _RefusalReports:
         hub, wheel = source
         place = self._guard.places.get((hub, wheel))
         at = place.position if place else f"hub {hub}" + ("" if wheel == HUB_ITSELF else f" wheel {wheel}")
-        reason = self._reason(place, verdict, claimed, number)
+        reason = self._reason(place, verdict, claimed, number, earlier)
         self._guard.report(Notice(f"{self._link}, {at}", reason, Level.SECURITY))
 
-    def _reason(self, place: Place | None, verdict: Verdict, claimed: str | None, count: int) -> Reason:
+    def _reason(
+        self, place: Place | None, verdict: Verdict, claimed: str | None, count: int, earlier: _EarlierStart | None
+    ) -> Reason:
         consequence = Reason(Code.FRAMES_IGNORED if self._guard.requires else Code.FRAMES_USED)
+        if verdict is Verdict.EARLIER_START and earlier is not None:
+            signer = _signer(earlier.identity)
+            at = Reason(Code.SIGNER_AT_HUB, signer=signer, hub=earlier.hub) if earlier.hub else signer
+            return Reason(
+                Code.FRAME_EARLIER_START,
+                signer=at,
+                start=earlier.start,
+                latest=earlier.latest,
+                identity=earlier.identity,
+                count=count,
+                consequence=consequence,
+            )
         if verdict is Verdict.NO_KEY:
             return Reason(Code.FRAME_NO_KEY, signer=_signer(claimed), count=count, consequence=consequence)
         if verdict is not Verdict.NOT_ADMITTED:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import secrets
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from gateway.security.cmac import KEY_BYTES, FrameSigner, Key, SecurityError
-from gateway.security.private_file import read_private, write_private
+from gateway.security.private_file import locked, read_private, write_private
 
 SENSOR_DIGITS: Final = 8
 HUB_DIGITS: Final = 16
@@ -125,6 +126,17 @@ class KeyFile:
                 f"'{self.path}' already has a key for {', '.join(known)}",
                 "Nothing was changed. --replace stores the new key instead; the old one is then lost.",
             )
+
+
+@contextmanager
+def key_file_to_change(path: Path) -> Iterator[KeyFile]:
+    """Yield a key file, read while no other process changes it; call its `save` within.
+
+    Raises:
+        SecurityError: it cannot be read or locked.
+    """
+    with locked(path):
+        yield KeyFile(path)
 
 
 def parse_keys(text: str, origin: str) -> Iterator[tuple[str, Key]]:

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import os
 import stat
+import sys
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Final
 
+from gateway.clock import SystemClock
 from gateway.security.cmac import SecurityError
 
-_HAS_MODES = os.name == "posix"
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
+_HAS_MODES: Final = os.name == "posix"
+_LOCK_WAIT_NS: Final = 5_000_000_000
+_LOCK_RETRY_NS: Final = 10_000_000
 
 
 def read_private(path: Path, most_bytes: int) -> str | None:
@@ -57,21 +68,98 @@ def _check(path: Path, status: os.stat_result) -> None:
 def write_private(path: Path, text: str) -> None:
     """Replace a private file; a crash leaves either the old or the new one complete.
 
+    A symbolic link stays one, and its target is replaced. Mode and owner of an existing file are kept.
+
     Raises:
         SecurityError: it cannot be written.
     """
+    target = _target(path)
     try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)  # mode 0600
+        _make_folder(target)
+        descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)  # mode 0600
         try:
             with os.fdopen(descriptor, "wb") as file:
                 file.write(text.encode())
                 file.flush()
+                _keep_mode_and_owner(target, file.fileno())
                 os.fsync(file.fileno())
-            Path(name).replace(path)
+            Path(name).replace(target)
         except BaseException:
             with suppress(OSError):
                 Path(name).unlink()
             raise
     except OSError as error:
         raise SecurityError(f"'{path}' cannot be written: {error.strerror}", "Check folder and disk.") from error
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Exclude other processes that change a private file, from reading it to writing it.
+
+    The lock is a file of its own beside it, since the private file is replaced as a whole. It is removed at the end.
+
+    Raises:
+        SecurityError: another process holds the lock for long, or the folder cannot be written.
+    """
+    lock = _target(path).with_name(_target(path).name + ".lock")
+    clock = SystemClock()
+    until_ns = clock.now_ns() + _LOCK_WAIT_NS
+    try:
+        _make_folder(lock)
+        descriptor = _acquired(lock)
+        while descriptor is None:
+            if clock.now_ns() > until_ns:
+                raise SecurityError(
+                    f"'{path}' is being changed by another process",
+                    f"Try again when it has ended. '{lock}' is its lock.",
+                )
+            clock.sleep_until_ns(clock.now_ns() + _LOCK_RETRY_NS)
+            descriptor = _acquired(lock)
+    except OSError as error:
+        raise SecurityError(f"'{path}' cannot be locked: {error.strerror}", "Check folder and disk.") from error
+    try:
+        yield
+    finally:
+        # Removed while it is held: whoever waits for it finds that its name is gone, and starts again. Windows does not
+        # remove open files; there the empty file stays.
+        with suppress(OSError):
+            lock.unlink()
+        os.close(descriptor)
+
+
+def _acquired(lock: Path) -> int | None:
+    """Return the descriptor of the lock file, locked; None when another process holds it or has just removed it."""
+    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        if sys.platform == "win32":
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.path.samestat(os.fstat(descriptor), lock.stat()):
+            return descriptor
+    except (BlockingIOError, PermissionError, FileNotFoundError):
+        pass
+    except BaseException:
+        os.close(descriptor)
+        raise
+    os.close(descriptor)
+    return None
+
+
+def _target(path: Path) -> Path:
+    """Return the file behind symbolic links."""
+    return Path(os.path.realpath(path))
+
+
+def _make_folder(path: Path) -> None:
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+
+def _keep_mode_and_owner(target: Path, descriptor: int) -> None:
+    if sys.platform == "win32" or not target.exists():
+        return
+    status = target.stat()
+    os.fchmod(descriptor, stat.S_IMODE(status.st_mode) & 0o700)
+    if (status.st_uid, status.st_gid) != (os.geteuid(), os.getegid()):
+        with suppress(PermissionError):  # only root can give a file away
+            os.fchown(descriptor, status.st_uid, status.st_gid)

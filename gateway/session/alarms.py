@@ -1,25 +1,39 @@
-"""Alarms: crossed thresholds of the configuration and faults of sensors and links, from the latest snapshot."""
+"""Alarms: crossed thresholds of the configuration, silence, and faults of sensors and links, from the latest snapshot.
+
+A threshold alarm that stands is over only when the value has returned beyond the limit by a margin, so that a value at
+its limit raises one alarm and not many.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from gateway.config.vehicle import Thresholds
-from gateway.estimators.estimator import Status
-from gateway.pipeline.results import Alarm, LinkSnapshot, WheelSnapshot
+from gateway.estimators.estimator import Estimate, Status
+from gateway.pipeline.results import Alarm, LinkSnapshot, SilentPart, WheelSnapshot
 from gateway.reasons import Code, Reason
 from gateway.security.guard import SUSPICIOUS
+from gateway.session.link_health import hub_name
+from gateway.session.silence import SilentHub
 from gateway.session.wheel_identity import misplaced_sensor
 
+AlarmKey = tuple[str, str]
+"""Position and name of an alarm."""
+
+NONE_STANDING: Final[Mapping[AlarmKey, Code]] = MappingProxyType({})
 _SPEED: Final = "speed_mps"
+# Share of the limit by which a value must return before its alarm is over.
+_MARGIN: Final = 0.02
 
 
 class AlarmName(StrEnum):
     """Names of the alarms, as printed; those of sensor faults are the names of their flags."""
 
     BATTERY = "battery"
+    ENVIRONMENT = "old environment"
     LINK = "link"
     LOAD = "load"
     LOSS = "loss"
@@ -27,9 +41,19 @@ class AlarmName(StrEnum):
     PRESSURE = "pressure"
     SATURATED = "saturated"
     SECURITY = "security"
+    SILENT = "silent"
     SPEED = "speed"
     TEMPERATURE = "temperature"
     WEAR = "wear"
+
+
+SILENCES: Final = frozenset({AlarmName.SILENT, AlarmName.ENVIRONMENT})
+"""Alarms whose reason has the value `silence_s`."""
+
+THRESHOLDS: Final = frozenset(
+    {AlarmName.LOAD, AlarmName.PRESSURE, AlarmName.SPEED, AlarmName.TEMPERATURE, AlarmName.WEAR}
+)
+"""Alarms of limits that the configuration states for wheels."""
 
 
 def alarms(
@@ -37,26 +61,57 @@ def alarms(
     links: Sequence[LinkSnapshot],
     thresholds: Thresholds,
     sensor_ids: Mapping[str, str] | None = None,
+    *,
+    silent_hubs: Iterable[SilentHub] = (),
+    standing: Mapping[AlarmKey, Code] = NONE_STANDING,
 ) -> tuple[Alarm, ...]:
-    """Return the present alarms, wheels first.
+    """Return the present alarms: silence first, then those of wheels and links.
 
     Args:
         wheels: latest state of the wheels.
         links: latest state of the links.
         thresholds: of the configuration.
         sensor_ids: configured sensors, hex text by position.
+        silent_hubs: hubs that send no frame.
+        standing: alarms that stood before, with the codes of their reasons.
     """
-    found = [alarm for wheel in wheels for alarm in _wheel_alarms(wheel, thresholds)]
+    found = [alarm for wheel in wheels for alarm in _wheel_alarms(wheel, thresholds, standing)]
     misplaced = _misplaced_sensors(wheels, sensor_ids or {})
-    return (*found, *misplaced, *(alarm for link in links for alarm in _link_alarms(link, thresholds)))
+    of_links = [alarm for link in links for alarm in _link_alarms(link, thresholds, standing)]
+    silent = [*hub_alarms(silent_hubs, len(links) > 1), *silence_alarms(wheels)]
+    return (*silent, *found, *misplaced, *of_links)
 
 
-def sensor_alarms(alarms: Sequence[Alarm], wheels: Sequence[WheelSnapshot]) -> tuple[Alarm, ...]:
-    """Return those of the alarms that concern a faulty or misplaced sensor."""
-    flags = {(wheel.position, flag.name) for wheel in wheels for flag in wheel.flags}
-    return tuple(
-        alarm for alarm in alarms if alarm.name == AlarmName.MISPLACED or (alarm.position, alarm.name) in flags
-    )
+def hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterator[Alarm]:
+    """Yield the alarm of each silent hub; hubs of different links may have the same number."""
+    for silent in silent_hubs:
+        name = hub_name(silent.hub) + (f" on {silent.link}" if several_links else "")
+        reason = Reason(Code.HUB_SILENT, silence_s=silent.age_s, wheels=silent.positions)
+        yield Alarm(name, AlarmName.SILENT, reason)
+
+
+def silence_alarms(wheels: Iterable[WheelSnapshot]) -> Iterator[Alarm]:
+    """Yield the alarms of silent sensors, axes and environments; a link or a hub that is silent has its own."""
+    for wheel in wheels:
+        for silence in wheel.silences:
+            if silence.is_certain and silence.part not in (SilentPart.LINK, SilentPart.HUB):
+                is_old = silence.part is SilentPart.ENVIRONMENT
+                yield Alarm(wheel.position, AlarmName.ENVIRONMENT if is_old else AlarmName.SILENT, silence.reason)
+
+
+def superseded(
+    wheels: Iterable[WheelSnapshot], hubs_of_down_links: Iterable[SilentHub] = (), *, several_links: bool = False
+) -> frozenset[AlarmKey]:
+    """Return the alarms that a wider silence hides: nothing new is known of them, so they are not over."""
+    hidden = {(alarm.position, alarm.name) for alarm in hub_alarms(hubs_of_down_links, several_links)}
+    for wheel in wheels:
+        silence = wheel.silence
+        if silence is None:
+            continue
+        hidden |= {(wheel.position, AlarmName.SPEED), (wheel.position, AlarmName.LOAD)}
+        if silence.part in (SilentPart.LINK, SilentPart.HUB, SilentPart.SENSOR) or not silence.is_certain:
+            hidden |= {(wheel.position, name) for name in SILENCES}
+    return frozenset(hidden)
 
 
 def _misplaced_sensors(wheels: Sequence[WheelSnapshot], configured: Mapping[str, str]) -> Iterator[Alarm]:
@@ -68,18 +123,32 @@ def _misplaced_sensors(wheels: Sequence[WheelSnapshot], configured: Mapping[str,
 
 
 class _Limit(NamedTuple):
-    """A threshold: an upper one, or a lower one where `is_lower` is set."""
+    """A threshold: an upper one, or a lower one where `is_lower` is set.
+
+    Attributes:
+        name: of its alarm.
+        limit: None where none is stated.
+        value: present value, None where it is unknown.
+        reason: of the alarm, from value and limit.
+        now: the value alone.
+        is_lower: whether the alarm is below the limit.
+    """
 
     name: AlarmName
     limit: float | None
     value: float | None
     reason: Callable[[float, float], Reason]
+    now: Callable[[float], Reason]
     is_lower: bool = False
 
-    def is_crossed(self) -> bool:
+    def crossed(self, stood: Code | None) -> Reason | None:
+        """Return the reason of the alarm, None when there is none; `stood` is that of the alarm that stood before."""
         if self.limit is None or self.value is None:
-            return False
-        return self.value < self.limit if self.is_lower else self.value > self.limit
+            return None
+        reason = self.reason(self.value, self.limit)
+        margin = _MARGIN * abs(self.limit) if stood is reason.code else 0.0
+        over = self.limit - self.value if self.is_lower else self.value - self.limit
+        return reason if over > -margin else None
 
 
 def _wheel_limits(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[_Limit]:
@@ -89,6 +158,7 @@ def _wheel_limits(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[_Limit]:
         limits.pressure_min_pa,
         wheel.pressure_pa,
         lambda value, limit: Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=value, limit_pa=limit),
+        lambda value: Reason(Code.PRESSURE_NOW, pressure_pa=value),
         is_lower=True,
     )
     yield _Limit(
@@ -96,41 +166,92 @@ def _wheel_limits(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[_Limit]:
         limits.pressure_max_pa,
         wheel.pressure_pa,
         lambda value, limit: Reason(Code.PRESSURE_ABOVE_LIMIT, pressure_pa=value, limit_pa=limit),
+        lambda value: Reason(Code.PRESSURE_NOW, pressure_pa=value),
     )
     yield _Limit(
         AlarmName.TEMPERATURE,
         limits.temperature_max_degc,
         wheel.temperature_degc,
         lambda value, limit: Reason(Code.TEMPERATURE_ABOVE_LIMIT, temperature_degc=value, limit_degc=limit),
+        lambda value: Reason(Code.TEMPERATURE_NOW, temperature_degc=value),
     )
+    speed: Estimate | None = None
+    if wheel.silence is None:
+        found = (one for one in (wheel.last.estimates if wheel.last is not None else ()) if one.name == _SPEED)
+        speed = next((one for one in found if one.status != Status.INVALID), None)
+        yield _Limit(
+            AlarmName.LOAD,
+            limits.load_max_n,
+            wheel.load_n,
+            lambda value, limit: Reason(Code.LOAD_ABOVE_LIMIT, load_n=value, limit_n=limit),
+            lambda value: Reason(Code.LOAD_NOW, load_n=value),
+        )
     yield _Limit(
-        AlarmName.LOAD,
-        limits.load_max_n,
-        wheel.load_n,
-        lambda value, limit: Reason(Code.LOAD_ABOVE_LIMIT, load_n=value, limit_n=limit),
+        AlarmName.SPEED,
+        limits.speed_max_mps,
+        speed.value if speed is not None else None,
+        lambda value, limit: Reason(Code.SPEED_ABOVE_LIMIT, speed_mps=value, limit_mps=limit),
+        lambda value: Reason(Code.SPEED_NOW, speed_mps=value),
     )
-    for estimate in wheel.last.estimates if wheel.last is not None else ():
-        if estimate.name == _SPEED and estimate.status != Status.INVALID:
-            yield _Limit(
-                AlarmName.SPEED,
-                limits.speed_max_mps,
-                estimate.value,
-                lambda value, limit: Reason(Code.SPEED_ABOVE_LIMIT, speed_mps=value, limit_mps=limit),
-            )
     yield _Limit(
         AlarmName.WEAR,
-        limits.wear_max_mm,
-        wheel.wear_mm.value if wheel.wear_mm is not None else None,
-        lambda value, limit: Reason(Code.WEAR_ABOVE_LIMIT, wear_m=value * 1e-3, limit_m=limit * 1e-3),
+        limits.wear_max_m,
+        wheel.wear_mm.value * 1e-3 if wheel.wear_mm is not None else None,
+        lambda value, limit: Reason(Code.WEAR_ABOVE_LIMIT, wear_m=value, limit_m=limit),
+        lambda value: Reason(Code.WEAR_NOW, wear_m=value),
     )
 
 
-def _wheel_alarms(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[Alarm]:
-    for limit in _wheel_limits(wheel, limits):
-        if limit.is_crossed():
-            assert limit.value is not None
-            assert limit.limit is not None
-            yield Alarm(wheel.position, limit.name, limit.reason(limit.value, limit.limit))
+def _link_limits(link: LinkSnapshot, limits: Thresholds) -> Iterator[_Limit]:
+    """Yield the thresholds of a link with its present values."""
+    total = link.frames + link.frames_lost
+    yield _Limit(
+        AlarmName.LOSS,
+        limits.frame_loss_max,
+        link.frames_lost / total if total else None,
+        lambda value, limit: Reason(Code.FRAME_LOSS_ABOVE_LIMIT, share=value, limit=limit),
+        lambda value: Reason(Code.FRAME_LOSS_NOW, share=value),
+    )
+    least = limits.battery_min_percent
+    yield _Limit(
+        AlarmName.BATTERY,
+        least / 100.0 if least is not None else None,
+        link.battery_percent / 100.0 if link.battery_percent is not None else None,
+        lambda value, limit: Reason(Code.BATTERY_BELOW_LIMIT, level=value, limit=limit),
+        lambda value: Reason(Code.BATTERY_NOW, level=value),
+        is_lower=True,
+    )
+
+
+def present_values(
+    wheels: Iterable[WheelSnapshot], links: Iterable[LinkSnapshot], limits: Thresholds
+) -> dict[AlarmKey, Reason]:
+    """Return the present value of each threshold, by the alarm that it would raise."""
+    pairs = [(wheel.position, limit) for wheel in wheels for limit in _wheel_limits(wheel, limits)]
+    pairs += [(link.link, limit) for link in links for limit in _link_limits(link, limits)]
+    return {
+        (position, limit.name): limit.now(limit.value)
+        for position, limit in pairs
+        if limit.value is not None and limit.limit is not None
+    }
+
+
+def _crossed(position: str, limits: Iterable[_Limit], standing: Mapping[AlarmKey, Code]) -> Iterator[Alarm]:
+    for limit in limits:
+        reason = limit.crossed(standing.get((position, limit.name)))
+        if reason is not None:
+            yield Alarm(position, limit.name, reason)
+
+
+def threshold_alarms(
+    wheel: WheelSnapshot, limits: Thresholds, standing: Mapping[AlarmKey, Code] = NONE_STANDING
+) -> tuple[Alarm, ...]:
+    """Return the alarms of the limits that the configuration states for wheels."""
+    return tuple(_crossed(wheel.position, _wheel_limits(wheel, limits), standing))
+
+
+def _wheel_alarms(wheel: WheelSnapshot, limits: Thresholds, standing: Mapping[AlarmKey, Code]) -> Iterator[Alarm]:
+    yield from threshold_alarms(wheel, limits, standing)
     for flag in wheel.flags:
         yield Alarm(wheel.position, flag.name, flag.reason)
     saturated = wheel.counters.samples_saturated
@@ -138,14 +259,10 @@ def _wheel_alarms(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[Alarm]:
         yield Alarm(wheel.position, AlarmName.SATURATED, Reason(Code.SENSOR_RANGE_REACHED, count=saturated))
 
 
-def _link_alarms(link: LinkSnapshot, limits: Thresholds) -> Iterator[Alarm]:
+def _link_alarms(link: LinkSnapshot, limits: Thresholds, standing: Mapping[AlarmKey, Code]) -> Iterator[Alarm]:
     if not link.connected:
         yield Alarm(link.link, AlarmName.LINK, Reason(Code.LINK_DOWN, state=link.note))
-    total = link.frames + link.frames_lost
-    worst = limits.frame_loss_max
-    if worst is not None and total and link.frames_lost / total > worst:
-        share = link.frames_lost / total
-        yield Alarm(link.link, AlarmName.LOSS, Reason(Code.FRAME_LOSS_ABOVE_LIMIT, share=share, limit=worst))
+    yield from _crossed(link.link, _link_limits(link, limits), standing)
     suspicious = tuple(
         Reason(Code.FRAMES_VERDICT, verdict=str(verdict), count=count)
         for verdict in SUSPICIOUS
@@ -153,7 +270,3 @@ def _link_alarms(link: LinkSnapshot, limits: Thresholds) -> Iterator[Alarm]:
     )
     if suspicious:
         yield Alarm(link.link, AlarmName.SECURITY, Reason(Code.FRAMES_NOT_TRUSTED, counts=suspicious))
-    battery, least = link.battery_percent, limits.battery_min_percent
-    if battery is not None and least is not None and battery < least:
-        level = Reason(Code.BATTERY_BELOW_LIMIT, level=battery / 100.0, limit=least / 100.0)
-        yield Alarm(link.link, AlarmName.BATTERY, level)

@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.config.effects_file import with_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Chunk, LinkItem
-from gateway.pipeline.results import RevolutionResult
-from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.security.guard import Guard
+from gateway.session.batch_alarms import BatchAlarms
 
 
 class Items(Protocol):
@@ -38,7 +39,9 @@ def estimate_items(
     on_bytes: Callable[[int], None] | None = None,
     guard: Guard | None = None,
     on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
+    on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
+    alarms: BatchAlarms | None = None,
 ) -> dict[str, LinkCounters]:
     """Run the estimators on all items of a source.
 
@@ -50,24 +53,37 @@ def estimate_items(
         guard: verifies every frame first; None when signatures are not checked.
         on_bytes: called with the number of link bytes of each chunk, for a progress bar.
         on_batch: called with the link, a block of its frames and their arrival times, before its revolutions.
+        on_wheels: called once with the last state of every wheel.
         effects: known effects to subtract, one table per wheel.
+        alarms: takes frames, events of links and results; every result then has its alarms.
 
     Returns:
         the decoder's counters per link.
     """
     setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
-    pipeline = Pipeline(setups, WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3), estimators)
+    pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
     links: dict[str, LinkBlocks] = {}
+    if alarms is not None:
+        alarms.begin(pipeline)
+
+    def hand_over(result: RevolutionResult) -> None:
+        on_result(alarms.result(result) if alarms is not None else result)
 
     def deliver(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
         for batch, arrivals_ns in batches:
             if on_batch is not None:
                 on_batch(link, batch, arrivals_ns)
+            if alarms is not None:
+                alarms.batch(link, batch, arrivals_ns)
             for result in pipeline.batch(link, batch, arrivals_ns):
-                on_result(result)
+                hand_over(result)
+            if alarms is not None:
+                alarms.end_of_block()
 
     for item in source.items():
         if not isinstance(item, Chunk):
+            if alarms is not None:
+                alarms.event(item)
             continue
         blocks = links.get(item.link)
         if blocks is None:
@@ -79,5 +95,7 @@ def estimate_items(
     for name, blocks in links.items():
         deliver(name, blocks.finish())
     for result in pipeline.finish():
-        on_result(result)
+        hand_over(result)
+    if on_wheels is not None:
+        on_wheels(pipeline.wheels())
     return {name: blocks.counters for name, blocks in links.items()}

@@ -14,7 +14,7 @@ from firmware_protocol.block_decoder import FrameBatch
 from gateway.closure.data.campaign_data import Group, Remark
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
-from gateway.config.vehicle import VehicleConfig, Wheel, parse_vehicle
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, recorded_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, Reason
@@ -22,12 +22,15 @@ from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
+from gateway.session.contradictions import ContradictionWatch
 from gateway.session.provenance import assumed_conditions, stated_conditions
-from gateway.session.wheel_identity import SensorsHeard, configured, wheel_address
+from gateway.session.wheel_identity import SensorsHeard, configured, positions, wheel_address
 from gateway.views.wording import notice_text
 
 # With several wheels and none chosen, revolutions read on to learn the names of all wheels.
 _NAMING_REVOLUTIONS: Final = 200
+# Standard error below which a measured offset of the sensor is used where none is stated.
+_OFFSET_KNOWN_M: Final = 5e-4
 # Links whose arrival times are derived from the times of the samples.
 _WITHOUT_HOST_TIME: Final = ("import:", "dump:")
 
@@ -99,12 +102,13 @@ class _SeveralWheelsError(Exception):
 class _Collector:
     """Collects the revolutions of one wheel, and what the frames say of sensors and clocks."""
 
-    def __init__(self, order: ReadOrder) -> None:
+    def __init__(self, order: ReadOrder, vehicle: VehicleConfig | None) -> None:
         self.wheels: dict[str, int] = {}
         self.store = RevolutionStore(order.reverse)
         self.last: RevolutionResult | None = None
         self.clock = HubClockError()
         self.sensors = SensorsHeard()
+        self.contradictions = ContradictionWatch(positions(vehicle))
         self.links: set[str] = set()
         self._wheel = order.wheel
         self._naming = _NAMING_REVOLUTIONS
@@ -123,6 +127,7 @@ class _Collector:
         self.links.add(link)
         self.clock.take(link, batch, arrivals_ns)
         self.sensors.take(batch)
+        self.contradictions.batch(link, batch)
 
     @property
     def has_host_times(self) -> bool:
@@ -142,8 +147,8 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     reader = RecordingReader(order.path)
     vehicle = order.vehicle
     if vehicle is None and reader.vehicle_toml:
-        vehicle = parse_vehicle(reader.vehicle_toml, str(order.path))
-    collected = _Collector(order)
+        vehicle = recorded_vehicle(reader.vehicle_toml, str(order.path))
+    collected = _Collector(order, vehicle)
     report = on_position or (lambda _: None)
     guard = open_guard(vehicle, order.key_file, remembers=False)
     try:
@@ -163,14 +168,15 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     of_guard = tuple(guard.take_notices()) if guard is not None else ()
     last = collected.last
     if last is None or (order.wheel is None and len(wheels) > 1):
-        notices = (*of_guard, *collected.sensors.mismatches(vehicle, wheels))
+        notices = (*of_guard, *collected.sensors.mismatches(vehicle, wheels), *collected.contradictions.found())
         return RecordingRead(wheels, damage=reader.damage, notices=notices)
     mismatches = tuple(collected.sensors.mismatches(vehicle, [last.position]))
     wheel = configured(vehicle, last.position)
     if order.vehicle is not None:
         sensors = collected.sensors.at(vehicle, last.position)
         _check_sensor(order, wheel, sensors, mismatches, has_own=bool(reader.vehicle_toml))
-    return _reduced(order, collected, last, vehicle, damage=reader.damage, notices=of_guard or mismatches)
+    notices = (*(of_guard or mismatches), *collected.contradictions.found())
+    return _reduced(order, collected, last, vehicle, damage=reader.damage, notices=notices)
 
 
 def _check_sensor(
@@ -201,7 +207,8 @@ def _reduced(
     wheel = configured(vehicle, position)
     store = collected.store
     table = store.table()
-    groups = make_groups(table, _declared(order, wheel, last, store), order.folds, store.reject) if len(table) else []
+    declared = _declared(order, vehicle, wheel, last, store)
+    groups = make_groups(table, declared, order.folds, store.reject) if len(table) else []
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
     sensors = collected.sensors.at(vehicle, position)
@@ -228,13 +235,24 @@ def _reduced(
     )
 
 
-def _declared(order: ReadOrder, wheel: Wheel | None, last: RevolutionResult, store: RevolutionStore) -> Declared:
+def _declared(
+    order: ReadOrder,
+    vehicle: VehicleConfig | None,
+    wheel: Wheel | None,
+    last: RevolutionResult,
+    store: RevolutionStore,
+) -> Declared:
+    stated_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
     mounting = wheel.mounting if wheel is not None else None
+    offset_m = mounting.offset_m if mounting is not None else None
+    if offset_m is None:
+        in_use = last.conditions
+        offset_m = in_use.sensor_offset_m if in_use.sensor_offset_std_m < _OFFSET_KNOWN_M else 0.0
     return Declared(
         name=order.name,
         recording=order.index,
-        radius_m=last.conditions.radius_m,
-        offset_m=mounting.offset_m if mounting is not None else 0.0,
+        radius_m=ASSUMED_RADIUS_MM * 1e-3 if stated_m is None else stated_m,
+        offset_m=offset_m,
         roll_rad=mounting.roll_rad if mounting is not None else 0.0,
         pitch_rad=mounting.pitch_rad if mounting is not None else 0.0,
         reverse=order.reverse,

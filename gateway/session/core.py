@@ -12,21 +12,24 @@ from typing import Final
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
 from gateway.config.effects_file import effects_notices, with_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, Thresholds, VehicleConfig
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
-from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot
-from gateway.pipeline.wheel_setup import CorrectionTable, WheelSetup
+from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, SilentPart, WheelSnapshot
+from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
-from gateway.reasons import Code, Level, Notice, Reason
+from gateway.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.security.guard import Guard
-from gateway.session.alarms import alarms, sensor_alarms
+from gateway.session.alarm_watch import AlarmWatch, State
 from gateway.session.commands import refusal
+from gateway.session.contradictions import ContradictionWatch
+from gateway.session.hub_log import HubLog
 from gateway.session.link_health import LinkHealth, hub_name
+from gateway.session.missing_results import long_missing
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
-from gateway.session.wheel_identity import sensor_ids, unconfigured_wheel
+from gateway.session.wheel_identity import positions, unconfigured_wheel
 from gateway.views.recording_topics import (
     log_level,
     message_topic,
@@ -57,9 +60,11 @@ class _Link:
 
     health: LinkHealth
     decoder: FrameDecoder
+    hub_log: HubLog
     connected: bool = False
     note: Reason = field(default_factory=lambda: Reason(Code.LINK_NOT_OPEN))
     bytes_received: int = 0
+    newest_ns: int = 0
     status: HubStatus | None = None
     connected_rssi_dbm: int | None = None
     resyncs: int = 0
@@ -105,16 +110,16 @@ class SessionCore:
         self._links: dict[str, _Link] = {}
         self._newest_ns = 0
         self._waveform_due_ns: dict[str, int] = {}
-        unknown = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3)
+        unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators)
         self._vehicle = vehicle
         self._unconfigured: set[str] = set()
+        self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
+        self._contradictions = ContradictionWatch(positions(vehicle), self._pipeline.limit)
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
-        self._limits = vehicle.thresholds if vehicle is not None else Thresholds()
-        self._sensor_ids = sensor_ids(vehicle)
-        self._reported_alarms: set[tuple[str, str]] = set()
+        self._alarms = AlarmWatch(vehicle, self._pipeline.position, self._state)
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
         for notice in (*effects_notices(effects), *self._watch.take_notices()):
@@ -140,16 +145,19 @@ class SessionCore:
         """Record and decode an item; return the revolutions that it completes."""
         if self._records_items:
             self._record(lambda recorder: recorder.write(item))
-        self._newest_ns = max(self._newest_ns, item.host_ns)
         if isinstance(item, LinkEvent):
             self._event(item)
             return []
+        self._newest_ns = max(self._newest_ns, item.host_ns)
+        self._report(item.link, self._alarms.advance(item.link, item.host_ns), item.host_ns)
         link = self._link(item.link)
         if not link.connected:
             link.connected, link.note = True, Reason(Code.LINK_CONNECTED)
         link.bytes_received += len(item.data)
+        link.newest_ns = item.host_ns
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         self._log_resync(item.link, link)
+        self._report(item.link, self._contradictions.new(), item.host_ns)
         self._report(item.link, self._watch.take_notices(), item.host_ns)
         self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
@@ -158,7 +166,7 @@ class SessionCore:
         link = self._links.get(name)
         if link is None:
             health = LinkHealth(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
-            link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)))
+            link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)), HubLog(name))
         return link
 
     def _log_resync(self, name: str, link: _Link) -> None:
@@ -184,10 +192,16 @@ class SessionCore:
         if event.kind is LinkEventKind.MARK:
             self.notify(Notice("", reason))
             return
+        self._newest_ns = max(self._newest_ns, event.host_ns)
         link = self._link(event.link)
+        self._report(event.link, self._alarms.advance(event.link, event.host_ns), event.host_ns)
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
         if link.connected:
             link.health.reconnected()
+            self._contradictions.reopened(event.link)
+            self._alarms.silence.opened(event.link, event.host_ns)
+        else:
+            self._alarms.silence.closed(event.link, event.host_ns, reason)
         if event.rssi_dbm is not None:
             link.connected_rssi_dbm = event.rssi_dbm
         if event.kind is not LinkEventKind.RETRYING or link.note != reason:
@@ -196,8 +210,10 @@ class SessionCore:
         link.note = reason
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
+        self._contradictions.frames(name, frames)
         for frame in frames:
-            if frame.type != MessageType.SAMPLES:
+            self._alarms.silence.frame(name, frame, host_ns)
+            if frame.type != MessageType.SAMPLES and self._pipeline.limit.admits(name, frame.hub, frame.wheel):
                 self._slow_message(name, link, frame, host_ns)
         return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
 
@@ -209,15 +225,23 @@ class SessionCore:
             link.status = message
         elif isinstance(message, LogText):
             logged = Reason(Code.HUB_LOG, severity=log_level(message), text=message.text)
-            self.notify(Notice(hub_name(frame.hub), logged))
+            self._hub_line(link, Notice(self._hub_name(name, frame.hub), logged), host_ns)
         elif isinstance(message, CommandResult):
             refused = refusal(message)
             if refused is not None:
-                self.notify(Notice(hub_name(frame.hub), refused, Level.WARNING))
+                self._hub_line(link, Notice(self._hub_name(name, frame.hub), refused, Level.WARNING), host_ns)
         if self.recorder is not None:
             entry = message_topic(frame, self._pipeline.position(name, frame.hub, frame.wheel), name)
             if entry is not None:
                 self._record(lambda recorder: recorder.write_topic(entry[0], host_ns, entry[1]))
+
+    def _hub_line(self, link: _Link, notice: Notice, host_ns: int) -> None:
+        """Show a line that a hub has caused, within the limit of its link."""
+        for shown in link.hub_log.take(notice, host_ns):
+            self.notify(shown)
+
+    def _hub_name(self, link: str, hub: int) -> str:
+        return hub_name(hub) if len(self._links) == 1 else f"{link}, {hub_name(hub)}"
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
         for result in results:
@@ -257,14 +281,37 @@ class SessionCore:
             Notice("", Reason(Code.RECORDING_STOPPED, error=str(error), remedy=error.remedy), Level.ERROR),
         )
 
-    def tick(self, now_ns: int) -> None:
-        """Flush the recording, and report silence, even when no item arrives."""
+    def tick(self, now_ns: int, link_times_ns: Mapping[str, int] | None = None) -> None:
+        """Flush the recording, and report silence, even when no item arrives.
+
+        Args:
+            now_ns: of the clock.
+            link_times_ns: time up to which each link is known, in the time of its items; links without one stand
+                still. None when all of them have the time of the clock.
+        """
         self._record(lambda recorder: recorder.tick(now_ns))
         self._report("", self._watch.tick(now_ns), now_ns)
         for name, link in self._links.items():
+            link_ns = link_times_ns.get(name) if link_times_ns is not None else now_ns
+            if link_ns is None:
+                continue
+            # An item may carry a later time than the tick that follows it.
+            link_ns = max(link_ns, link.newest_ns)
+            self._report(name, self._alarms.advance(name, link_ns), now_ns)
             if link.connected:
-                self._report(name, link.health.tick(now_ns), now_ns)
-        self.check_sensors()
+                self._report(name, link.health.tick(link_ns), now_ns)
+            self._contradictions.counters(name, link.decoder.counters)
+            self._report(name, link.hub_log.tick(link_ns), now_ns)
+        self._report("", self._contradictions.new(), now_ns)
+        self._report_missing(now_ns)
+
+    def _report_missing(self, now_ns: int) -> None:
+        """Report once per wheel and reason why no revolution comes at all; a faulty sensor has an alarm instead."""
+        for wheel in self._pipeline.wheels():
+            missing = long_missing(wheel)
+            if missing is not None and (wheel.position, codes_of((missing,))) not in self._reported_missing:
+                self._reported_missing.add((wheel.position, codes_of((missing,))))
+                self._report("", [Notice(wheel.position, missing)], now_ns)
 
     def dropped(self, link: str, stages: Mapping[Stage, int]) -> None:
         """Set the number of items that the stages of the session have dropped; the first drop is reported."""
@@ -279,8 +326,12 @@ class SessionCore:
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
             results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
+            self._contradictions.counters(name, link.decoder.counters)
+            self._report(name, link.hub_log.finish(), self._newest_ns)
+        self.contradictions()
+        self._report("", self._contradictions.new(), self._newest_ns)
         results += self._deliver(self._pipeline.finish(), self._newest_ns)
-        self.check_sensors()
+        self._report("", self._alarms.review(), self._newest_ns)
         self._report("", self._watch.finish(), self._newest_ns)
         if self.recorder is not None:
             self._record(lambda recorder: recorder.close())
@@ -292,20 +343,28 @@ class SessionCore:
 
     def snapshot(self, elapsed_s: float, *, ended: bool = False) -> SessionSnapshot:
         """Return the latest state, immutable."""
-        wheels = self._pipeline.wheels()
-        links = tuple(self._link_snapshot(name, link) for name, link in self._links.items())
+        wheels, links = self._state()
+        wheels = self._alarms.with_silences(wheels) if not ended else self._at_end(wheels)
         if self.recorder is not None:
             self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
-        found = alarms(wheels, links, self._limits, self._sensor_ids) if not ended else ()
-        return SessionSnapshot(elapsed_s, wheels, links, found, tuple(self._notices), *self._recorded, ended)
+        found = self._alarms.alarms(wheels, links) if not ended else ()
+        notices, records = tuple(self._notices), self._alarms.records()
+        return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records)
 
-    def check_sensors(self) -> None:
-        """Report faults of sensors, each once; called by `tick` and `finish`."""
-        wheels = self._pipeline.wheels()
-        for alarm in sensor_alarms(alarms(wheels, (), self._limits, self._sensor_ids), wheels):
-            if (alarm.position, alarm.name) not in self._reported_alarms:
-                self._reported_alarms.add((alarm.position, alarm.name))
-                self._report("", [Notice(alarm.position, alarm.reason, Level.WARNING)], self._newest_ns)
+    def contradictions(self) -> list[Notice]:
+        """Return what hubs stated against what they sent, with the present counts, for the summary."""
+        return self._contradictions.found()
+
+    def _at_end(self, wheels: tuple[WheelSnapshot, ...]) -> tuple[WheelSnapshot, ...]:
+        """Return wheels as they were at the end: a link that has ended as it should has not fallen silent."""
+        return tuple(
+            wheel if wheel.silence is not None and wheel.silence.part is not SilentPart.LINK else plain
+            for wheel, plain in zip(self._alarms.with_silences(wheels), wheels, strict=True)
+        )
+
+    def _state(self) -> State:
+        """Return the present snapshots of wheels, without their silences, and of links."""
+        return self._pipeline.wheels(), tuple(self._link_snapshot(name, link) for name, link in self._links.items())
 
     def _link_snapshot(self, name: str, link: _Link) -> LinkSnapshot:
         counters, status = link.decoder.counters, link.status
@@ -322,10 +381,11 @@ class SessionCore:
             duplicates=counters.duplicates,
             reordered=counters.reordered,
             skipped=counters.skipped,
-            latency_s=self._pipeline.latency_s(name),
+            latency_s=self._pipeline.latency_s(name, self._alarms.silence.speaking_hubs(name)),
             queue_dropped={str(stage): count for stage, count in link.queue_dropped.items()},
             battery_percent=status.battery_percent if status is not None else None,
             rssi_dbm=rssi_dbm if rssi_dbm is not None else link.connected_rssi_dbm,
             supply_w=status.supply_w if status is not None else None,
             judged=self._watch.counts(name),
+            silent_s=self._alarms.silence.silent_s(name),
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from firmware_protocol import wire
@@ -32,21 +31,10 @@ _OWN_VERSION: Final = f"{wire.VERSION_MAJOR}.{wire.VERSION_MINOR}"
 PositionOf = Callable[[int, int], str]
 
 
-@dataclass(slots=True)
-class _Sender:
-    """State of one source of frames: a hub, or a wheel of it."""
-
-    frames: int
-    first_ns: int
-    last_ns: int
-    greeted: bool = False
-    gone: bool = False
-
-
 class LinkHealth:
     """Watches one link; each finding is reported once, and again only after it had ended or the link was reopened.
 
-    All but the silence of a whole link depends on the times of the items only, so that a replay gives the same notices.
+    The silence of hubs and sensors is not reported here, but by `gateway.session.silence`.
     """
 
     def __init__(self, link: str, position_of: PositionOf) -> None:
@@ -62,7 +50,10 @@ class LinkHealth:
         self._reported: set[tuple[Code, str]] = set()
         self._bytes = 0
         self._review_due_ns: int | None = None
-        self._senders: dict[tuple[int, int], _Sender] = {}
+        # Host time of the first frame of each source, None once it has sent a hello, and its frames at the last review.
+        self._ungreeted_ns: dict[tuple[int, int], int | None] = {}
+        self._frames: dict[tuple[int, int], int] = {}
+        self._has_hub = False
         self._boot_counts: dict[int, int] = {}
         self._restarts_ns: dict[int, list[int]] = {}
         self._intact_frames = self._barren_bytes = 0
@@ -78,7 +69,7 @@ class LinkHealth:
         self._reported.clear()
         self._review_due_ns = self._barren_since_ns = None
         self._barren_bytes, self._sample, self._last_change = 0, b"", (self._bytes, 0)
-        self._senders.clear()
+        self._ungreeted_ns.clear()
 
     def data(self, host_ns: int, data: bytes, counters: LinkCounters) -> list[Notice]:
         """Review a chunk after it was decoded; return new notices."""
@@ -96,15 +87,14 @@ class LinkHealth:
             *self._review_content(host_ns, data, counters),
             *self._review_versions(data, counters),
             *self._review_damage(counters),
-            *self._review_senders(host_ns, counters),
+            *self._review_greetings(host_ns, counters),
         ]
 
     def hello(self, frame: Frame, host_ns: int) -> list[Notice]:
         """Review a hello; return new notices."""
         hello = frame.message
         assert isinstance(hello, Hello)
-        sender = self._senders.setdefault((frame.hub, frame.wheel), _Sender(0, host_ns, host_ns))
-        sender.greeted = True
+        self._ungreeted_ns[(frame.hub, frame.wheel)] = None
         found: list[Notice] = []
         before = self._boot_counts.get(frame.hub)
         self._boot_counts[frame.hub] = hello.boot_count
@@ -121,14 +111,14 @@ class LinkHealth:
         return found
 
     def tick(self, now_ns: int) -> list[Notice]:
-        """Return new notices of a link that is open but silent."""
+        """Return new notices of a link that is open but silent, before a hub is known to be on it."""
         seen, since_ns = self._last_change
         if seen != self._bytes or since_ns == 0:
             self._last_change = (self._bytes, now_ns)
             if seen != self._bytes and self._ended(Code.LINK_SILENT, Code.LINK_NO_DATA_YET):
                 return [Notice(self._link, Reason(Code.LINK_RESUMED))]
             return []
-        if now_ns - since_ns < _SILENCE_NS:
+        if now_ns - since_ns < _SILENCE_NS or self._has_hub:
             return []
         if self._bytes == 0:
             return self._once(self._link, Reason(Code.LINK_NO_DATA_YET))
@@ -139,17 +129,21 @@ class LinkHealth:
         if counters.intact != self._intact_frames:
             self._intact_frames = counters.intact
             self._barren_since_ns, self._barren_bytes, self._sample = None, 0, b""
-            return [Notice(self._link, Reason(Code.FRAMES_RESUMED))] if self._ended(Code.NO_FRAMES) else []
+            ended = self._ended(Code.NO_FRAMES, Code.NO_FRAMES_ANY_MORE)
+            return [Notice(self._link, Reason(Code.FRAMES_RESUMED))] if ended else []
         if self._barren_since_ns is None:
             self._barren_since_ns = host_ns
         if len(self._sample) < _SAMPLE_BYTES:
             self._sample += data[:_SAMPLE_BYTES]
         self._barren_bytes += len(data)
         long = host_ns - self._barren_since_ns >= _BARREN_NS and self._barren_bytes >= _BARREN_BYTES
-        if self._is_reported(Code.NO_FRAMES) or (not long and self._barren_bytes < _BARREN_BYTES_AT_ONCE):
+        is_known = self._is_reported(Code.NO_FRAMES) or self._is_reported(Code.NO_FRAMES_ANY_MORE)
+        if is_known or (not long and self._barren_bytes < _BARREN_BYTES_AT_ONCE):
             return []
         content = identify_content(self._link, self._sample)
-        return self._once(self._link, Reason(Code.NO_FRAMES, frames=counters.intact, content=content))
+        if counters.intact:
+            return self._once(self._link, Reason(Code.NO_FRAMES_ANY_MORE, frames=counters.intact, content=content))
+        return self._once(self._link, Reason(Code.NO_FRAMES, content=content))
 
     def _review_versions(self, data: bytes, counters: LinkCounters) -> list[Notice]:
         """Report intact frames that this version cannot read."""
@@ -177,40 +171,26 @@ class LinkHealth:
             return []
         return self._once(self._link, Reason(Code.FRAMES_DAMAGED, share=errors / (errors + frames)))
 
-    def _review_senders(self, host_ns: int, counters: LinkCounters) -> list[Notice]:
-        """Report senders that fall silent while others send, and wheels without a hello."""
+    def _review_greetings(self, host_ns: int, counters: LinkCounters) -> list[Notice]:
+        """Report wheels without a hello."""
         found: list[Notice] = []
-        for key, source in counters.sources.items():
-            is_hub = key[1] == HUB_ITSELF
-            sender = self._senders.get(key)
-            if sender is None:
-                self._senders[key] = _Sender(source.frames, host_ns, host_ns)
-                continue
-            if source.frames == sender.frames:
-                if not sender.gone and sender.frames and host_ns - sender.last_ns >= _SILENCE_NS:
-                    sender.gone = True
-                    code = Code.HUB_SILENT if is_hub else Code.SENSOR_SILENT
-                    found.append(Notice(self._name(*key), Reason(code, silence_s=_SILENCE_S), Level.WARNING))
-                continue
-            if sender.gone:
-                sender.gone = False
-                away_s = (host_ns - sender.last_ns) * 1e-9
-                found.append(Notice(self._name(*key), Reason(Code.SENDS_AGAIN, away_s=away_s)))
-            sender.frames, sender.last_ns = source.frames, host_ns
-            if not sender.greeted and not is_hub and host_ns - sender.first_ns >= _SILENCE_NS:
-                found += self._once(self._name(*key), Reason(Code.NO_HELLO, silence_s=_SILENCE_S))
+        for (hub, wheel), source in counters.sources.items():
+            first_ns = self._ungreeted_ns.setdefault((hub, wheel), host_ns)
+            is_sending = self._frames.get((hub, wheel)) != source.frames
+            self._frames[(hub, wheel)] = source.frames
+            is_overdue = first_ns is not None and host_ns - first_ns >= _SILENCE_NS
+            if is_overdue and is_sending and wheel != HUB_ITSELF:
+                found += self._once(self._position_of(hub, wheel), Reason(Code.NO_HELLO, silence_s=_SILENCE_S))
+        self._has_hub = bool(counters.sources)
         return found
 
     def _restarted(self, hub: int, boot_count: int, host_ns: int) -> list[Notice]:
         recent = [at for at in self._restarts_ns.get(hub, []) if 0 <= host_ns - at < _MINUTE_NS]
-        self._restarts_ns[hub] = [*recent, host_ns]
+        self._restarts_ns[hub] = [*recent[-_RESTARTS_PER_MINUTE:], host_ns]
         if len(recent) >= _RESTARTS_PER_MINUTE:
             return self._once(hub_name(hub), Reason(Code.HUB_RESTARTS_REPEATEDLY))
         self._reported.discard((Code.HUB_RESTARTS_REPEATEDLY, hub_name(hub)))
         return [Notice(hub_name(hub), Reason(Code.HUB_RESTARTED, boot_count=boot_count), Level.WARNING)]
-
-    def _name(self, hub: int, wheel: int) -> str:
-        return hub_name(hub) if wheel == HUB_ITSELF else self._position_of(hub, wheel)
 
     def _once(self, subject: str, reason: Reason, level: Level = Level.WARNING) -> list[Notice]:
         if (reason.code, subject) in self._reported:

@@ -13,10 +13,11 @@ from gateway.clock import Clock
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.io.playback import Playback, PlayedSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
-from gateway.reasons import Notice
+from gateway.reasons import Code, Notice, Reason
 from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.core import SessionCore
@@ -89,6 +90,12 @@ class LiveSession:
         self._reading = len(self._sources)
         self._lock = threading.Lock()
         self._start_ns = clock.now_ns()
+        # Time of the clock that was spent in pauses, and the beginning of the present one.
+        self._paused_ns = 0
+        self._pause_began_ns: int | None = None
+        # Source of each link; a recording has several.
+        self._source_of: dict[str, int] = {source.link: number for number, source in enumerate(self._sources)}
+        self._taken_ns: dict[int, int] = {}
         self._recording = RecordingStage(recorder, clock) if recorder is not None else None
         self.core = SessionCore(
             vehicle,
@@ -103,8 +110,8 @@ class LiveSession:
         self._notices.extend(self.core.take_notices())
         self._snapshot = self.core.snapshot(0.0)
         self._threads = [
-            threading.Thread(target=self._guarded, args=(self._read, source, patient), name=f"read {source.link}")
-            for source, patient in zip(self._sources, self._patient, strict=True)
+            threading.Thread(target=self._guarded, args=(self._read, number), name=f"read {source.link}")
+            for number, source in enumerate(self._sources)
         ]
         self._threads.append(threading.Thread(target=self._guarded, args=(self._run,), name="session"))
 
@@ -122,9 +129,29 @@ class LiveSession:
         return self._snapshot
 
     def mark(self, text: str) -> None:
-        """Mark an event in the recording, with the present time."""
-        event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text)
+        """Mark an event in the recording, with the present time; without a recording the notice says that."""
+        is_kept = self._recording is not None and self.core.recording_fault is None
+        details = () if is_kept else (Reason(Code.MARK_NOT_KEPT),)
+        event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text, details=details)
         self._offer(event, False, self._dropped[self._sources[0].link])
+
+    def pause(self, paused: bool) -> bool:
+        """Pause a session of replays, or let it go on; return whether that is possible.
+
+        A hub cannot be paused: the session goes on.
+        """
+        played = self._playbacks()
+        if len(played) < len(self._sources):
+            return False
+        now_ns = self._clock.now_ns()
+        if paused and self._pause_began_ns is None:
+            self._pause_began_ns = now_ns
+        elif not paused and self._pause_began_ns is not None:
+            self._paused_ns += now_ns - self._pause_began_ns
+            self._pause_began_ns = None
+        for playback in played.values():
+            playback.pause(paused)
+        return True
 
     def request_stop(self) -> None:
         """Ask the sources to end; items already delivered are still processed."""
@@ -206,10 +233,12 @@ class LiveSession:
             with suppress(TreadlinkError):  # the user needs the failure of the core
                 self._recording.close()
 
-    def _read(self, source: Source, patient: bool) -> None:
+    def _read(self, number: int) -> None:
+        source, patient = self._sources[number], self._patient[number]
         dropped = self._dropped[source.link]
         try:
             for item in source.items(self._stop):
+                self._source_of.setdefault(item.link, number)
                 self._offer(item, patient, dropped)
         finally:
             with self._lock:
@@ -242,6 +271,7 @@ class LiveSession:
         while True:
             item = self._items.get(_IDLE_S)
             if item is not None:
+                self._note_time(item)
                 self._take_results(self.core.take(item))
             else:
                 with self._lock:
@@ -252,12 +282,49 @@ class LiveSession:
             now_ns = self._clock.now_ns()
             if now_ns >= due_ns:
                 due_ns = now_ns + _SNAPSHOT_INTERVAL_NS
-                self.core.tick(now_ns)
+                self.core.tick(now_ns, self._link_times_ns(now_ns))
                 self._publish(now_ns, ended=False)
         self._take_results(self.core.finish())
         self._check_recording()
         self._publish(self._clock.now_ns(), ended=True)
         self._done.set()
+
+    def _note_time(self, item: LinkItem) -> None:
+        """Keep the time of the latest item of each source; a mark has the time of the clock."""
+        number = self._source_of.get(item.link)
+        if number is not None and not (isinstance(item, LinkEvent) and item.kind is LinkEventKind.MARK):
+            self._taken_ns[number] = item.host_ns
+
+    def _elapsed_s(self, now_ns: int) -> float:
+        """Return the time since the start, pauses left out."""
+        began_ns = self._pause_began_ns
+        present_ns = now_ns - began_ns if began_ns is not None else 0
+        return (now_ns - self._start_ns - self._paused_ns - present_ns) * 1e-9
+
+    def _playbacks(self) -> dict[int, Playback]:
+        """Return the schedules of the sources that are replays."""
+        return {
+            number: source.playback for number, source in enumerate(self._sources) if isinstance(source, PlayedSource)
+        }
+
+    def _link_times_ns(self, now_ns: int) -> dict[str, int]:
+        """Return the time up to which each link is known, in the time of its items.
+
+        While items wait, that is the time of the last one taken: what has not been read yet is not missing. Otherwise
+        it is the time of the clock, or that of the replay. A source that waits for this computer has no other time
+        than that of its items.
+        """
+        playbacks = {} if self._items else self._playbacks()
+        times: dict[str, int] = {}
+        for link, number in list(self._source_of.items()):
+            known = self._taken_ns.get(number)
+            if number in playbacks:
+                known = playbacks[number].now_ns() or known
+            elif not self._patient[number] and not self._items:
+                known = now_ns
+            if known is not None:
+                times[link] = known
+        return times
 
     def _take_results(self, results: Sequence[RevolutionResult]) -> None:
         for result in results:
@@ -277,7 +344,7 @@ class LiveSession:
         for link, stages in self._dropped.items():
             if stages:
                 self.core.dropped(link, dict(stages))
-        self._snapshot = self.core.snapshot((now_ns - self._start_ns) * 1e-9, ended=ended)
+        self._snapshot = self.core.snapshot(self._elapsed_s(now_ns), ended=ended)
         self._notices.extend(self.core.take_notices())
 
 

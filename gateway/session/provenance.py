@@ -71,9 +71,11 @@ def _stated(
     if wheel is None:
         return
     mounting = wheel.mounting
-    is_default = "offset_mm" not in mounting.model_fields_set
-    by = Reason(Code.FROM_CONFIGURATION_DEFAULT, source=source) if is_default else source
-    yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=mounting.offset_mm * 1e-3, source=by)
+    if mounting.offset_m is not None:
+        yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=mounting.offset_m, source=source)
+    elif measured_m := [group.declared_offset_m for group in groups if group.declared_offset_m]:
+        by = Reason(Code.FROM_SENSOR)
+        yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=sum(measured_m) / len(measured_m), source=by)
     if mounting.roll_deg:
         yield Quantity.ROLL, Reason(Code.STATED_ROLL, roll_rad=math.radians(mounting.roll_deg), source=source)
     if mounting.pitch_deg:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
 
 import numpy as np
 
@@ -12,11 +13,18 @@ from firmware_protocol.messages import Environment, Hello, MessageType
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
 from gateway.reasons import Code, Level, Notice, Reason
 
+_MOST_SENSORS: Final = 8
+
 
 def sensor_ids(vehicle: VehicleConfig | None) -> dict[str, str]:
     """Return the configured sensors, as hex text by position."""
     wheels = vehicle.wheel if vehicle is not None else ()
     return {wheel.position: f"{wheel.sensor_number:08x}" for wheel in wheels if wheel.sensor_number is not None}
+
+
+def positions(vehicle: VehicleConfig | None) -> dict[tuple[int, int], str]:
+    """Return the configured positions by (hub, wheel)."""
+    return {(wheel.hub, wheel.wheel): wheel.position for wheel in (vehicle.wheel if vehicle is not None else ())}
 
 
 def misplaced_sensor(position: str, sensor_id: str, configured: Mapping[str, str]) -> Reason | None:
@@ -74,7 +82,10 @@ class SensorsHeard:
         for at in np.flatnonzero(batch.type == MessageType.HELLO).tolist():
             hello = batch.message(at)
             assert isinstance(hello, Hello)
-            self._sensors.setdefault((int(batch.hub[at]), int(batch.wheel[at])), set()).add(hello.sensor_id)
+            sensors = self._sensors.setdefault((int(batch.hub[at]), int(batch.wheel[at])), set())
+            # A wheel has had few sensors; more are made up, and reported as changes of HELLO.
+            if len(sensors) < _MOST_SENSORS:
+                sensors.add(hello.sensor_id)
 
         for at in np.flatnonzero(batch.type == MessageType.ENVIRONMENT).tolist():
             address = int(batch.hub[at]), int(batch.wheel[at])

@@ -1,4 +1,14 @@
-"""Detection of signals that are clipped below their declared range."""
+"""Detection of signals that are clipped below their declared range.
+
+A clipped signal piles up at its extreme. Without clipping the number of samples near an extreme is limited, and the
+limit gives the probability of a pile by chance:
+
+* The overshoots beside the contact are smooth peaks. Samples spread over them as over a parabola: the share of the
+  samples within K counts of the top that lie within j counts of it is at most about sqrt((j + 1) / (K + 1)). Noise only
+  reduces it.
+* Noise of more than a count spreads the samples even over a flat part, such as the contact. Towards an extreme their
+  density decreases, so the share of the extreme count among the last K counts is at most 1 / (K + 1).
+"""
 
 from __future__ import annotations
 
@@ -7,30 +17,63 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betainc
 
-# A smooth peak of height h stays within d of its top over this angle times sqrt(d / h). When clipped, it is level over
-# several times that angle.
-_TOP_WIDTH_RAD: Final = 0.2
-_WIDTH_RATIO: Final = 4.0
-_MIN_RUN_SAMPLES: Final = 3
+from gateway.types import FloatArray
+
+# Part of the overshoot's height in which it is a parabola, and least number of counts in it.
+_PARABOLA_SHARE: Final = 0.05
+_LEAST_COUNTS: Final = 4
+# Factor on the largest share, for peaks that are flatter than a parabola.
+_FLATNESS: Final = 1.5
+# Range in which the noise is compared, in its standard deviations, and least noise in counts.
+_NOISE_RANGE: Final = 2.0
+_LEAST_NOISE: Final = 1.5
+# Probability of a pile by chance from which a revolution is clipped.
+_CHANCE: Final = 1e-10
 
 
 def is_clipped(counts: NDArray[np.integer[Any]]) -> bool:
-    """Return whether one revolution of raw values is clipped at its maximum.
-
-    A smooth peak is level to one count over a few samples only, and with noise over fewer. A run of equal maximum
-    values that is several times as long is clipped.
+    """Return whether one revolution is clipped at its maximum or at its minimum.
 
     Args:
-        counts: (n,) raw values of one revolution.
+        counts: (n,) raw values of one revolution, positive inward.
     """
-    top = counts.max()
-    if top <= 0:
+    below_top = int(counts.max()) - counts.astype(np.int64)
+    if _peak_is_cut(below_top):
+        return True
+    noise = _noise_counts(below_top)
+    return _noise_is_cut(below_top, noise) or _noise_is_cut(below_top.max() - below_top, noise)
+
+
+def _peak_is_cut(below_top: NDArray[np.int64]) -> bool:
+    """Return whether more samples lie near the top than a smooth peak has, by counts below the top, (n,)."""
+    near = math.floor(_PARABOLA_SHARE * float(np.median(below_top)))
+    if near < _LEAST_COUNTS:
         return False
-    at_top = np.flatnonzero(counts == top)
-    natural = len(counts) / (2.0 * math.pi) * _TOP_WIDTH_RAD * math.sqrt(1.0 / float(top))
-    needed = max(_MIN_RUN_SAMPLES, math.ceil(_WIDTH_RATIO * natural))
-    if len(at_top) < needed:
+    levels = 2 ** np.arange(max(1, math.floor(math.log2(0.25 * near)) + 1)) - 1
+    within = np.array([np.count_nonzero(below_top <= level) for level in (*levels, near)])
+    shares = _FLATNESS * np.sqrt((levels + 1.0) / (near + 1.0))
+    return _beyond_chance(within[:-1], int(within[-1]), shares)
+
+
+def _noise_is_cut(depth: NDArray[np.int64], noise: float) -> bool:
+    """Return whether more samples lie at an extreme than noise leaves there, by counts from the extreme, (n,)."""
+    if noise < _LEAST_NOISE:
         return False
-    # In a run of that length, the last sample is needed - 1 places after the first.
-    return bool((at_top[needed - 1 :] - at_top[: len(at_top) - needed + 1] == needed - 1).any())
+    near = math.floor(_NOISE_RANGE * noise)
+    within = np.array([np.count_nonzero(depth == 0)])
+    return _beyond_chance(within, int(np.count_nonzero(depth <= near)), np.array([_FLATNESS / (near + 1.0)]))
+
+
+def _beyond_chance(within: NDArray[np.integer[Any]], of: int, shares: FloatArray) -> bool:
+    """Return whether any number of samples is too large for its largest share of `of`."""
+    # The binomial probability of at least this number.
+    chances = betainc(np.maximum(within, 1), of - within + 1.0, np.minimum(shares, 1.0))
+    return bool((chances < _CHANCE).any())
+
+
+def _noise_counts(counts: NDArray[np.int64]) -> float:
+    """Return the standard deviation of white noise, from the second differences."""
+    second = np.abs(np.diff(counts, n=2))
+    return float(np.median(second)) / (0.6745 * math.sqrt(6.0)) if len(second) else 0.0

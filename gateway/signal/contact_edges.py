@@ -1,10 +1,10 @@
 """Leading and trailing contact edges from the angle-domain radial waveform.
 
 On a belt that rolls steadily the sensor reads s = V^2 kappa: zero on a flat road, the baseline R Omega^2 in the free
-part, overshoots on either side of the contact. The edge is defined as the place where contact pressure ends. The
-steepest slope of the waveform, which is the feature most robust to noise, lies inside it. The distance was measured on
-the geometrically exact ring (docs/explanation/ring-paper-estimator.md) and is added here. Its spread over tires and
-loads is part of the standard error.
+part, overshoots on either side of the contact. The edge is defined as the place where contact pressure ends. What is
+found is the steepest slope of the smoothed waveform, the feature most robust to noise, which mostly lies inside it. The
+distance from it to the edge is estimated from the shape of the waveform (gateway/signal/edge_distance.py), and its
+error is part of the standard error.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ import numpy as np
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid
+from gateway.signal.edge_distance import EdgeShape, edge_distance, edge_shape, model_std_rad
 from gateway.signal.order_spectrum import coefficient_std
 from gateway.types import FloatArray
-
-# Distance of the steepest slope of the smoothed waveform inside the edge, by smoothing in orders: mean and standard
-# deviation over loads, pressures, wear, belts and treads of the exact ring. tools/bench_ring_paper.py prints the table.
-_OFFSET_ORDERS: Final = (15.0, 20.0, 25.0, 30.0, 40.0)
-_OFFSETS_RAD: Final = (0.0161, 0.0192, 0.0207, 0.0214, 0.0219)
-_OFFSET_STDS_RAD: Final = (0.0131, 0.0097, 0.0080, 0.0070, 0.0060)
-
-# Standard error of the edge's definition at the usual smoothing: a constant error for all revolutions of a tire.
-EDGE_MODEL_STD_RAD: Final = _OFFSET_STDS_RAD[-1]
 
 # The smoothed derivative keeps orders by a Gaussian of this standard width, narrower when the sampling is coarse.
 SMOOTHING_ORDER: Final = 40.0
 _SMOOTHING_SHARE: Final = 0.3
+
+# Standard error of the edge's definition at the usual smoothing: a constant error for all revolutions of a tire.
+EDGE_MODEL_STD_RAD: Final = model_std_rad(SMOOTHING_ORDER)
 
 # The contact is searched within the first angle around 0; the free belt is what lies beyond the second.
 _SEARCH_RAD: Final = 0.9
 _FREE_RAD: Final = 1.1
 # Every contact extends at least this far to either side of 0.
 _CENTRE_RAD: Final = 0.2
+# Waves of the free belt are measured between these angles beyond the steepest slopes, as what remains above this order.
+# A smoothing to fewer orders than the last number removes them.
+_RIPPLE_RAD: Final = (0.45, 1.3)
+_RIPPLE_ORDER: Final = 18.0
+_WAVES_ABOVE: Final = 25.0
 # Smallest accepted step between baseline and contact, over the noise of the smoothed waveform.
 _MIN_CONTRAST: Final = 6.0
 
@@ -95,47 +95,93 @@ def find_contact_edges(
     """
     if not np.isfinite(radial_mps2).all():
         return _not_found(Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
-    n = radial_mps2.shape[0]
     if noise_coefficient_mps2 is None:
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
     width = smoothing_order(samples_per_revolution)
-    smooth, slope, gain_orders, gain = _smooth(radial_mps2, width)
-    offset, model_std = edge_offset(width)
-    step_rad = 2.0 * math.pi / n
-    middle = n // 2
-    baseline = float(np.median(smooth[np.abs(angle_grid(n)) > _FREE_RAD]))
-    reach = round(_CENTRE_RAD / step_rad)
-    inside = middle - reach + int(np.argmin(smooth[middle - reach : middle + reach + 1]))
-    floor = float(smooth[inside])
-    crossings = _half_level_crossings(smooth, inside, 0.5 * (floor + baseline), round(_SEARCH_RAD / step_rad))
-    if crossings is None:
-        return _not_found(Reason(Code.NO_CONTACT), floor, baseline)
-    first, last = crossings
-    quarter = (last - first) // 4
-    plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
-    # Second pass with the level of the plateau instead of the minimum, which noise and overshoots bias.
-    crossings = _half_level_crossings(
-        smooth, (first + last) // 2, 0.5 * (plateau + baseline), round(_SEARCH_RAD / step_rad)
+    levels = contact_levels(radial_mps2, width)
+    noise, slope_noise, curvature_noise, slope_bend_noise = (
+        noise_coefficient_mps2 * math.sqrt(float(np.sum((levels.orders**power * levels.gain) ** 2)))
+        for power in range(4)
     )
-    if crossings is None:
+    plateau, baseline = levels.plateau_mps2, levels.baseline_mps2
+    if levels.shapes is None:
         return _not_found(Reason(Code.NO_CONTACT), plateau, baseline)
-    noise = noise_coefficient_mps2 * math.sqrt(float(np.sum(gain**2)))
     contrast = (baseline - plateau) / noise if noise > 0.0 else math.inf
     if not contrast > _MIN_CONTRAST:
         return _not_found(Reason(Code.CONTACT_IN_NOISE), plateau, baseline, contrast)
-    noise_curvature = noise_coefficient_mps2 * math.sqrt(float(np.sum((gain_orders**2 * gain) ** 2)))
+    ripple_noise = noise_coefficient_mps2 * math.sqrt(float(np.sum(_band_gain(levels.orders, levels.gain) ** 2)))
+    ripple = math.sqrt(max(levels.ripple_mps2**2 - ripple_noise**2, 0.0)) / (baseline - plateau)
     edges = []
-    for index, direction in zip(crossings, (-1, 1), strict=True):
-        position, bend = _steepest(slope * direction, index)
-        noise_std = noise_curvature / (bend / step_rad**2) if bend > 0.0 else math.inf
-        angle = -math.pi + position * step_rad + direction * offset
-        edges.append((angle, math.hypot(noise_std, model_std), noise_std))
+    for shape, direction in zip(levels.shapes, (-1, 1), strict=True):
+        found = edge_distance(width, shape.features_rad, shape.noises_rad(slope_noise, slope_bend_noise), ripple)
+        steepest_std = curvature_noise / shape.bend_mps2 if shape.bend_mps2 > 0.0 else math.inf
+        noise_std = math.hypot(steepest_std, found.noise_std_rad)
+        angle = shape.steepest_rad + direction * found.distance_rad
+        edges.append((angle, math.hypot(noise_std, found.model_std_rad), noise_std))
     (leading, leading_std, leading_noise), (trailing, trailing_std, trailing_noise) = edges
     if not (leading < 0.0 < trailing and math.isfinite(leading_std) and math.isfinite(trailing_std)):
         return _not_found(Reason(Code.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
     return ContactEdges(
         leading, trailing, leading_std, trailing_std, leading_noise, trailing_noise, plateau, baseline, contrast
     )
+
+
+@dataclass(frozen=True, slots=True)
+class ContactLevels:
+    """Levels of a waveform with a contact, and the shape of its slopes.
+
+    Attributes:
+        plateau_mps2: level in the middle of the contact; the lowest level near 0 where no contact is found.
+        baseline_mps2: level of the free belt.
+        shapes: at the leading and at the trailing edge; None where no contact is found.
+        ripple_mps2: rms of the free belt's waves above order 18, beyond the overshoots; 0 if smoothing removes them.
+        orders: (k,) orders that the smoothing keeps.
+        gain: (k,) with these gains.
+    """
+
+    plateau_mps2: float
+    baseline_mps2: float
+    shapes: tuple[EdgeShape, EdgeShape] | None
+    ripple_mps2: float
+    orders: FloatArray
+    gain: FloatArray
+
+
+def contact_levels(radial_mps2: FloatArray, width: float) -> ContactLevels:
+    """Return the levels and slopes of a finite waveform (n,), smoothed to `width` orders."""
+    n = radial_mps2.shape[0]
+    smooth, slope, orders, gain = _smooth(radial_mps2, width)
+    points_per_rad = n / (2.0 * math.pi)
+    middle, reach, search = n // 2, round(_CENTRE_RAD * points_per_rad), round(_SEARCH_RAD * points_per_rad)
+    baseline = float(np.median(smooth[np.abs(angle_grid(n)) > _FREE_RAD]))
+    inside = middle - reach + int(np.argmin(smooth[middle - reach : middle + reach + 1]))
+    plateau = float(smooth[inside])
+    crossings = _half_level_crossings(smooth, inside, 0.5 * (plateau + baseline), search)
+    if crossings is not None:
+        # Second pass with the level of the plateau instead of the minimum, which noise and overshoots bias.
+        first, last = crossings
+        quarter = (last - first) // 4
+        plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
+        crossings = _half_level_crossings(smooth, (first + last) // 2, 0.5 * (plateau + baseline), search)
+    if crossings is None:
+        return ContactLevels(plateau, baseline, None, 0.0, orders, gain)
+    leading, trailing = (
+        edge_shape(smooth, slope, index, direction, (plateau, baseline), search)
+        for index, direction in zip(crossings, (-1, 1), strict=True)
+    )
+    ripple = _ripple(radial_mps2, smooth, leading.steepest_rad, trailing.steepest_rad) if width > _WAVES_ABOVE else 0.0
+    return ContactLevels(plateau, baseline, (leading, trailing), ripple, orders, gain)
+
+
+def _ripple(radial_mps2: FloatArray, smooth_mps2: FloatArray, leading_rad: float, trailing_rad: float) -> float:
+    """Return the rms of the waves beside the contact that the usual smoothing keeps and a stronger one removes."""
+    waves = smooth_mps2 - _smooth(radial_mps2, _RIPPLE_ORDER)[0]
+    angles = angle_grid(len(waves))
+    near, far = _RIPPLE_RAD
+    beside = ((angles > trailing_rad + near) & (angles < trailing_rad + far)) | (
+        (angles < leading_rad - near) & (angles > leading_rad - far)
+    )
+    return math.sqrt(float(np.square(waves[beside]).mean())) if beside.any() else 0.0
 
 
 def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> slice | None:
@@ -160,14 +206,6 @@ def smoothing_order(samples_per_revolution: float) -> float:
     return min(SMOOTHING_ORDER, _SMOOTHING_SHARE * samples_per_revolution)
 
 
-def edge_offset(width: float) -> tuple[float, float]:
-    """Return the distance of the steepest slope inside the edge and its standard error, rad, for a width in orders."""
-    return (
-        float(np.interp(width, _OFFSET_ORDERS, _OFFSETS_RAD)),
-        float(np.interp(width, _OFFSET_ORDERS, _OFFSET_STDS_RAD)),
-    )
-
-
 def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the smoothed waveform, its derivative by angle, (n,) each, and the orders kept with their gains."""
     n = waveform.shape[0]
@@ -182,6 +220,12 @@ def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray,
     return curves[0], curves[1], orders, gain
 
 
+def _band_gain(orders: FloatArray, gain: FloatArray) -> FloatArray:
+    """Return the gains, (k,), of the waves that the usual smoothing keeps and the stronger one removes."""
+    result: FloatArray = gain - np.exp(-0.5 * (orders / _RIPPLE_ORDER) ** 2)
+    return result
+
+
 def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: int) -> tuple[int, int] | None:
     """Return the last indices at or below the level on either side of `inside`, or None without crossings."""
     if not smooth[inside] < level:
@@ -192,23 +236,6 @@ def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: 
     if not (before.any() and after.any()):
         return None
     return inside - int(np.argmax(before)), inside + int(np.argmax(after))
-
-
-def _steepest(slope: FloatArray, index: int) -> tuple[float, float]:
-    """Climb from `index` to the peak of the slope; return its interpolated place and minus its second difference."""
-    n = slope.shape[0]
-    while 0 < index < n - 1:
-        if slope[index + 1] > slope[index]:
-            index += 1
-        elif slope[index - 1] > slope[index]:
-            index -= 1
-        else:
-            break
-    left, here, right = slope[index - 1], slope[index], slope[(index + 1) % n]
-    bend = float(2.0 * here - left - right)
-    if not bend > 0.0:
-        return float(index), 0.0
-    return index + 0.5 * float(right - left) / bend, bend
 
 
 def _not_found(

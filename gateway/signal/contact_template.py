@@ -226,6 +226,20 @@ def match_contact(
     return ContactMatch(leading, trailing, covariances, passage.rate, residual)
 
 
+def template_shift(template: ContactTemplate, radial_mps2: FloatArray, omega_radps: float) -> FloatArray:
+    """Return the angles by which the leading and the trailing half of another average are shifted, (2,) rad.
+
+    Args:
+        template: from the earlier average.
+        radial_mps2: (n,) the other average, of the same tire.
+        omega_radps: its angular speed.
+    """
+    part = slice(template.first, template.first + len(template.values))
+    fitted = template.fit.rows @ (radial_mps2[part] / omega_radps**2 - template.values)
+    shift: FloatArray = fitted[:2] / (1.0 + fitted[2])
+    return shift
+
+
 def _fit(model: FloatArray, weights: FloatArray, angles: FloatArray, first: int, n: int) -> _Fit:
     """Solve the normal equations for consecutive points, starting at index `first` of the angle grid."""
     rows: FloatArray = np.linalg.lstsq(weights.T @ model, weights.T, rcond=None)[0].astype(np.float64)

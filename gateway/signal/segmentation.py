@@ -27,6 +27,10 @@ _SAMPLING_WIDTH: Final = 8.0
 # Depth over noise that smoothing must reach before crossings are searched.
 _CROSSING_FACTOR: Final = 8.0
 
+# A wheel without contacts stands still when its signal varies by less than this.
+STANDSTILL_STD_MPS2: Final = 2.5
+_STILL_BOX_S: Final = 0.05
+
 
 @dataclass(frozen=True, slots=True)
 class Contact:
@@ -144,3 +148,10 @@ def _mean_slope(smoothed: FloatArray, place: int, span: int) -> float:
     """Return the absolute slope over `span` samples on either side of a place, within the signal."""
     lo, hi = max(place - span, 0), min(place + span, len(smoothed) - 1)
     return abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
+
+
+def is_still(radial_mps2: FloatArray, rate_hz: float) -> bool:
+    """Return whether a radial axis without contacts varies as little as that of a wheel at rest."""
+    box = max(1, round(_STILL_BOX_S * rate_hz))
+    n = len(radial_mps2) // box * box
+    return n >= 4 * box and float(radial_mps2[:n].reshape(-1, box).mean(axis=1).std()) < STANDSTILL_STD_MPS2

@@ -23,6 +23,8 @@ from gateway.types import ComplexArray, FloatArray
 
 # Highest order used: above it there is noise but no signal of a tire's slope.
 HIGHEST_ORDER: Final = 60
+# First orders of the bands whose disagreement shows what the equations do not describe.
+_BANDS: Final = (0, 2, 4, 6, 9, 13, 18, 24, 31, 39, 48)
 
 # Prior of the constant in the mean of the lateral axis: zero-g offset after the calibration in the hello (0.1 g) and
 # gravity times camber (1 m/s^2 is 6 deg).
@@ -58,11 +60,11 @@ class BeltKinematics:
 
 @dataclass(frozen=True, slots=True)
 class MountingRows:
-    """One revolution as linear equations of (e in m, tan of the pitch, zero-g offset in m/s^2).
+    """Linear equations of (e in m, tan of the pitch, zero-g offset in m/s^2), summed by bands of orders.
 
     Attributes:
-        normal: (3, 3) normal matrix; the third row and column are zero without the mean.
-        right: (3,) right-hand side.
+        normal: (k, 3, 3) normal matrix of each band; the third row and column are zero without the mean.
+        right: (k, 3) right-hand side.
         square: sum of squares of the left-hand side.
         count: number of equations.
     """
@@ -84,21 +86,27 @@ class MountingRows:
     def solve(self) -> tuple[FloatArray, FloatArray]:
         """Return the unknowns and their standard errors, (3,) each; NaN for unknowns without equations.
 
-        The errors assume that the residuals are white noise.
+        The errors are the larger of two: those of white residuals, and those from the disagreement of the bands
+        (cluster-robust covariance). The second does not shrink with the number of revolutions where the residual
+        repeats, as that of a tread does.
         """
         solution, stds = np.full((2, 3), math.nan)
-        known = np.diag(self.normal) > 0.0
+        total, right = self.normal.sum(axis=0), self.right.sum(axis=0)
+        known = np.diag(total) > 0.0
         size = int(known.sum())
-        scale = 1.0 / np.sqrt(np.diag(self.normal)[known])
+        scale = 1.0 / np.sqrt(np.diag(total)[known])
         scaling = np.outer(scale, scale)
         try:
-            inverse = np.linalg.inv(self.normal[np.ix_(known, known)] * scaling) * scaling
+            inverse = np.linalg.inv(total[np.ix_(known, known)] * scaling) * scaling
         except np.linalg.LinAlgError:
             return solution, stds
-        right = self.right[known]
-        solution[known] = inverse @ right
-        variance = max(self.square - float(solution[known] @ right), 0.0) / max(self.count - size, 1.0)
-        stds[known] = np.sqrt(np.diag(inverse) * variance)
+        solution[known] = inverse @ right[known]
+        white = max(self.square - float(solution[known] @ right[known]), 0.0) / max(self.count - size, 1.0)
+        left = self.right[:, known] - self.normal[:, known][:, :, known] @ solution[known]
+        bands = len(self.normal)
+        by_band = inverse @ left.T
+        clustered = np.sum(np.square(by_band), axis=1) * (bands / max(bands - size, 1.0))
+        stds[known] = np.sqrt(np.maximum(np.diag(inverse) * white, clustered))
         return solution, stds
 
 
@@ -182,10 +190,15 @@ def mounting_rows(
     rows[3, 0] = 2.0
     # The mean is one equation; every other order is two, of the same weight.
     rows[:, 0] *= math.sqrt(0.5) if with_mean else 0.0
-    products = (rows @ rows.conj().T).real
+    begins = [begin for begin in _BANDS if begin < count]
+    products = np.add.reduceat((rows[:, np.newaxis] * rows.conj()).real, begins, axis=2)
+    products = np.concatenate([products, np.zeros((4, 4, len(_BANDS) - len(begins)))], axis=2).transpose(2, 0, 1)
     order = [2, 1, 3]
     return MountingRows(
-        products[np.ix_(order, order)], products[order, 0], float(products[0, 0]), 2 * count - 1 - (not with_mean)
+        products[:, order][:, :, order],
+        products[:, order, 0],
+        float(products[:, 0, 0].sum()),
+        2 * count - 1 - (not with_mean),
     )
 
 

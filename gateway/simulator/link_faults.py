@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Final, NamedTuple
@@ -12,7 +13,16 @@ import numpy as np
 
 from firmware_protocol import wire
 from firmware_protocol.codec import decode_payload, encode_frame
-from firmware_protocol.messages import Frame, Hello, HubStatus, Message, MessageType, SampleBlock, TimeSync
+from firmware_protocol.messages import (
+    HUB_ITSELF,
+    Frame,
+    Hello,
+    HubStatus,
+    Message,
+    MessageType,
+    SampleBlock,
+    TimeSync,
+)
 from gateway.errors import SourceError
 from gateway.io.source import Chunk
 
@@ -388,6 +398,52 @@ def _delay(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
         yield Chunk(chunk.link, free_ns, chunk.data)
 
 
+def _silence(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+    """Leave out the frames of one kind between two times, as if their sender had not made them."""
+    part, wheel = int(fault.options["part"]), int(fault.options["wheel"])
+    begin_ns: int | None = None
+    unmade: Counter[tuple[str, int, int]] = Counter()
+    for link, host_ns, pieces in frame_pieces(chunks):
+        begin_ns = host_ns if begin_ns is None else begin_ns
+        since_s = (host_ns - begin_ns) * 1e-9 - fault.options["at"]
+        is_due = since_s >= 0.0 and (fault.options["for"] == 0.0 or since_s < fault.options["for"])
+        parts: list[bytes] = []
+        for piece in pieces:
+            if not piece.whole:
+                parts.append(piece.data)
+                continue
+            fault.counts.frames_seen += 1
+            source = link, piece.data[wire.HUB_OFFSET], piece.data[wire.WHEEL_OFFSET]
+            is_meant = part == 0 or wheel in (-1, source[2])
+            if is_due and is_meant and not _SPEAKING[part](piece.data):
+                fault.counts.frames_hit += 1
+                fault.counts.bytes_dropped += len(piece.data)
+                unmade[source] += 1
+            else:
+                parts.append(_renumbered(piece.data, unmade[source]))
+        if data := b"".join(parts):
+            yield Chunk(link, host_ns, data)
+
+
+def _renumbered(frame: bytes, unmade: int) -> bytes:
+    """Return a frame with the counter of a sender that made fewer frames; a signed frame cannot be changed."""
+    if not unmade or frame[wire.FLAGS_OFFSET] & wire.SIGNED_FLAG:
+        return frame
+    sync, version, kind, length, hub, wheel, flags, seq, tick = _HEADER.unpack_from(frame)
+    header = _HEADER.pack(sync, version, kind, length, hub, wheel, flags, (seq - unmade) & _MASK, tick)
+    body = header + frame[wire.HEADER_BYTES : -wire.CRC_BYTES]
+    return body + zlib.crc32(body).to_bytes(wire.CRC_BYTES, "little")
+
+
+# Frames that still come, by the part that is silent.
+_SPEAKING: Final[tuple[Callable[[bytes], bool], ...]] = (
+    lambda frame: False,  # noqa: ARG005 - nothing of a silent hub
+    lambda frame: frame[wire.WHEEL_OFFSET] == HUB_ITSELF,
+    lambda frame: frame[wire.TYPE_OFFSET] != MessageType.SAMPLES,
+    lambda frame: frame[wire.TYPE_OFFSET] != MessageType.ENVIRONMENT,
+)
+
+
 def _reboot(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
     at_s, every_s = fault.options["at"], fault.options["every"]
 
@@ -439,6 +495,16 @@ FAULTS: Final[dict[str, FaultKind]] = {
             "gap": Option(1, 0, 1000, "s of silence"),
         },
         _reboot,
+    ),
+    "silence": FaultKind(
+        "Let hubs, sensors or a part of their messages fall silent.",
+        {
+            "part": Option(2, 0, 3, "0 hubs, 1 sensors, 2 samples, 3 environment"),
+            "wheel": Option(-1, -1, 254, "number of the wheel, -1 for all; hubs have all of theirs"),
+            "at": Option(5, 0, 1e7, "s after the first chunk"),
+            "for": Option(0, 0, 1e7, "s, 0 for ever"),
+        },
+        _silence,
     ),
 }
 

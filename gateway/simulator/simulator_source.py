@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.clock import Clock, wait_until
+from gateway.clock import Clock
 from gateway.errors import SourceError
+from gateway.io.playback import Playback
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, positive_option
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
@@ -33,6 +33,7 @@ class SimulatorSource:
         self._toml = toml
         self._speed = speed
         self._clock = clock
+        self._playback = Playback(clock, speed)
         self._closed = threading.Event()
 
     @property
@@ -49,10 +50,9 @@ class SimulatorSource:
         """Yield the connection, the chunks, and the end when the scenario has one. A simulation runs once."""
         start_ns = last_ns = self._clock.now_ns()
         yield LinkEvent(self._link, start_ns, LinkEventKind.CONNECTED)
+        self._playback.begin(start_ns)
         for chunk in self.simulation.chunks(self._link, start_ns):
-            elapsed_ns = chunk.host_ns - start_ns
-            due_ns = start_ns if math.isinf(self._speed) else start_ns + round(elapsed_ns / self._speed)
-            if not wait_until(self._clock, due_ns, stop, self._closed):
+            if not self._playback.wait_until(chunk.host_ns, stop, self._closed):
                 return
             last_ns = self._clock.now_ns() if self._speed == 1.0 else chunk.host_ns
             yield Chunk(chunk.link, last_ns, chunk.data)

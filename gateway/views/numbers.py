@@ -205,6 +205,11 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
 
 
+def age(seconds: float) -> str:
+    """Return a time that has passed as whole seconds, from two minutes on as `h:mm:ss`."""
+    return f"{seconds:.0f} s" if seconds < 120.0 else duration(seconds)
+
+
 def file_size(size_bytes: int) -> str:
     """Return a size in decimal units with three digits, e.g. `12.3 MB`."""
     if size_bytes < 1000:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
-from collections.abc import Iterable
-from contextlib import suppress
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import TracebackType
+from typing import IO, Self
 
 from gateway.errors import OutputError
 
@@ -23,6 +27,13 @@ def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None],
     for path in outputs:
         if path is None:
             continue
+        if is_stdout(path):
+            if any(map(is_stdout, seen)):
+                raise OutputError(
+                    "two outputs would be written to standard output", "Give '-' once, and a file for the other."
+                )
+            seen.append(path)
+            continue
         if any(_same_file(path, other) for other in read):
             raise OutputError(
                 f"'{path}' is an input and would be overwritten",
@@ -32,6 +43,11 @@ def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None],
             raise OutputError(f"two outputs would be written to one file, '{path}'", "Give each a name of its own.")
         check_target(path, force=force)
         seen.append(path)
+
+
+def is_stdout(path: Path | None) -> bool:
+    """Return whether an output is standard output, which is written `-`."""
+    return path is not None and str(path) == "-"
 
 
 def _same_file(path: Path, other: Path) -> bool:
@@ -47,11 +63,13 @@ def _same_file(path: Path, other: Path) -> bool:
 
 
 def check_target(path: Path, *, force: bool = False) -> None:
-    """Fail early, before minutes of work, if `write_whole` would fail.
+    """Fail early, before minutes of work, if writing would fail.
 
     Raises:
         OutputError: the file exists and `force` is not set, or its folder does not exist or cannot be written.
     """
+    if is_stdout(path):
+        return
     try:
         _check(path, force=force)
     except OSError as error:
@@ -77,32 +95,111 @@ def _check(path: Path, *, force: bool) -> None:
         )
 
 
-def write_whole(path: Path, text: str, *, force: bool = False) -> None:
-    """Write a text file in UTF-8 atomically: after a failure the old file is unchanged.
+class OutputFile:
+    """A file that appears under its name when it is complete, or not at all.
+
+    It is written under another name in the same folder. Devices, pipes and standard output (`-`) are written directly.
+
+    Attributes:
+        path: its name.
+        file: binary file to write to; `commit` and `discard` close it.
+    """
+
+    def __init__(self, path: Path, *, force: bool = False) -> None:
+        """Open the file; `force` allows to replace an existing one.
+
+        Raises:
+            OutputError: as `check_target`, or the file cannot be created.
+        """
+        self.path = path
+        self.file: IO[bytes]
+        self._force = force
+        self._part: Path | None = None
+        self._is_open = True
+        if is_stdout(path):
+            self.file = sys.stdout.buffer
+            return
+        check_target(path, force=force)
+        with self.explained():
+            if path.exists() and not path.is_file():
+                self.file = path.open("wb")
+                return
+            self._target = path.resolve()  # keeps a symbolic link
+            self._part = self._target.with_name(f".{self._target.name[:200]}.{os.getpid()}.part")
+            self._part.unlink(missing_ok=True)
+            self.file = self._part.open("xb")
+
+    def commit(self) -> None:
+        """Write the data through to the disk and give the file its name. May be called twice.
+
+        Raises:
+            OutputError: the disk refuses, or another program has created the file meanwhile; the old file is unchanged.
+        """
+        if not self._is_open:
+            return
+        self._is_open = False
+        try:
+            with self.explained():
+                self.file.flush()
+                if self._part is None:
+                    if not is_stdout(self.path):
+                        self.file.close()
+                    return
+                os.fsync(self.file.fileno())
+                self.file.close()
+                if not self._force and self._target.exists():
+                    raise FileExistsError(errno.EEXIST, "it was created by another program meanwhile")
+                self._part.replace(self._target)
+        except BaseException:
+            self._remove_part()
+            raise
+
+    def discard(self) -> None:
+        """Leave everything as it was before, as far as it was not written directly."""
+        if self._is_open:
+            self._is_open = False
+            self._remove_part()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Commit, or discard after an error."""
+        if kind is None:
+            self.commit()
+        else:
+            self.discard()
+
+    def _remove_part(self) -> None:
+        if is_stdout(self.path):
+            return
+        with suppress(OSError):
+            self.file.close()
+        if self._part is not None:
+            with suppress(OSError):
+                self._part.unlink()
+
+    @contextmanager
+    def explained(self) -> Iterator[None]:
+        """Raise OutputError for errors of the system while writing to `file`."""
+        try:
+            yield
+        except BrokenPipeError:
+            raise  # the reader is gone; no fault of the output
+        except OSError as error:
+            raise OutputError(
+                f"'{self.path}' cannot be written: {error.strerror}", "Free some space, or choose another folder."
+            ) from error
+
+
+def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:
+    """Write a file atomically, text in UTF-8: after a failure the old file is unchanged. `-` is standard output.
 
     Raises:
         OutputError: as `check_target`, or the disk refuses.
     """
-    check_target(path, force=force)
-    data = text.encode("utf-8", "backslashreplace")
-    try:
-        if path.exists() and not path.is_file():
-            path.write_bytes(data)
-            return
-        target = path.resolve()  # keeps a symbolic link
-        part = target.with_name(f".treadlink-{os.getpid()}.part")
-        try:
-            part.unlink(missing_ok=True)
-            with part.open("xb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(target)
-        except BaseException:
-            with suppress(OSError):
-                part.unlink()
-            raise
-    except OSError as error:
-        raise OutputError(
-            f"'{path}' cannot be written: {error.strerror}", "Free some space, or choose another folder."
-        ) from error
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    with OutputFile(path, force=force) as output, output.explained():
+        output.file.write(data)

@@ -132,6 +132,6 @@ def notice_payload(notice: Notice, link: str) -> dict[str, Any]:
 
 
 def log_level(message: LogText) -> str:
-    """Return the severity in words; an unknown level counts as info."""
+    """Return the severity in words, `level 7` for one that this version does not know."""
     known = {level.value: level.name.lower() for level in LogLevel}
-    return known.get(message.level, "info")
+    return known.get(message.level, f"level {message.level}")

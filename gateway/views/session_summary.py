@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.pipeline.results import LinkSnapshot, RevolutionResult
+from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult
 from gateway.reasons import Reason
-from gateway.views.numbers import MISSING, duration, fixed, percent, show
+from gateway.views.numbers import MISSING, age, duration, fixed, percent, show
 from gateway.views.wording import joined, text
 
 
@@ -135,11 +135,24 @@ def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
     )
 
 
-def summary_lines(wheels: Iterable[WheelSummary], links: Sequence[LinkSnapshot] = ()) -> list[str]:
-    """Return a summary as aligned plain lines: a block for each wheel, then one line for each link."""
+def summary_lines(
+    wheels: Iterable[WheelSummary], links: Sequence[LinkSnapshot] = (), alarms: Sequence[AlarmRecord] = ()
+) -> list[str]:
+    """Return a summary as aligned plain lines: a block for each wheel, the alarms, then one line for each link."""
     blocks = [_wheel_lines(wheel) for wheel in wheels] or [["no revolution was completed"]]
+    if alarms:
+        blocks.append(["alarms", *map(_alarm_line, alarms)])
     lines = [line for block in blocks for line in (*block, "")]
     return [*lines, *map(_link_line, links)] if links else lines[:-1]
+
+
+def _alarm_line(alarm: AlarmRecord) -> str:
+    """Return what was wrong, when and for how long."""
+    end = "the end" if alarm.is_standing else f"{alarm.last_s:.1f} s"
+    times = f"from {alarm.first_s:.1f} s to {end}"
+    if alarm.count > 1:
+        times = f"{alarm.count} times {times}, {age(alarm.total_s)} in all"
+    return f"  {alarm.position} {alarm.name}: {times}: {text(alarm.reason)}"
 
 
 def _wheel_lines(wheel: WheelSummary) -> list[str]:

@@ -27,6 +27,17 @@ def width(text: str) -> int:
     return sum(map(_cells, text))
 
 
+def escaped(text: str) -> str:
+    r"""Return `text` with everything unprintable as an escape such as `\n`, `\x1b` or `\u202e`.
+
+    >>> escaped("one\ntwo\x1b[2J")
+    'one\\ntwo\\x1b[2J'
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
 def clean(text: str) -> str:
     """Replace unprintable characters, so that a hub's log text cannot control the terminal."""
     return text if text.isprintable() else "".join(c if c.isprintable() else "·" if c > " " else " " for c in text)

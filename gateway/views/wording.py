@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Level, Notice, Reason, Value
+from gateway.views.text import escaped
 
 TEMPLATES: Final[Mapping[Code, str]] = {
     # Revolutions
@@ -37,6 +38,52 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
     ),
     Code.EFFECTS_OF_OTHER_SENSOR: "the effects were found on sensor {found_on}, but this is sensor {sensor}",
+    # - Revolutions that do not come
+    Code.CONTACTS_NOT_ALIKE: (
+        "no three contacts in a row are those of one rolling wheel (radial axis: mean {mean_mps2:.0f m/s²}, standard "
+        "deviation {std_mps2:.0f m/s²})"
+    ),
+    Code.NO_CONTACT_SEEN: (
+        "no contact with the road is seen: the radial axis has a mean of {mean_mps2:.0f m/s²} and never falls below "
+        "{lowest_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    ),
+    Code.NO_CONTACT_IN_AC_SIGNAL: (
+        "no contact with the road is seen: the AC-coupled radial axis falls by {depth_mps2:.0f m/s²}, but its rotation "
+        "has a centripetal acceleration of {expected_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    ),
+    Code.ALL_FRAMES_REFUSED: "all {count} frames were rejected, because their signatures could not be verified",
+    Code.NO_FRAME_RECEIVED: "no frame was received, so there is nothing to estimate",
+    Code.NO_REVOLUTION: "no revolution in {duration_s:.1f s} of samples: {why}",
+    Code.NO_SAMPLES: "no samples were received",
+    Code.RADIAL_AT_RANGE_END: (
+        "{share:.0%} of the samples are at the end of the sensor's range, {level_mps2:.0f m/s²}: a larger range is "
+        "needed"
+    ),
+    Code.RADIAL_IS_IN_G: (
+        "the radial axis is {ratio:.3f} of the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} of "
+        "{expected_mps2:.0f m/s²}): its unit is g, not m/s² (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    ),
+    Code.RADIAL_IS_IN_MPS2: (
+        "the radial axis is {ratio:.2f} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    ),
+    Code.RADIAL_OUTWARD: "the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign",
+    Code.RATE_DOES_NOT_FIT: (
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
+    ),
+    Code.SAMPLES_INTERRUPTED: (
+        "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
+    ),
+    Code.SAMPLES_TOO_SHORT: "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}",
+    Code.SAMPLES_WITHOUT_HELLO: "no hello describes the {count} blocks of samples: their rate and scale are unknown",
+    Code.WHEEL_STANDS: (
+        "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
+        "{std_mps2:.1f m/s²}"
+    ),
+    Code.WHEEL_TOO_SLOW: (
+        "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
+    ),
     # Estimates
     # Of any estimator
     Code.AC_COUPLED: "AC-coupled: the steady value is lost",
@@ -56,13 +103,42 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SAMPLES_LOST_SHARE: "{share:.1%} of the samples were lost",
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
+    # Of what the signal says against what is stated
+    Code.ERROR_COVERS: "{why}; the standard error covers the difference",
+    Code.GAIN_WOULD_FIT: "a gain of {gain:.3f} would fit",
+    Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
+    Code.MAY_CHANGE_BY: "may be wrong by {effect:.1%}: {why}",
+    Code.NO_SINGLE_CAUSE: "no single cause fits",
+    Code.OFFSET_CONTRADICTED: (
+        "the sensor is stated {stated_m:.1f mm} ± {stated_std_m:.1f mm} below the neutral layer, the circumferential "
+        "axis gives {offset_m:.2f mm} ± {std_m:.2f mm}"
+    ),
+    Code.OFFSET_UNKNOWN: (
+        "offset of the sensor not known (set offset_mm of its mounting): the error includes {std_m:.0f mm}"
+    ),
+    Code.RADIUS_WOULD_FIT: "a belt radius of {radius_m:.0f mm} would fit ({stated_m:.0f mm} stated)",
+    Code.RATE_WOULD_FIT: "a sampling rate of {rate_hz:.0f Hz} would fit ({stated_hz:.0f Hz} stated)",
+    Code.STEADY_VALUE_CONTRADICTED: (
+        "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: {causes}"
+    ),
+    Code.UNIT_IS_G: "values in g taken for m/s² would fit",
+    Code.UNIT_IS_MPS2: "values in m/s² taken for g would fit",
+    Code.WIDTH_CONTRADICTED: (
+        "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
+        "radius are not as stated"
+    ),
+    Code.ZERO_CONTRADICTED: (
+        "several speeds give a zero-g offset of {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²}, "
+        "{stated_std_mps2:.1f m/s²} is its stated error"
+    ),
+    Code.ZERO_WOULD_FIT: "a zero-g offset of {zero_mps2:.0f m/s²} would fit",
     # Of the tire's four numbers
     Code.BENDING_LIKE_SHEAR: "bending and shear of the belt cannot be separated here (correlation {correlation:+.2f})",
     Code.CORRELATED: "correlated {correlation:+.2f} with {number}",
     Code.FIT_AT_ZERO: "not determined: the fit puts {number} at zero",
     Code.FIT_NOT_CONVERGED: "the fit has not converged",
-    Code.LINEAR_RING: "linear ring: model error is not in the standard error",
-    Code.LINEAR_RING_TENSION: "linear ring: the belt's loss of tension in the contact is not in the standard error",
+    Code.LINEAR_RING: "linear ring: its model error is in the standard error",
+    Code.LINEAR_RING_TENSION: "linear ring: the belt's loss of tension in the contact is in the standard error",
     Code.MODEL_ERROR_SHARE: "{share:.0%} of the variance is model error",
     Code.NO_BELT_SHAPE: "the radial signal does not describe a belt",
     Code.NO_FLAT_CONTACT: (
@@ -76,6 +152,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
+    Code.CORRECTED_FOR_WEAR: "corrected for {wear_m:.1f mm} of wear since the calibration",
     Code.FROM_BELT_WIDTH: "from the belt width",
     Code.FROM_CONTACT_ANGLE: "from contact angle and pressure",
     Code.FROM_RATIO: "from {ratio}, because the load is not known",
@@ -94,13 +171,18 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NO_LOAD_FROM_CONTACT_ANGLE: "not from the contact angle: {why}",
     Code.NUMBER_MISSING: "the estimator {estimator} does not give {number}",
     Code.OVER_REVOLUTIONS: "over {revolutions:.0f} revolutions",
+    Code.PRESSURE_OLD: "rests on a pressure that is {age_s:.0f s} old",
     Code.PRESSURE_NOT_COMPENSATED: "pressure not compensated",
     Code.PRESSURE_OUTSIDE_CALIBRATION: (
         "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"
     ),
+    Code.TEMPERATURE_NOT_COMPENSATED: (
+        "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
+    ),
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
-    Code.WORN_SINCE_CALIBRATION: "calibrated on the new tire, which is now worn by {wear_m:.1f mm}",
+    Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
     # Of the lateral axis
+    Code.CONICITY_NOT_SEPARATED: "conicity cannot be told from ply steer and noise here",
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
     Code.INCLUDES_CONICITY: "ply steer plus conicity",
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
@@ -109,6 +191,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
+    Code.SIGN_NOT_DETERMINED: "the sign is not determined: {errors:.1f} standard errors from zero",
     Code.SPEED_UNUSABLE: "the speed is not known or too high for the sampling",
     Code.ZERO_SLIP_GIVEN: "zero slip as given",
     Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
@@ -143,17 +226,51 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "are swapped"
     ),
     # Wheels, links and alarms
+    # - Alarms as events
+    Code.ALARM_CLEARED: "alarm over at {at_s:.1f s}, after {duration_s:.1f s}: {what}",
+    Code.ALARM_COMES_AND_GOES: (
+        "ALARM at {at_s:.1f s}: {alarm}. It comes and goes: it is reported again after a minute without change"
+    ),
+    Code.ALARM_RAISED: "ALARM at {at_s:.1f s}: {alarm}",
+    Code.ALARM_STANDS: "ALARM still at {at_s:.1f s}: {alarm}",
     # - Thresholds
     Code.BATTERY_BELOW_LIMIT: "battery at {level:.0f %}, below {limit:.0f %}",
+    Code.BATTERY_NOW: "battery at {level:.0f %}",
     Code.FRAME_LOSS_ABOVE_LIMIT: "{share:.2f %} of the frames lost, above {limit:.2f %}",
+    Code.FRAME_LOSS_NOW: "{share:.2f %} of the frames lost",
     Code.LINK_DOWN: "link is down: {state}",
     Code.LOAD_ABOVE_LIMIT: "load {load_n:.0f N} is above {limit_n:.0f N}",
+    Code.LOAD_NOW: "load {load_n:.0f N}",
     Code.PRESSURE_ABOVE_LIMIT: "pressure {pressure_pa:.0f kPa} is above {limit_pa:.0f kPa}",
     Code.PRESSURE_BELOW_LIMIT: "pressure {pressure_pa:.0f kPa} is below {limit_pa:.0f kPa}",
+    Code.PRESSURE_NOW: "pressure {pressure_pa:.0f kPa}",
     Code.SENSOR_RANGE_REACHED: "{count} samples at the end of the sensor's range",
     Code.SPEED_ABOVE_LIMIT: "speed {speed_mps:.0f km/h} is above {limit_mps:.0f km/h}",
+    Code.SPEED_NOW: "speed {speed_mps:.0f km/h}",
     Code.TEMPERATURE_ABOVE_LIMIT: "inner liner at {temperature_degc:.0f degC}, above {limit_degc:.0f degC}",
+    Code.TEMPERATURE_NOW: "inner liner at {temperature_degc:.0f degC}",
     Code.WEAR_ABOVE_LIMIT: "wear {wear_m:.1f mm} is above {limit_m:.1f mm}",
+    Code.WEAR_NOW: "wear {wear_m:.1f mm}",
+    # - Silence
+    Code.AXIS_SILENT: (
+        "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
+    ),
+    Code.ENVIRONMENT_SILENT: "no pressure or temperature for {silence_s:.0f s}: the last values are that old",
+    Code.HUB_OF_WHEEL_SILENT: "no frame of its hub for {silence_s:.0f s}",
+    Code.HUB_SILENT: "no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?",
+    Code.SAMPLES_MISSING: "no samples for {silence_s:.0f s}",
+    Code.SAMPLES_SILENT: (
+        "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "
+        "firmware?"
+    ),
+    Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
+    Code.SENSOR_NEVER_HEARD: (
+        "nothing received from its sensor in {silence_s:.0f s}. Is it switched on, and are hub and wheel number as "
+        "configured?"
+    ),
+    Code.SENSOR_SILENT: (
+        "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
+    ),
     # - Events of links and devices
     Code.BATTERY_LEVEL: "battery {level:.0f %}",
     Code.BLE_DEVICE: "{device}",
@@ -167,6 +284,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LINK_RESTORED: "reconnected",
     Code.LINK_RETRYING: "reconnecting fails",
     Code.MARK: "mark: {text}",
+    Code.MARK_NOT_KEPT: "not kept, because this session is not recorded",
     Code.MTU: "MTU {mtu}",
     Code.MTU_TOO_SMALL: "MTU {mtu} is less than the {needed} that frames need: expect losses",
     Code.MTU_UNKNOWN: "MTU unknown (frames need {needed})",
@@ -190,7 +308,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_WITH_UNKNOWN_FLAGS: "frames with unknown flags are skipped and counted",
     Code.HUB_RESTARTED: "restarted (boot count {boot_count}); its counters and times start again",
     Code.HUB_RESTARTS_REPEATEDLY: "restarts again and again. Check its supply. Further restarts are not reported",
-    Code.HUB_SILENT: "sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?",
     Code.LINK_NO_DATA_YET: (
         "open, but no data yet. Is the hub powered, awake and set to send? Are TX and RX connected correctly?"
     ),
@@ -209,15 +326,12 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
         "is skipped and counted. Update treadlink"
     ),
-    Code.NO_FRAMES: "data arrives, but it contains no frame ({frames} before): {content}",
+    Code.NO_FRAMES: "data arrives, but it contains no frame: {content}",
+    Code.NO_FRAMES_ANY_MORE: "data arrives, but no frame any more, after {frames} frames: {content}",
     Code.NO_HELLO: (
         "samples arrive, but no hello for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
         "hub sends a hello every 2 s. Restart the hub or update its firmware"
     ),
-    Code.SENSOR_SILENT: (
-        "its sensor sent nothing for {silence_s:.0f s} while others did. Battery empty, out of range or broken?"
-    ),
-    Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
     # - Content of a line without frames
     Code.CHECK_SOURCE_ADDRESS: "Check the address of the source",
     Code.CHOOSE_HUB_PORT: "Choose the hub's port; `treadlink doctor` lists the ports",
@@ -249,6 +363,79 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WHEEL_NOT_IN_CONFIGURATION: (
         "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
     ),
+    # - Contradictions of a hub
+    Code.HELLO_AXES_DIFFER: (
+        "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
+    ),
+    Code.HELLO_HIGHPASS_WITH_DC: (
+        "HELLO states DC coupling and a high-pass at {highpass_hz:g Hz} ({count} times). The high-pass is ignored; if "
+        "there is one, the firmware must state AC"
+    ),
+    Code.HELLO_KEEPS_CHANGING: (
+        "HELLO keeps changing without a restart ({count} times): each change of sensor, rate or axes starts the wheel "
+        "anew. A faulty hub, two sensors under one number, or forged frames"
+    ),
+    Code.HELLO_RATE_DIFFERS: (
+        "HELLO states {stated_hz:g Hz}, but samples come at {measured_hz:.0f Hz} by the hub's clock ({count} times "
+        "over {duration_s:g s}). One of the two is wrong: a fault of the firmware"
+    ),
+    Code.HELLO_SCALE_ABSURD: (
+        "HELLO states a full scale of {full_scale_mps2:.3g m/s²} for the {axis} axis, which no tire sensor has "
+        "({count} times). Its accelerations are wrong"
+    ),
+    Code.HELLO_SCALE_AGAINST_RANGE: (
+        "HELLO states a range of {range_mps2:.4g m/s²} for the {axis} axis, but scale and saturation give "
+        "{full_scale_mps2:.4g m/s²} ({count} times). Its accelerations may be wrong"
+    ),
+    Code.HELLO_SCALE_ZERO: (
+        "HELLO states a scale of 0 for {axes} ({count} times): such an axis cannot be used. A fault of the firmware"
+    ),
+    Code.HELLO_SENSORS_ALTERNATE: (
+        "sensors {sensor} and {other} announce themselves in turn as this wheel ({count} times): estimates of two "
+        "sensors are mixed. Give each a wheel number of its own"
+    ),
+    Code.HELLO_ZERO_ABSURD: (
+        "HELLO states {offset_counts:.6g} counts at zero acceleration for the {axis} axis, more than a sample can have "
+        "({count} times). Its accelerations are wrong"
+    ),
+    Code.HUB_BOOT_COUNTS_DIFFER: (
+        "its wheels state different boot counts, {own:.0f} and {other:.0f} ({count} times): each change is taken for a "
+        "restart. A fault of the firmware"
+    ),
+    Code.HUB_CLOCK_STILL: (
+        "the hub's clock does not advance while samples arrive ({count} times over {duration_s:g s}): times and the "
+        "sampling rate cannot be checked. A fault of the firmware"
+    ),
+    Code.HUB_NUMBER_RESERVED: (
+        "the hub has the number 255, which commands use for every hub ({count} HELLOs): it cannot be commanded alone"
+    ),
+    Code.HUB_SENDS_AS_WHEEL: (
+        "the hub sends messages of a wheel under its own number, 255: {count} frames are not used. A fault of the "
+        "firmware"
+    ),
+    Code.HUB_SENDS_COMMANDS: (
+        "commands arrive from the hub ({count} frames), which only a gateway sends: is the line looped back?"
+    ),
+    Code.HUB_TIME_AGAINST_TICK: (
+        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} times). A fault of the firmware"
+    ),
+    Code.ONLY_UNREADABLE_FRAMES: (
+        "sends frames, but none that treadlink can read: {count} of unknown types or layouts. Update treadlink or the "
+        "firmware"
+    ),
+    Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} times), which no tire has",
+    Code.SAMPLES_REPEATED: (
+        "sends samples again under new counters: {count} blocks are not used. A fault of the firmware"
+    ),
+    Code.SAMPLE_NUMBERS_JUMP: (
+        "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} times): a restart of the "
+        "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
+    ),
+    Code.TEMPERATURE_IMPOSSIBLE: "the sensor states {temperature_degc:.0f degC} ({count} times), which no tire has",
+    Code.WHEELS_REFUSED: (
+        "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
+        "configure the wheels, and sign frames"
+    ),
     # - Sessions and commands
     Code.ASSUMED_NOT_MEASURED: "assumed, not measured: {text}",
     Code.COMMAND_FAILED: "the command failed",
@@ -262,7 +449,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "this computer is too slow to decode and estimate; the recording is complete. Dropped data is counted"
     ),
     Code.EFFECTS_SUBTRACTED: "subtracted from its axes at {ranges}: {effects}",
-    Code.HUB_LOG: "{severity}: {text}",
+    Code.HUB_LOG: "log ({severity}): {text}",
+    Code.HUB_LOG_LEFT_OUT: "{count} more lines of its hubs left out: at most ten a second are shown",
     Code.LOAD_RANGE: "{low_n:.0f} to {high_n:.0f N}",
     Code.PRESSURE_RANGE: "{low_pa:.0f kPa} to {high_pa:.0f kPa}",
     Code.RECORDING_BEHIND: "the disk is too slow: bytes are MISSING FROM THE RECORDING. Dropped data is counted",
@@ -289,13 +477,12 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.ASSUMED_RADIUS: "belt radius {radius_m:g mm} (no configuration states it)",
     Code.ASSUMED_TEMPERATURE: "temperature steady (neither stated nor measured)",
     Code.FROM_CONFIGURATION: "--config",
-    Code.FROM_CONFIGURATION_DEFAULT: "default, as {source} does not give it",
     Code.FROM_RECORDING: "configuration recorded with it",
     Code.FROM_SENSOR: "measured by the sensor",
     Code.OF_RECORDINGS: "{statement}: {recordings}",
     Code.STATED_LOAD: "load {load_n:.0f N} ({source})",
     Code.STATED_LOAD_RANGE: "load {low_n:.0f} to {high_n:.0f N} ({source})",
-    Code.STATED_OFFSET: "mounting offset {offset_m:g mm} below the neutral layer ({source})",
+    Code.STATED_OFFSET: "mounting offset {offset_m:.1f mm} below the neutral layer ({source})",
     Code.STATED_PITCH: "mounting pitch {pitch_rad:g deg} ({source})",
     Code.STATED_PRESSURE: "pressure {pressure_pa:.0f kPa} ({source})",
     Code.STATED_PRESSURE_RANGE: "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})",
@@ -312,6 +499,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAMES_USED: "used all the same (policy warn)",
     Code.FRAMES_VERDICT: "{count} {verdict}",
     Code.FRAME_BEFORE_HELLO: "signed frames arrive, but no verified hello ({count} so far); {consequence}",
+    Code.FRAME_EARLIER_START: (
+        "{signer} sends under boot count {start}, but {latest} was accepted before ({count} frames so far): an old "
+        "recording is replayed, or the hub was replaced or has lost its boot count. If the hub is yours, set its boot "
+        "count above {latest}, or give a new key: treadlink keys new {identity} --replace; {consequence}"
+    ),
     Code.FRAME_LATE: (
         "a frame arrived long after later ones ({count} so far): a recording of the sensor may be replayed; "
         "{consequence}"
@@ -345,6 +537,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "sensor {sensor} is at a wheel that is not configured ({count} frames so far); configure it to admit it; "
         "{consequence}"
     ),
+    Code.SIGNER_AT_HUB: "{signer} at hub {hub}",
     Code.SIGNER_HUB: "hub {identity}",
     Code.SIGNER_SENSOR: "sensor {identity}",
     Code.SIGNER_UNKNOWN: "an unknown sensor",
@@ -369,6 +562,15 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.RECORDING_RECORD_MISSING: (
         "'{recording}' has no valid record at byte {at_byte:d}; the rest is not read. `treadlink repair` recovers it"
+    ),
+    Code.RECORDING_RECORD_TOO_LARGE: (
+        "'{recording}' has {size_bytes:.1f MB} in one chunk or record at byte {at_byte:d}, which is skipped; at most "
+        "{largest_bytes:.1f MB} are read at once. Check where the file comes from"
+    ),
+    Code.UNIT_UNLIKELY: (
+        "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
+        "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
+        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
     ),
     # Diagnosis: acceptance tests
     Code.IMPLAUSIBLE_PARAMETER: (
@@ -488,6 +690,7 @@ _UNITS: Final = {
     "kPa": 1e-3,
     "m": 1.0,
     "m/s²": 1.0,
+    "MB": 1e-6,
     "mm": 1e3,
     "ms": 1e3,
     "ppm": 1e6,
@@ -507,6 +710,9 @@ class _Template(string.Formatter):
             return ", ".join(self.format_field(item, format_spec) for item in value)
         if format_spec == " ":
             return f" {value}" if value else ""
+        if isinstance(value, str) and not value.isprintable():
+            # Text from a hub, a file or an error stays on its line and cannot control the terminal.
+            value = escaped(value)
         number, _, unit = format_spec.partition(" ")
         if unit:
             return f"{format(value * _UNITS[unit], number)} {unit}"
@@ -529,7 +735,7 @@ def joined(reasons: Iterable[Reason]) -> str:
 
 def notice_text(notice: Notice) -> str:
     """Return a notice as one line: its subject, then its reason; a matter of security is marked as such."""
-    said = f"{notice.subject}: {text(notice.reason)}" if notice.subject else text(notice.reason)
+    said = f"{escaped(notice.subject)}: {text(notice.reason)}" if notice.subject else text(notice.reason)
     return f"SECURITY: {said}" if notice.level is Level.SECURITY else said
 
 

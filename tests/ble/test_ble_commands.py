@@ -73,7 +73,7 @@ def test_scan_without_adapter_continues(bus: PrivateBus) -> None:
     with BluezStandIn(bus.address, adapter=None):
         settle("this computer has no Bluetooth adapter")
         done = CliRunner().invoke(scan, ["--timeout", "0.1"])
-    assert done.exit_code == 0
+    assert done.exit_code == 1  # nothing is found
     assert "Bluetooth: this computer has no Bluetooth adapter" in done.output
     assert "No serial port found." in done.output
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli import stop_signals
+from gateway.cli import exit_status
 from gateway.cli.stop_signals import StopSignal, stop_request
 from gateway.recording.reader import RecordingReader
 
@@ -138,5 +138,5 @@ def test_requests_are_postponed_until_the_second_interrupt() -> None:
             signal.raise_signal(signal.SIGINT)
         with pytest.raises(StopSignal) as caught:
             stop.raise_if_set()
-    assert stop_signals.exit_status(caught.value) == 128 + signal.SIGTERM
+    assert exit_status.of_signal(caught.value) == 128 + signal.SIGTERM
     assert signal.getsignal(signal.SIGTERM) is before

@@ -39,7 +39,7 @@ def test_recorded_configuration_is_stated(recording: Path) -> None:
         f"belt radius 320 mm {RECORDED}",
         f"load 4300 N {RECORDED}",
         "pressure 210 kPa (measured by the sensor)",
-        f"mounting offset 2 mm below the neutral layer {RECORDED}",
+        f"mounting offset 2.0 mm below the neutral layer {RECORDED}",
         f"mounting roll 1.5 deg {RECORDED}",
     )
 
@@ -52,7 +52,7 @@ def test_given_configuration_is_stated(recording: Path) -> None:
         "belt radius 315 mm (--config)",
         "load 4000 N (--config)",
         "pressure 210 kPa (measured by the sensor)",
-        "mounting offset 0 mm below the neutral layer (default, as --config does not give it)",
+        "mounting offset 0.0 mm below the neutral layer (measured by the sensor)",
     )
 
 

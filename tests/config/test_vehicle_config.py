@@ -199,7 +199,7 @@ def test_syntax_error_names_the_line() -> None:
 
 
 def test_unreadable_files_are_reported(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="No such file"):
+    with pytest.raises(ConfigError, match="no such file"):
         load_vehicle(tmp_path / "none.toml")
     latin = tmp_path / "latin.toml"
     latin.write_bytes(b'[vehicle]\nname = "\xfcber"\n')

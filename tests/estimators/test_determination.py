@@ -37,7 +37,7 @@ def test_determined_means_three_standard_errors_with_model_error() -> None:
     found = determination(numbers)
     np.testing.assert_allclose(found.relative_error, [0.14142, 0.31623, 0.36056, 0.53852], rtol=1e-4)
     assert found.determined.tolist() == [True, True, False, False]
-    estimates = {e.name: e for e in number_estimates(numbers, CONDITIONS, ())}
+    estimates = {e.name: e for e in number_estimates("weak-form", numbers, CONDITIONS, ())}
     assert [estimates[name].status for name in RING_NUMBERS] == [Status.VALID] * 2 + [Status.PROVISIONAL] * 2
     undetermined, share = estimates["Ts"].reasons
     assert undetermined == Reason(Code.NOT_DETERMINED, relative_error=found.relative_error[3])
@@ -55,12 +55,12 @@ def test_weak_bending_needs_a_smaller_error() -> None:
 
 def test_number_on_its_bound_is_invalid_others_valid() -> None:
     held = replace(fitted(0.1), values=VALUES * [1, 1, 1, 0], free=np.array([True, True, True, False]))
-    found = {e.name: e for e in number_estimates(held, CONDITIONS, ())}
+    found = {e.name: e for e in number_estimates("weak-form", held, CONDITIONS, ())}
     assert found["Ts"].status is found["Ts/Cw"].status is Status.INVALID
     assert found["Ts"].reasons == (Reason(Code.FIT_AT_ZERO, number="Ts"),)
     assert found["Rs"].status is found["Rs/Cw"].status is Status.VALID
     without_cw = replace(fitted(0.1), values=VALUES * [1, 0, 1, 1], free=np.array([True, False, True, True]))
-    found = {e.name: e for e in number_estimates(without_cw, CONDITIONS, ())}
+    found = {e.name: e for e in number_estimates("weak-form", without_cw, CONDITIONS, ())}
     assert {found[name].status for name in RING_RATIOS} == {Status.INVALID}
     assert {found[name].reasons for name in RING_RATIOS} == {(Reason(Code.FIT_AT_ZERO, number="Cw"),)}
 
@@ -83,7 +83,7 @@ def test_correlated_numbers_are_reported() -> None:
 def test_ratio_errors_follow_from_the_covariance(entries: list[float], size: float) -> None:
     root = np.array(entries).reshape(4, 4) * size * 1e-2 * VALUES[:, np.newaxis]
     numbers = FittedNumbers(VALUES, FREE, root @ root.T, np.zeros((4, 4)))
-    found = {e.name: e for e in number_estimates(numbers, CONDITIONS, ())}
+    found = {e.name: e for e in number_estimates("weak-form", numbers, CONDITIONS, ())}
     for name, i in zip(RING_RATIOS, (0, 2, 3), strict=True):
         gradient = np.zeros(4)
         gradient[i], gradient[1] = 1.0 / VALUES[1], -VALUES[i] / VALUES[1] ** 2
@@ -97,9 +97,9 @@ def test_scale_doubts_notes_and_invalid_estimates() -> None:
     assert load_number(TireConditions(0.32)) == 1.0
     assert scale_error(conditions) == pytest.approx(math.hypot(0.01, 0.02, 0.01))
     doubt, note = Reason(Code.FIT_NOT_CONVERGED), Reason(Code.LINEAR_RING)
-    doubted = number_estimates(fitted(0.1), conditions, (doubt,), (note,))
+    doubted = number_estimates("weak-form", fitted(0.1), conditions, (doubt,), (note,))
     assert all(e.status is Status.PROVISIONAL and e.reasons == (doubt,) for e in doubted)
-    assert all(e.reasons == (note,) for e in number_estimates(fitted(0.1), conditions, (), (note,)))
+    assert all(e.reasons == (note,) for e in number_estimates("weak-form", fitted(0.1), conditions, (), (note,)))
     nothing = all_invalid(doubt)
     assert [e.name for e in nothing] == [*RING_NUMBERS, *RING_RATIOS]
     assert all(e.status is Status.INVALID and math.isnan(e.value) and e.reasons == (doubt,) for e in nothing)

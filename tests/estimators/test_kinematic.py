@@ -72,3 +72,13 @@ def test_unknown_timing_error_is_nan_not_zero() -> None:
 def test_nan_waveform_does_not_raise() -> None:
     estimates = estimates_of(replace(make_revolution(WAVE), radial_mps2=np.full(1024, np.nan), omega_radps=math.nan))
     assert estimates["speed_mps"].status is Status.INVALID
+
+
+def test_radius_error_scales_speed_and_length() -> None:
+    revolution = make_revolution(WAVE, period_std_s=2e-5)
+    conditions = replace(CONDITIONS, radius_std_m=0.01 * CONDITIONS.radius_m)
+    found = {e.name: e for e in KinematicEstimator().update(revolution, settled(revolution), conditions)}
+    without = estimates_of(revolution)
+    for name in ("speed_mps", "contact_length_m"):
+        assert found[name].std == pytest.approx(math.hypot(without[name].std, 0.01 * found[name].value))
+    assert found["leading_edge_rad"] == without["leading_edge_rad"]

@@ -14,7 +14,14 @@ from firmware_protocol.messages import Coupling
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import lateral_record, slopes
-from gateway.estimators.ply_steer import NAMES, ROLL_NAME, PlySteerEstimator, separate_plysteer_conicity
+from gateway.estimators.ply_steer import (
+    CONICITY_NAME,
+    LINE_NAME,
+    NAMES,
+    ROLL_NAME,
+    PlySteerEstimator,
+    separate_plysteer_conicity,
+)
 from gateway.estimators.registry import make_estimator
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution
 from gateway.physics.rolling_ring import RingSolution
@@ -235,3 +242,59 @@ def test_two_directions_separate_ply_steer_and_conicity() -> None:
     # One direction gives the sum.
     assert forward[1] == pytest.approx(apart.plysteer[1] + apart.conicity[1])
     assert abs(apart.conicity[1]) > 0.005
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_pure_conicity_has_no_ply_steer_sign(seed: int) -> None:
+    cone = LateralBelt(coupling_length_m=0.0, conicity_rad=math.radians(0.3))
+    found = estimate(rolled(radial(), cone, replace(Sensor(noise_mg=5.0), seed=seed), 40))
+    for name in ("ply_steer_peak_rad", "ply_steer_adhesion_line_rad"):
+        assert found[name].status is Status.INVALID
+        assert codes_of(found[name].reasons) == (Code.SIGN_NOT_DETERMINED,)
+    assert abs(found[LINE_NAME].value) < 3.0 * found[LINE_NAME].std
+    assert found[LINE_NAME].status is Status.PROVISIONAL
+    conicity = found[CONICITY_NAME]
+    true = half_difference_deg(radial(), lateral(radial(), cone))
+    assert conicity.status is Status.VALID
+    assert math.degrees(conicity.value) == pytest.approx(true, abs=3.0 * math.degrees(conicity.std))
+
+
+def half_difference_deg(ring: RingSolution, shape: LateralSolution) -> float:
+    leading, trailing = ring.leading_edge_rad, ring.trailing_edge_rad
+    y = np.interp([leading, 0.5 * (leading + trailing), trailing], shape.theta_rad, shape.y_m)
+    return math.degrees((y[2] - 2.0 * y[1] + y[0]) / (RADIUS_M * (trailing - leading)))
+
+
+@pytest.mark.parametrize("conicity_deg", [-0.5, 0.5])
+def test_contact_line_does_not_contain_conicity(conicity_deg: float) -> None:
+    ring = radial()
+    plain = estimate(rolled(ring))
+    coned = estimate(rolled(ring, LateralBelt(conicity_rad=math.radians(conicity_deg))))
+    assert coned[LINE_NAME].value == pytest.approx(plain[LINE_NAME].value, abs=math.radians(0.003))
+    assert abs(coned[NAMES[1]].value - plain[NAMES[1]].value) > math.radians(0.03)
+    assert plain[CONICITY_NAME].status is Status.PROVISIONAL
+    assert codes_of(plain[CONICITY_NAME].reasons) == (Code.CONICITY_NOT_SEPARATED,)
+
+
+def test_missing_circumferential_axis_keeps_the_error_of_yaw() -> None:
+    deep = radial(offset_m=5e-3)
+    revolutions = rolled(deep)
+    whole = estimate(revolutions)[LINE_NAME]
+    estimator, average = PlySteerEstimator(), settled(revolutions[0])
+    conditions = replace(CONDITIONS, sensor_offset_m=4e-3, sensor_offset_std_m=3e-3)
+    for revolution in revolutions:
+        axes = revolution.axes_mps2.copy()
+        axes[0] = np.nan
+        found = {e.name: e for e in estimator.update(replace(revolution, axes_mps2=axes), average, conditions)}
+    assert found[LINE_NAME].std == pytest.approx(whole.std, rel=0.3)
+
+
+def test_gain_and_radius_errors_scale_the_angle() -> None:
+    revolutions, estimator = rolled(radial()), PlySteerEstimator()
+    average = settled(revolutions[0])
+    conditions = replace(CONDITIONS, gain_std=0.03, radius_std_m=0.04 * RADIUS_M)
+    for revolution in revolutions:
+        found = {e.name: e for e in estimator.update(revolution, average, conditions)}
+    plain = estimate(revolutions)
+    for name in (*NAMES, LINE_NAME):
+        assert found[name].std == pytest.approx(math.hypot(plain[name].std, 0.05 * plain[name].value))

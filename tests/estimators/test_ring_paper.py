@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
+from gateway.estimators import ring_paper
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.estimator import AngleAverage, Estimate, Status, TireConditions
 from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
@@ -123,7 +124,7 @@ def test_ratios_need_neither_load_nor_pressure(conditions: TireConditions, codes
         assert math.isnan(estimates[name].value)
         assert codes_of(estimates[name].reasons) == codes
     for name in RING_RATIOS:
-        assert estimates[name].status is Status.VALID
+        assert estimates[name].status is complete[name].status is not Status.INVALID
         assert estimates[name].value == pytest.approx(complete[name].value, rel=1e-4)
         assert estimates[name].std == pytest.approx(complete[name].std, rel=1e-2, abs=1e-9)
 
@@ -163,8 +164,9 @@ def test_edge_errors_are_propagated() -> None:
 
 
 @pytest.mark.parametrize("noise", [0.5, 5.0])
-def test_standard_errors_cover_noise(noise: float) -> None:
-    """On data of the model itself the stated error is the scatter."""
+def test_standard_errors_cover_noise(noise: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On data of the model itself the stated error without model error is the scatter."""
+    monkeypatch.setattr(ring_paper, "MODEL_ERRORS", np.zeros(4))
     found, stated = [], []
     for seed in range(60):
         rng = np.random.default_rng(seed)
@@ -188,10 +190,20 @@ def test_provisional_until_settled_and_on_faults() -> None:
     assert {e.status for e in early.values()} == {Status.PROVISIONAL}
     assert all(Code.NOT_SETTLED in codes_of(e.reasons) for e in early.values())
     late = estimate_once(wave, edges=(-HALF, HALF), count=int(SETTLED_REVOLUTIONS))
-    assert {e.status for e in late.values()} == {Status.VALID}
+    assert late["Rs"].status is Status.VALID
     faulty = estimate_once(wave, edges=(-HALF, HALF), faults=(Reason(Code.SAMPLES_LOST),))
     assert {e.status for e in faulty.values()} == {Status.PROVISIONAL}
-    assert all(codes_of(e.reasons) == (Code.REVOLUTION_NOT_USED, Code.SAMPLES_LOST) for e in faulty.values())
+    assert all(codes_of(e.reasons)[:2] == (Code.REVOLUTION_NOT_USED, Code.SAMPLES_LOST) for e in faulty.values())
+
+
+def test_known_bias_is_in_the_error() -> None:
+    """Bs, Cw and Ts of the linear ring are not determined, because the model's own error is too large."""
+    found = estimate_once(exact_wave(solution()))
+    for name, true in zip(RING_NUMBERS, TABLE_3_NUMBERS, strict=True):
+        assert abs(found[name].value - true) < 3.0 * found[name].std
+    for name in ("Bs", "Cw", "Ts"):
+        assert found[name].status is Status.PROVISIONAL
+        assert codes_of(found[name].reasons)[:2] == (Code.NOT_DETERMINED, Code.MODEL_ERROR_SHARE)
 
 
 def test_number_at_zero_is_not_determined() -> None:
@@ -204,8 +216,9 @@ def test_number_at_zero_is_not_determined() -> None:
         assert estimates[name].status is Status.INVALID
         assert codes_of(estimates[name].reasons) == (Code.FIT_AT_ZERO,)
         assert math.isnan(estimates[name].value)
-    for name in ("Bs", "Cw", "Rs", "Bs/Cw"):
-        assert estimates[name].status is Status.VALID
+    assert estimates["Rs"].status is Status.VALID
+    for name in ("Bs", "Cw", "Bs/Cw"):
+        assert estimates[name].status is Status.PROVISIONAL
 
 
 def with_orders(average: AngleAverage, kept: int) -> AngleAverage:

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Status
-from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheel_setup import SensorClaims, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, simulated
 
@@ -79,7 +79,7 @@ def test_gain_follows_temperature() -> None:
 
 def test_ac_coupling_leaves_only_the_gain() -> None:
     tables = FAULTY + "coupling = 'ac'\nhighpass_hz = 0.05"
-    setup = WheelSetup("FL", 0, 0, 0.32, sensor_offset_m=0.005)
+    setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(offset_m=0.005))
     found = last(simulated(tables, 16.0, setup, ESTIMATORS)[0])
     for name in ("zero_g_offset_mps2", "roll_tilt_rad", "gain_per_degc"):
         assert found[name].status is Status.INVALID
@@ -105,7 +105,7 @@ def test_radial_axis_alone_gives_the_gain() -> None:
 
 
 def test_wrong_stated_offset_is_reported() -> None:
-    setup = WheelSetup("FL", 0, 0, 0.32, sensor_offset_m=0.001)
+    setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(offset_m=0.001))
     found = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])
     assert found["sensor_offset_m"].reasons == (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.001),)
 

@@ -18,7 +18,7 @@ from tests.testkit.revolution_data import exact_wave, make_revolution, settled
 from tests.testkit.simulated_wheel import last, simulated
 
 # The simulator's new tire.
-NEW = TireData(0.015, 0.0, ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3))
+NEW = TireData(0.015, 0.0, ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3, temperature_degc=25.0))
 ESTIMATORS = ("load", "wear", "weak-form", "kinematic")  # in any order
 
 
@@ -31,7 +31,7 @@ def test_wear_follows_from_bending(wear_mm: float) -> None:
     found = last(simulated(f"[tire]\nwear_mm = {wear_mm}", 14.0, wheel(5000.0), ESTIMATORS)[0])["wear_mm"]
     assert found.status is Status.VALID
     assert found.value == pytest.approx(wear_mm, abs=0.03)
-    assert found.std < 0.03
+    assert found.std < 0.1
 
 
 def test_wear_without_load_uses_the_ratio() -> None:
@@ -77,7 +77,8 @@ def test_wear_shows_in_the_snapshot() -> None:
 
 
 GIVEN = {"Bs": Estimate("Bs", 2e-3, 4e-5, Status.VALID), "Bs/Cw": Estimate("Bs/Cw", 0.0105, 4e-4, Status.VALID)}
-CONDITIONS = TireConditions(0.32, 5000.0, 210e3, tire=NEW, given={"weak-form": GIVEN})
+CONDITIONS = TireConditions(0.32, 5000.0, 210e3, 25.0, tire=NEW, given={"weak-form": GIVEN})
+UNDATED = replace(NEW.reference, temperature_degc=None)
 REVOLUTION = make_revolution(exact_wave(solution()))
 AVERAGE = settled(REVOLUTION)
 
@@ -89,12 +90,38 @@ def wear_of(conditions: TireConditions) -> Estimate:
 def test_wear_error_combines_all_sources() -> None:
     ratio = (2e-3 / 3.08e-3) ** (1 / 3)
     own = 15.0 * ratio / 3.0
+    softening = 0.006 * 2.0
     assert wear_of(CONDITIONS).value == pytest.approx(15.0 * (1.0 - ratio))
-    assert wear_of(CONDITIONS).std == pytest.approx(own * 0.02)
+    assert wear_of(CONDITIONS).std == pytest.approx(own * math.hypot(0.02, softening))
     reference = replace(CONDITIONS, tire=replace(NEW, reference=replace(NEW.reference, Bs_std=3.08e-5)))
-    assert wear_of(reference).std == pytest.approx(own * math.hypot(0.02, 0.01))
+    assert wear_of(reference).std == pytest.approx(own * math.hypot(0.02, 0.01, softening))
     thickness = replace(CONDITIONS, tire=replace(NEW, ring_thickness_std_m=0.001))
-    assert wear_of(thickness).std == pytest.approx(math.hypot(own * 0.02, 1.0 - ratio))
+    assert wear_of(thickness).std == pytest.approx(math.hypot(own * math.hypot(0.02, softening), 1.0 - ratio))
+
+
+@pytest.mark.parametrize("warmer_k", [-20.0, 20.0])
+def test_wear_is_corrected_for_temperature(warmer_k: float) -> None:
+    softer = {"Bs": Estimate("Bs", 3.08e-3 * math.exp(-0.006 * warmer_k), 3e-5, Status.VALID)}
+    found = wear_of(replace(CONDITIONS, given={"weak-form": softer}, temperature_degc=25.0 + warmer_k))
+    assert found.value == pytest.approx(0.0, abs=1e-9)
+    assert found.std == pytest.approx(5.0 * math.hypot(3.0 / 308.0, 0.003 * warmer_k, 0.012), rel=5e-3)
+
+
+@pytest.mark.parametrize("known", [{"temperature_degc": None}, {"tire": replace(NEW, reference=UNDATED)}])
+def test_unknown_temperature_is_in_the_error_of_the_wear(known: dict[str, object]) -> None:
+    # 10 % softer rubber is half a millimetre of a ring of 15 mm.
+    softer = {"Bs": Estimate("Bs", 0.9 * 3.08e-3, 3e-6, Status.VALID)}
+    found = wear_of(replace(CONDITIONS, given={"weak-form": softer}, **known))
+    assert Code.TEMPERATURE_NOT_COMPENSATED in codes_of(found.reasons)
+    assert found.value == pytest.approx(0.5, abs=0.03)
+    assert found.value < 1.5 * found.std
+
+
+def test_unknown_pressure_makes_the_wear_provisional() -> None:
+    found = wear_of(replace(CONDITIONS, pressure_pa=None))
+    assert found.status is Status.PROVISIONAL
+    assert Code.PRESSURE_NOT_COMPENSATED in codes_of(found.reasons)
+    assert found.std > 0.1 / 3.0 * 15.0 * 0.85
 
 
 @pytest.mark.parametrize(
@@ -121,11 +148,11 @@ def test_wear_drift_follows_the_wear() -> None:
         found = estimator.update(replace(REVOLUTION, index=index), AVERAGE, replace(CONDITIONS, given=given))[2]
         assert (found.status is Status.INVALID) == (index < 300)
     assert found.value == pytest.approx(0.2, rel=1e-6)
-    assert found.std < 1e-6
+    assert found.std == pytest.approx(5.0 * 0.012)
     assert found.reasons == (Reason(Code.OVER_REVOLUTIONS, revolutions=1000.0),)
 
 
-CALIBRATION = LoadCalibration(4372.0, 0.2156, 209e3, 1.359, 0.157, 0.513, 0.013, (0.135, 0.311), (190e3, 230e3))
+CALIBRATION = LoadCalibration(4093.0, 0.20787, 209e3, 1.340, 0.237, 0.382, 0.006, (0.135, 0.311), (190e3, 230e3))
 CALIBRATED = replace(NEW, load_calibration=CALIBRATION)
 
 
@@ -146,7 +173,9 @@ def test_load_follows_every_revolution() -> None:
     )
     for result in results[40:]:
         found = {estimate.name: estimate for estimate in result.estimates}["load_by_angle_n"]
-        assert found.value == pytest.approx(truth.load_n(result.revolution.start_s), rel=0.06)
+        true = truth.load_n(result.revolution.start_s)
+        assert found.value == pytest.approx(true, rel=0.15)
+        assert abs(found.value - true) < 2.0 * found.std
 
 
 def test_stated_load_does_not_set_the_estimate() -> None:
@@ -155,19 +184,29 @@ def test_stated_load_does_not_set_the_estimate() -> None:
     assert found["load_n"].value == pytest.approx(6000.0, rel=0.01)
 
 
-def test_worn_tire_makes_its_calibration_provisional() -> None:
+def test_load_by_angle_is_corrected_for_wear() -> None:
     found = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
-    assert found["load_by_angle_n"].status is Status.PROVISIONAL
-    (worn,) = (one for one in found["load_by_angle_n"].reasons if one.code is Code.WORN_SINCE_CALIBRATION)
-    assert worn["wear_m"] == pytest.approx(0.005, abs=2e-5)
+    by_angle = found["load_by_angle_n"]
+    (worn,) = (one for one in by_angle.reasons if one.code is Code.CORRECTED_FOR_WEAR)
+    assert worn["wear_m"] == pytest.approx(0.005, abs=5e-5)
+    assert abs(by_angle.value - 5000.0) < 2.0 * by_angle.std < 1000.0
     assert found["load_n"].value == pytest.approx(5000.0, rel=0.01)
+    assert Code.FROM_BELT_WIDTH in codes_of(found["load_n"].reasons)
+
+
+def test_unknown_wear_is_in_the_error_of_the_load() -> None:
+    results, _ = simulated("[tire]\nwear_mm = 3", 8.0, wheel(None, CALIBRATED), ("kinematic", "load"))
+    by_angle = last(results)["load_by_angle_n"]
+    assert Code.WEAR_UNKNOWN in codes_of(by_angle.reasons)
+    assert by_angle.value > 1.1 * 5000.0
+    assert by_angle.value - 5000.0 < 2.0 * by_angle.std
 
 
 def test_pressure_number() -> None:
     found = LoadEstimator().update(REVOLUTION, AVERAGE, CONDITIONS)[3]
     half = 0.5 * (REVOLUTION.trailing_edge_rad - REVOLUTION.leading_edge_rad)
     assert found.value == pytest.approx(5000.0 / (2.0 * 210e3 * half * 0.32**2))
-    assert found.value == pytest.approx(0.485, rel=0.02)  # physics notes, section 1
+    assert found.value == pytest.approx(0.485, rel=0.025)  # physics notes, section 1
 
 
 @pytest.mark.parametrize(
@@ -193,4 +232,4 @@ def test_calibration_outside_its_range_is_provisional() -> None:
     conditions = replace(CONDITIONS, tire=replace(NEW, load_calibration=narrow), given={})
     found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]
     assert found.status is Status.PROVISIONAL
-    assert codes_of(found.reasons) == (Code.HALF_ANGLE_OUTSIDE_CALIBRATION,)
+    assert codes_of(found.reasons) == (Code.HALF_ANGLE_OUTSIDE_CALIBRATION, Code.WEAR_UNKNOWN)

@@ -13,7 +13,7 @@ from tests.importing.measurements import simple_map, waveform, write_csv
 
 
 def refusal(path: Path, map_text: str) -> ImportDataError:
-    out = path.with_suffix(".mcap")
+    out = path.parent / "out.mcap"
     with pytest.raises(ImportDataError) as caught:
         import_file(path, parse_map(map_text, "map"), out)
     assert not out.exists()
@@ -44,12 +44,16 @@ def test_missing_columns_are_reported_with_suggestions(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message", "remedy"),
     [
-        ("x,y,z\n" + ROW * 3 + "1.0,abc,3.0\n" + ROW, r"line 5, column 'y': 'abc' is not a number", "Mend|units"),
-        ("x,y,z\n" + ROW + "\n\n1.0,2.0,\n" + ROW, r"line 5, column 'z': the cell is empty", "Correct"),
+        ("x,y,z\n" + ROW * 3 + "1.0,abc,3.0\n" + ROW, r"line 5, column 'y': 'abc' is not a number", "units"),
+        ("x,y,z\n" + ROW + "\n\n1.0,2.0,--\n" + ROW, r"line 5, column 'z': '--' is not", "leave the cell empty"),
+        ("x,y,z\n" + ROW + "1.0,2.0,3.0.1\n" + ROW, r"line 3, column 'z': '3.0.1' is not", "leave it empty"),
         ("x,y,z\n" + ROW * 2 + "1.0,2.0", r"line 4 has 2 cells, but column 'z' is number 3", "cut off"),
+        ("x,y,z\n2024-05-01T12:00:00.0001,2,3\n", r"line 2, column 'x': '2024", "no dates.*seconds.*rate_hz"),
+        ("x,y,z\n12:00:00.0001,2,3\n", r"line 2, column 'x': '12:00", "no dates.*seconds.*rate_hz"),
         ("x,y,z\n[g],[g],[g]\n" + ROW, r"line 2, column 'x': '\[g\]' is not a number", "skip_rows_after_header"),
         ('x,y,z\n"1,5","2,5","3,5"\n', r"line 2, column 'x': '1,5' is not a number", "decimal"),
-        ("x,y,z\n" + ROW * 2 + "1.0,nan,inf\n" + ROW, r"line 4, column 'y': nan .*2 such values", "Fill"),
+        ("x,y,z\n" + ROW * 2 + "1.0,nan,inf\n" + ROW, r"line 4, column 'z': inf is not", "cell empty"),
+        ("x,y,z\n" + ROW + ",2.0,3.0\n" * 2, r"in 2 of 3 rows an axis has no value", "Leave the axis out"),
         ("x,y,z\n", "contains no rows of data", "Check"),
         ("x,y,z\n" + ROW, "contains 1 rows", "Check"),
         ("", "is empty", "Check"),
@@ -113,7 +117,7 @@ TIMES = np.arange(5000) / 5000.0
     [
         (np.where(np.arange(5000) > 2000, TIMES + 0.01, TIMES), "line 2003: the time steps by 51 sample intervals"),
         (np.where(np.arange(5000) > 2000, TIMES - 0.01, TIMES), "line 2003: the time steps by -49 sample intervals"),
-        (np.round(TIMES, 3), "the time does not advance"),
+        (np.round(TIMES, 3), "rounded to 1 ms, which is more than a sample interval"),
         (np.zeros(5000), "the time does not advance"),
         (np.round(TIMES * 1.4, 3) + TIMES * 0.3, "the time steps by"),
         (TIMES * 10.0, "a rate of 500 Hz"),
@@ -149,7 +153,30 @@ def test_files_of_another_format_are_rejected(tmp_path: Path) -> None:
         path = tmp_path / name
         path.write_bytes(content)
         assert message in str(refusal(path, simple_map()))
-    assert "cannot be read" in str(refusal(tmp_path / "none.csv", simple_map()))
+
+
+@pytest.mark.parametrize(
+    ("name", "message", "remedy"),
+    [
+        ("none.csv", "does not exist", "path"),
+        ("folder", "is a folder", "file itself"),
+        ("run.npy", "unknown file format '.npy'", r"numpy.savetxt\('run.csv', numpy.load\('run.npy'\).*header = false"),
+        ("run.npz", "unknown file format '.npz'", r"savemat\('run.mat', dict\(numpy.load\('run.npz'\)\)\)"),
+        ("run.csv.gz", "unknown file format '.gz'", "Unpack"),
+        ("run.xlsx", "unknown file format '.xlsx'", "Export the columns as CSV"),
+        ("run.mcap", "unknown file format '.mcap'", "treadlink estimate run.mcap"),
+        ("run", "without a suffix", r'If it is text, state \[file\] format = "csv"'),
+    ],
+)
+def test_remedy_fits_the_file(tmp_path: Path, name: str, message: str, remedy: str) -> None:
+    path = tmp_path / name
+    if name == "folder":
+        path.mkdir()
+    elif name != "none.csv":
+        path.write_bytes(b"\x93NUMPY")
+    error = refusal(path, simple_map())
+    assert message in str(error)
+    assert re.search(remedy, error.remedy), error.remedy
 
 
 def test_damaged_files_are_rejected(tmp_path: Path) -> None:
@@ -181,8 +208,8 @@ def test_text_columns_in_parquet_are_rejected(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     pq.write_table(pa.table({"x": ["a"] * 5, "y": [1.0] * 5, "z": [1.0] * 5}), path)
     assert "column 'x' contains string" in str(refusal(path, simple_map()))
-    pq.write_table(pa.table({"x": [1, None, 3], "y": [1.0] * 3, "z": [1.0] * 3}), path)
-    assert "row 2, column 'x': nan" in str(refusal(path, simple_map()))
+    pq.write_table(pa.table({"x": [1.0, float("inf"), 3.0], "y": [1.0] * 3, "z": [1.0] * 3}), path)
+    assert "row 2, column 'x': inf" in str(refusal(path, simple_map()))
 
 
 def test_missing_pyarrow_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,7 +65,7 @@ def test_command_writes_files_and_replaces_none(tmp_path: Path, suffix: str) -> 
 @NEEDS_PLOT
 def test_figure_files_are_reproducible(tmp_path: Path) -> None:
     for place in ("a", "b"):
-        draw_figures(chosen(("ring-fig-11",)), tmp_path / place, suffix="svg")
+        draw_figures(chosen(("ring-fig-11",)), tmp_path / place, suffix="svg", write=Path.write_bytes)
     first, second = ((tmp_path / place / "ring-fig-11.svg").read_bytes() for place in ("a", "b"))
     assert first == second
 
@@ -80,7 +80,7 @@ def test_missing_matplotlib_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp
 
     monkeypatch.setattr(builtins, "__import__", missing)
     with pytest.raises(OutputError) as caught:
-        draw_figures(chosen(("ring-fig-12",)), tmp_path / "out", suffix="png")
+        draw_figures(chosen(("ring-fig-12",)), tmp_path / "out", suffix="png", write=Path.write_bytes)
     assert "treadlink[plot]" in caught.value.remedy
     assert not (tmp_path / "out").exists()
 

@@ -255,3 +255,45 @@ def test_samples_before_hello_are_dropped(roll, to_frames):
     frames = to_frames(roll(65.0, 3.0).radial_mps2)
     results, _ = run_live(stream([*frames[2:100], frames[0], *frames[100:]]))
     assert len(results) >= 22
+
+
+def test_jump_of_sample_numbers_loses_no_samples(roll, to_frames):
+    rolling = roll(40.0, 3.0)
+    frames = to_frames(rolling.radial_mps2)
+    half = len(frames) // 2
+    jumped = [
+        frame._replace(message=frame.message._replace(first_sample=frame.message.first_sample + 2**30))
+        if at > half
+        else frame
+        for at, frame in enumerate(frames)
+    ]
+    pipeline = Pipeline((), UNKNOWN)
+    results = pipeline.frames("x", jumped, 0) + pipeline.finish()
+    (wheel,) = pipeline.wheels()
+    assert wheel.counters.samples_lost == 0
+    assert wheel.counters.samples == 36 * (len(frames) - 2)
+    assert len(results) > 8
+
+
+def test_numbers_that_the_clock_covers_are_lost(roll, to_frames):
+    frames = to_frames(roll(40.0, 3.0).radial_mps2)
+    pipeline = Pipeline((), UNKNOWN)
+    pipeline.frames("x", frames[:200] + frames[400:], 0)
+    (wheel,) = pipeline.wheels()
+    assert wheel.counters.samples_lost == 200 * 36
+
+
+def test_radial_axis_of_scale_0_is_not_used(roll, to_frames):
+    frames = to_frames(roll(40.0, 1.0).radial_mps2)
+    flat = frames[0]._replace(message=frames[0].message._replace(scale_mps2=(0.0, 0.0, 0.0)))
+    pipeline = Pipeline((), UNKNOWN)
+    assert pipeline.frames("x", [flat, *frames[1:]], 0) + pipeline.finish() == []
+    (wheel,) = pipeline.wheels()
+    assert wheel.counters.samples == 0
+
+
+def test_hub_itself_is_no_wheel(roll, to_frames):
+    frames = to_frames(roll(40.0, 1.0).radial_mps2, wheel=255)
+    pipeline = Pipeline((), UNKNOWN)
+    assert pipeline.frames("x", frames, 0) + pipeline.finish() == []
+    assert pipeline.wheels() == ()

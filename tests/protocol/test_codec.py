@@ -104,10 +104,20 @@ FIELDS = {
 }
 
 
+def sendable(fields):
+    """Return fields as they are, except that a hello keeps the rules between its fields."""
+    if "scale_mps2" in fields:
+        scale = [
+            value or 1.0 if fields["axes"] >> axis & 1 else value for axis, value in enumerate(fields["scale_mps2"])
+        ]
+        fields = fields | {"scale_mps2": scale, "highpass_hz": fields["highpass_hz"] * fields["coupling"]}
+    return fields
+
+
 @st.composite
 def wire_frames(draw):
     type_ = draw(st.sampled_from(MessageType))
-    return WireFrame(type_, draw(U8), draw(U8), draw(U32), draw(U32), draw(FIELDS[type_]))
+    return WireFrame(type_, draw(U8), draw(U8), draw(U32), draw(U32), sendable(draw(FIELDS[type_])))
 
 
 def same(a: Message, b: Message) -> bool:
@@ -175,6 +185,9 @@ BLOCK = SampleBlock(0, 0b100, np.zeros((2, 1), np.int16))
         (HELLO._replace(rate_hz=math.nan), "rate_hz"),
         (HELLO._replace(highpass_hz=-1.0), "highpass_hz"),
         (HELLO._replace(scale_mps2=(1.0, math.inf, 1.0)), "scale_mps2"),
+        (HELLO._replace(scale_mps2=(1.0, 0.0, 1.0)), "scale_mps2"),
+        (HELLO._replace(scale_mps2=(1.0, 1.0, 1e-60)), "scale_mps2"),
+        (HELLO._replace(coupling=Coupling.DC), "highpass_hz"),
         (HELLO._replace(scale_mps2=(1.0, 1e39, 1.0)), "scale_mps2"),
         (HELLO._replace(range_mps2=(1.0, 1.0)), "range_mps2"),
         (HELLO._replace(saturation_counts=0), "saturation_counts"),

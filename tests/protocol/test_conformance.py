@@ -8,9 +8,9 @@ import pytest
 
 import firmware_protocol
 from firmware_protocol.block_decoder import BatchDecoder
-from firmware_protocol.codec import decode_payload, encode_frame
+from firmware_protocol.codec import decode_payload, encode_frame, encode_payload
 from firmware_protocol.conformance import make_vectors
-from firmware_protocol.declaration import WireFrame, to_frame
+from firmware_protocol.declaration import WireFrame, parse_payload, to_frame, to_message
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import MessageType
 
@@ -51,6 +51,15 @@ def test_frame(vector: dict[str, Any]) -> None:
 def test_refused_payload(vector: dict[str, Any]) -> None:
     with pytest.raises(ValueError):
         decode_payload(vector["type"], bytes.fromhex(vector["payload_hex"]))
+
+
+@pytest.mark.parametrize("vector", FRAMES["tolerated_payloads"], ids=name_of)
+def test_tolerated_payload_is_read_but_never_encoded(vector: dict[str, Any]) -> None:
+    payload = bytes.fromhex(vector["payload_hex"])
+    message = decode_payload(vector["type"], payload)
+    assert message == to_message(vector["type"], parse_payload(vector["type"], payload))
+    with pytest.raises(ValueError, match="scale_mps2|highpass_hz"):
+        encode_payload(message)
 
 
 @pytest.mark.parametrize("vector", STREAMS, ids=name_of)

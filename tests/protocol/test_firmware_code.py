@@ -180,6 +180,8 @@ REFUSED = {
     "hello.scale_mps2[2] = 1.0f / zero;": "hello",
     "hello.range_mps2[1] = -1.0f;": "hello",
     "hello.saturation_counts = 0u;": "hello",
+    "hello.scale_mps2[2] = 0.0f;": "hello",
+    "hello.coupling = 0u; hello.highpass_hz = 2.5f;": "hello",
     "samples.axes = 7u;": "samples",
     "samples.n = 0u;": "samples",
     "hub_status.battery_percent = 101u;": "hub_status",

@@ -178,7 +178,9 @@ def test_swapped_wheels(ride) -> None:
 
     swapped = ride(change=swap)
     assert swapped.flags("W1") == swapped.flags("W2") == {"wrong sensor"}
-    assert swapped.notices[0].reason == Reason(Code.SENSOR_SWAPPED, sensor="0000a001", owner="W2", position="W1")
+    assert swapped.notices[0].reason["alarm"] == Reason(
+        Code.SENSOR_SWAPPED, sensor="0000a001", owner="W2", position="W1"
+    )
     assert len(swapped.notices) == 2
     assert swapped.last("speed_mps").value == pytest.approx(SPEED_MPS, rel=1e-3)
 
@@ -186,14 +188,14 @@ def test_swapped_wheels(ride) -> None:
 def test_unknown_sensor_is_reported(ride) -> None:
     renewed = ride(change=lambda toml: toml.replace("0000a001", "0000beef"))
     assert renewed.flags() == {"wrong sensor"}
-    assert renewed.notices[0].reason == Reason(Code.SENSOR_REPLACED, sensor="0000a001", expected="0000beef")
+    assert renewed.notices[0].reason["alarm"] == Reason(Code.SENSOR_REPLACED, sensor="0000a001", expected="0000beef")
 
 
 def test_frozen_pressure_widens_dependent_errors(ride) -> None:
     frozen = ride("defect = {pressure_stuck_from_s = 2}\ntemperature_degc = [[0, 20], [20, 45]]", duration=20.0)
     assert frozen.flags() == {"pressure frozen"}
     (notice,) = frozen.notices
-    assert notice.reason.code is Code.PRESSURE_FROZEN
+    assert notice.reason["alarm"].code is Code.PRESSURE_FROZEN
     conditions = frozen.of("W1")[-1].conditions
     assert conditions.pressure_std_pa == pytest.approx(expected_pressure_change_pa(210e3, 20.0, 45.0), rel=0.1)
     assert frozen.of("W2")[-1].conditions.pressure_std_pa < 5000.0

@@ -11,10 +11,13 @@ from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import HUB_ITSELF
 from gateway.reasons import Code, Level, Reason
+from gateway.security.cmac import Key
 from gateway.security.freshness import WINDOW, Ledger
 from gateway.security.guard import Guard, Place, Verdict
-from gateway.security.key_file import counters_file
+from gateway.security.key_file import counters_file, hub_identity
+from gateway.views.wording import notice_text
 from tools.generators.security_attacks import (
+    HUB,
     KEYS,
     PLACES,
     SENSORS,
@@ -32,7 +35,7 @@ VERDICTS = {
     "forged": {Verdict.FORGED},
     "changed in flight": {Verdict.FORGED, Verdict.EARLY},
     "replayed": {Verdict.REPLAYED, Verdict.TOO_LATE},
-    "replayed from an earlier start": {Verdict.FORGED, Verdict.TOO_LATE, Verdict.REPLAYED},
+    "replayed from an earlier start": {Verdict.FORGED, Verdict.EARLIER_START},
     "late beyond the window": {Verdict.TOO_LATE},
     "wrong key": {Verdict.FORGED},
     "unsigned": {Verdict.UNSIGNED},
@@ -144,16 +147,95 @@ def test_counters_persist_after_session(tmp_path: Path) -> None:
     assert not any(map(guard(Ledger(path)).gate("other link"), heard))
 
 
+def replaced_hub(boot_count: int) -> Sender:
+    """Return a hub of another serial number that took over the sensors."""
+    keys = {**KEYS, hub_identity(HUB + 1): Key(bytes(range(48, 64)))}
+    sender = Sender(boot_count, keys)
+    sender.hello = lambda wheel=0: sender.send(  # type: ignore[method-assign]
+        wheel, hello(SENSORS[wheel], boot_count)._replace(hub_id=HUB + 1)
+    )
+    return sender
+
+
+def heard_before(path: Path, boot_count: int = 41) -> list[bytes]:
+    """Return the frames of a session that the gateway accepted and whose counters it saved."""
+    sender = Sender(boot_count)
+    session = [sender.hello(), *(sender.samples() for _ in range(50))]
+    watching = guard(Ledger(path))
+    assert all(map(watching.gate("link"), session))
+    watching.ledger.save()
+    return session
+
+
+def test_replaced_hub_with_lower_boot_count_is_named(tmp_path: Path) -> None:
+    heard_before(tmp_path / "counters")
+    watching = guard(Ledger(tmp_path / "counters"))
+    gate = watching.gate("link")
+    sender = replaced_hub(3)
+    assert not any(map(gate, [sender.hello(), sender.samples(), sender.samples()]))
+    assert gate.counts == {Verdict.EARLIER_START: 3}
+    (notice,) = watching.take_notices()
+    at = Reason(Code.SIGNER_AT_HUB, signer=Reason(Code.SIGNER_SENSOR, identity="0000a001"), hub=hub_identity(HUB + 1))
+    ignored = Reason(Code.FRAMES_IGNORED)
+    assert notice.reason == Reason(
+        Code.FRAME_EARLIER_START, signer=at, start=3, latest=41, identity="0000a001", count=1, consequence=ignored
+    )
+    assert "treadlink keys new 0000a001 --replace" in notice_text(notice)
+
+
+def test_replaced_hub_passes_above_the_last_boot_count(tmp_path: Path) -> None:
+    session = heard_before(tmp_path / "counters")
+    gate = guard(Ledger(tmp_path / "counters")).gate("link")
+    sender = replaced_hub(42)
+    assert gate(sender.hello())
+    assert gate(sender.samples())
+    assert not any(map(gate, session))
+
+
+def test_replaced_hub_passes_with_a_new_key(tmp_path: Path) -> None:
+    session = heard_before(tmp_path / "counters")
+    keys = {**KEYS, "0000a001": Key(bytes(range(64, 80)))}
+    gate = Guard(PLACES, keys, Ledger(tmp_path / "counters"), requires=True).gate("link")
+    sender = Sender(3, keys)
+    assert gate(sender.hello())
+    assert gate(sender.samples())
+    assert not any(map(gate, session))
+
+
+def test_replayed_earlier_start_does_not_displace_the_sensor(tmp_path: Path) -> None:
+    old = heard_before(tmp_path / "counters", 7)
+    heard_before(tmp_path / "counters", 8)
+    gate = guard(Ledger(tmp_path / "counters")).gate("link")
+    assert not any(map(gate, old))
+    sender = Sender(8)
+    sender.seq = dict.fromkeys(sender.seq, 5000)
+    # The sensor is in the same start as in the last session, and no hello of it has come yet.
+    assert gate(sender.samples())
+    assert not any(map(gate, old))
+    assert gate(sender.hello())
+
+
+def test_earlier_start_on_another_link_is_refused() -> None:
+    watching = guard()
+    one, other = watching.gate("one"), watching.gate("other")
+    old, new = Sender(7), Sender(8)
+    assert one(old.hello())
+    assert other(new.hello())
+    assert not one(old.samples())
+    assert one.counts[Verdict.EARLIER_START] == 1
+    assert [notice.reason.code for notice in watching.take_notices()] == [Code.FRAME_EARLIER_START]
+
+
 def test_two_sessions_keep_the_higher_counter(tmp_path: Path) -> None:
     path = tmp_path / "counters"
     one, other = Ledger(path), Ledger(path)
-    one.counter("0000a001").take(1000)
-    other.counter("0000a001").take(10)
-    other.counter("0000a002").take(5)
+    one.counter("0000a001", "c0ffee").take(1000)
+    other.counter("0000a001", "c0ffee").take(10)
+    other.counter("0000a002", "c0ffee").take(5)
     one.save()
     other.save()
-    assert Ledger(path).counter("0000a001").highest == 1000
-    assert Ledger(path).counter("0000a002").highest == 5
+    assert Ledger(path).counter("0000a001", "c0ffee").highest == 1000
+    assert Ledger(path).counter("0000a002", "c0ffee").highest == 5
 
 
 def test_frame_of_one_link_is_old_on_another() -> None:

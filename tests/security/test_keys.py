@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,11 +12,11 @@ from click.testing import CliRunner
 from firmware_protocol.reference_cmac import aes_cmac
 from gateway.cli.keys import keys
 from gateway.errors import TreadlinkError
-from gateway.security import cmac
+from gateway.security import cmac, private_file
 from gateway.security.cmac import Key, SecurityError, mac
 from gateway.security.freshness import Ledger
 from gateway.security.key_file import KeyFile, counters_file, parse_identity
-from gateway.security.private_file import write_private
+from gateway.security.private_file import locked, write_private
 
 SECRET = "00112233445566778899aabbccddeeff"
 
@@ -115,12 +116,13 @@ def test_new_key_has_new_counters(tmp_path: Path) -> None:
     run("new", "a001", "b", "--file", path)
     ledger = Ledger(counters_file(path))
     for identity in ("0000a001", "0000000b"):
-        ledger.counter(identity).take(10**10)
+        ledger.counter(identity, KeyFile(path).keys[identity].check_value()).take(10**10)
     ledger.save()
     run("new", "a001", "--replace", "--file", path)
     after = Ledger(counters_file(path))
-    assert after.counter("0000a001").highest == -1
-    assert after.counter("0000000b").highest == 10**10
+    checks = {name: key.check_value() for name, key in KeyFile(path).keys.items()}
+    assert after.counter("0000a001", checks["0000a001"]).highest == -1
+    assert after.counter("0000000b", checks["0000000b"]).highest == 10**10
 
 
 def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,6 +137,82 @@ def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
     assert "No space left" in run("new", "2", "--file", path, fails=True)
     assert path.read_bytes() == before
     assert [found.name for found in tmp_path.iterdir()] == ["keys"]
+
+
+_MAKER = """
+import sys
+from gateway.cli.keys import keys
+for number in range(6):
+    keys.main(["new", f"{sys.argv[1]}{number}", "--file", sys.argv[2]], standalone_mode=False)
+"""
+
+
+def test_eight_processes_keep_every_key(tmp_path: Path) -> None:
+    path = tmp_path / "keys"
+    makers = [subprocess.Popen([sys.executable, "-c", _MAKER, f"{number:x}", path]) for number in range(8)]
+    assert [maker.wait() for maker in makers] == [0] * 8
+    assert set(KeyFile(path).keys) == {f"{maker:x}{number}".rjust(8, "0") for maker in range(8) for number in range(6)}
+    assert [found.name for found in tmp_path.iterdir()] == ["keys"]
+
+
+def test_lock_held_for_long_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "keys"
+    run("new", "1", "--file", path)
+    before = path.read_bytes()
+    monkeypatch.setattr(private_file, "_LOCK_WAIT_NS", 0)
+    with locked(path):
+        printed = run("new", "2", "--file", path, fails=True)
+    assert "another process" in printed
+    assert "keys.lock" in printed
+    assert path.read_bytes() == before
+
+
+def test_symbolic_link_stays_and_its_target_changes(tmp_path: Path) -> None:
+    target, link = tmp_path / "vault" / "real", tmp_path / "keys"
+    target.parent.mkdir()
+    link.symlink_to(Path("vault") / "real")
+    run("new", "1", "--file", link)
+    run("new", "2", "--file", target)
+    run("new", "3", "--file", link)
+    assert link.is_symlink()
+    assert not target.is_symlink()
+    assert set(KeyFile(target).keys) == {"00000001", "00000002", "00000003"}
+    assert target.stat().st_mode & 0o777 == 0o600
+    assert {found.name for found in target.parent.iterdir()} == {"real"}
+
+
+@pytest.mark.parametrize("mode", [0o400, 0o600, 0o700])
+def test_change_keeps_the_mode(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "keys"
+    run("new", "1", "--file", path)
+    path.chmod(mode)
+    run("new", "2", "--file", path)
+    assert path.stat().st_mode & 0o777 == mode
+    assert len(KeyFile(path).keys) == 2
+
+
+def test_running_session_does_not_age_a_new_key(tmp_path: Path) -> None:
+    path = tmp_path / "keys"
+    run("new", "a001", "--file", path)
+    old = KeyFile(path).keys["0000a001"].check_value()
+    session = Ledger(counters_file(path))
+    session.counter("0000a001", old).take(41 << 32)
+    session.save()
+    assert "last boot count 41" in run("list", "--file", path)
+    run("new", "a001", "--replace", "--file", path)
+    session.counter("0000a001", old).take(42 << 32)
+    session.save()
+    assert "not heard yet" in run("list", "--file", path)
+    assert Ledger(counters_file(path)).counter("0000a001", old).boot_count == 42
+
+
+def test_counters_of_earlier_versions_hold(tmp_path: Path) -> None:
+    path = tmp_path / "counters"
+    write_private(path, '{"format": 1, "highest": {"0000a001": "176093659136"}}')
+    ledger = Ledger(path)
+    assert ledger.counter("0000a001", "c0ffee").boot_count == 41
+    ledger.forget("0000a001")
+    assert Ledger(path).counter("0000a001", "c0ffee").boot_count == -1
 
 
 def test_repr_hides_the_key() -> None:

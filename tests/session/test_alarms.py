@@ -8,9 +8,17 @@ import pytest
 
 from gateway.config.vehicle import Thresholds
 from gateway.estimators.estimator import Estimate, Status
-from gateway.pipeline.results import LinkSnapshot, WheelCounters, WheelSnapshot
+from gateway.pipeline.results import (
+    LinkSnapshot,
+    RevolutionResult,
+    Silence,
+    SilentPart,
+    WheelCounters,
+    WheelSnapshot,
+)
 from gateway.reasons import Code, Reason
-from gateway.session.alarms import AlarmName, alarms
+from gateway.session.alarms import AlarmName, alarms, present_values, superseded
+from gateway.session.silence import SilentHub
 
 LIMITS = Thresholds(
     pressure_min_kpa=180.0,
@@ -76,6 +84,41 @@ def test_link_alarm(change: dict[str, object], name: AlarmName, code: Code) -> N
     assert alarms([], [LINK], LIMITS) == ()
     (alarm,) = alarms([], [replace(LINK, **change)], LIMITS)
     assert (alarm.position, alarm.name, alarm.reason.code) == ("ble:x", name, code)
+
+
+def test_alarm_is_over_beyond_a_margin_only() -> None:
+    stood = {("FL", AlarmName.PRESSURE): Code.PRESSURE_BELOW_LIMIT}
+    for pressure_pa, stands in ((179e3, True), (181e3, True), (183e3, True), (185e3, False)):
+        found = alarms([replace(WHEEL, pressure_pa=pressure_pa)], [], LIMITS, standing=stood)
+        assert bool(found) is stands
+        if pressure_pa > 180e3:
+            assert alarms([replace(WHEEL, pressure_pa=pressure_pa)], [], LIMITS) == ()
+    # The margin belongs to the limit that was crossed, not to the other one.
+    assert alarms([replace(WHEEL, pressure_pa=257e3)], [], LIMITS, standing=stood) == ()
+
+
+def test_silent_wheel_has_no_alarm_of_its_speed() -> None:
+    limits = Thresholds(speed_max_kmh=10.0)
+    fast = RevolutionResult("FL", 0, None, None, (Estimate("speed_mps", 30.0, 0.01, Status.VALID),))
+    wheel = replace(WHEEL, last=fast)
+    assert [alarm.name for alarm in alarms([wheel], [], limits)] == [AlarmName.SPEED]
+    quiet = Silence(SilentPart.HUB, 20.0, Reason(Code.HUB_OF_WHEEL_SILENT, silence_s=20.0))
+    assert alarms([replace(wheel, silences=(quiet,))], [], limits) == ()
+    assert ("FL", AlarmName.SPEED) in superseded([replace(wheel, silences=(quiet,))])
+
+
+def test_present_values_say_what_is_normal_again() -> None:
+    values = present_values([WHEEL], [LINK], LIMITS)
+    assert values["FL", AlarmName.PRESSURE] == Reason(Code.PRESSURE_NOW, pressure_pa=220e3)
+    assert values["ble:x", AlarmName.BATTERY] == Reason(Code.BATTERY_NOW, level=0.8)
+
+
+def test_hubs_of_several_links_are_told_apart() -> None:
+    silent = SilentHub("ble:x", 0, 4.0, ("FL",))
+    (alone,) = alarms([], [LINK], LIMITS, silent_hubs=[silent])
+    (among,) = alarms([], [LINK, replace(LINK, link="ble:y")], LIMITS, silent_hubs=[silent])
+    assert (alone.position, among.position) == ("hub 0", "hub 0 on ble:x")
+    assert superseded([], [silent], several_links=True) == {("hub 0 on ble:x", AlarmName.SILENT)}
 
 
 def test_unknown_values_and_limits_give_no_alarm() -> None:

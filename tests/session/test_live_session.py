@@ -9,11 +9,16 @@ import pytest
 
 from gateway.clock import ManualClock, SystemClock
 from gateway.errors import SourceError, TreadlinkError
+from gateway.io.playback import Playback
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
+from gateway.pipeline.results import WheelState
+from gateway.reasons import Code
+from gateway.session.alarms import AlarmName
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.session.recording_stage import Stage
 from gateway.views.session_summary import ResultSummary
+from gateway.views.wording import notice_text
 
 TIMEOUT_S = 20.0
 
@@ -157,3 +162,132 @@ def test_session_logs_start_and_end(demo, caplog):
     messages = [record.getMessage() for record in caplog.records]
     assert "session starts with sim:demo" in messages
     assert "session closed" in messages
+
+
+class HeldClock(ManualClock):
+    """A manual clock that sleeps do not move, so that only the test advances it."""
+
+    def sleep_until_ns(self, deadline_ns, stop=None):
+        (stop or threading.Event()).wait(0.005)
+        return stop is not None and stop.is_set()
+
+
+def until(condition):
+    """Wait for what another thread does."""
+    for _ in range(round(TIMEOUT_S / 0.01)):
+        if condition():
+            return
+        threading.Event().wait(0.01)
+    raise AssertionError("did not happen")
+
+
+class Held(ListSource):
+    """A source that has nothing more to give until its gate opens."""
+
+    def __init__(self, items, link="sim:demo"):
+        super().__init__(items, link)
+        self.gate, self.waits = threading.Event(), threading.Event()
+
+    def items(self, stop):
+        yield from self._items
+        self.waits.set()
+        self.gate.wait(TIMEOUT_S)
+
+
+def test_silence_grows_although_no_byte_arrives(demo):
+    items, vehicle = demo
+    clock, source = HeldClock(items[0].host_ns), Held(items[:-1])
+    live = LiveSession([source], vehicle, clock, patient=[False], summary=ResultSummary())
+    live.start()
+    until(lambda: source.waits.is_set() and not live._items)
+    clock.advance_ns(25_000_000_000)
+    until(lambda: clock.advance_ns(100_000_000) or live.snapshot().links[0].silent_s is not None)
+    snapshot = live.snapshot()
+    assert {wheel.state for wheel in snapshot.wheels} == {WheelState.SILENT}
+    assert [alarm.name for alarm in snapshot.alarms] == [AlarmName.SILENT]
+    source.gate.set()
+    assert live.wait(TIMEOUT_S)
+    (record,) = live.close().alarm_records
+    assert (record.position, record.is_standing) == ("hub 0", True)
+    assert any(notice.reason.code is Code.ALARM_RAISED for notice in live.notices())
+
+
+def test_source_that_waits_for_the_core_is_not_silent(demo):
+    items, vehicle = demo
+    clock, source = HeldClock(items[0].host_ns + 3600 * 10**9), Held(items[:-1])
+    live = LiveSession([source], vehicle, clock, patient=[True], summary=ResultSummary())
+    live.start()
+    until(lambda: source.waits.is_set() and not live._items)
+    until(lambda: clock.advance_ns(10_000_000_000) or live.snapshot().elapsed_s > 100.0)
+    assert not live.snapshot().alarms
+    source.gate.set()
+    assert live.wait(TIMEOUT_S)
+    assert live.close().alarm_records == ()
+
+
+def test_items_that_wait_are_not_missing(demo):
+    items, vehicle = demo
+    live = LiveSession([ListSource(items)], vehicle, SystemClock(), patient=[False], summary=ResultSummary())
+    live._note_time(items[1])
+    live._items.put(items[2], 1, timeout_s=0.0)
+    assert live._link_times_ns(items[1].host_ns + 10**12) == {"sim:demo": items[1].host_ns}
+    live._items.get(0.0)
+    assert live._link_times_ns(items[1].host_ns + 10**12) == {"sim:demo": items[1].host_ns + 10**12}
+
+
+def test_paused_replay_stands_still(demo):
+    items, vehicle = demo
+
+    class Replay(ListSource):
+        def __init__(self, clock):
+            super().__init__(items)
+            self.playback = Playback(clock, 1.0)
+            self.given = 0
+
+        def items(self, stop):
+            for item in self._items:
+                if not self.playback.wait_until(item.host_ns, stop, threading.Event()):
+                    return
+                self.given += 1
+                yield item
+
+    clock = HeldClock(0)
+    source = Replay(clock)
+    live = LiveSession([source], vehicle, clock, patient=[True], summary=ResultSummary())
+    live.start()
+    clock.advance_ns(500_000_000)
+    until(lambda: source.given and live.snapshot().elapsed_s == 0.5)
+    assert live.pause(True)
+    given = source.given
+    clock.advance_ns(60_000_000_000)
+    until(lambda: live._clock.now_ns() == clock.now_ns())
+    for _ in range(20):
+        threading.Event().wait(0.01)
+        assert source.given <= given + 1, "the item in hand may pass"
+    assert live.snapshot().elapsed_s == pytest.approx(0.5)
+    assert not live.snapshot().alarms, "a pause is no silence"
+    assert live.pause(False)
+    clock.advance_ns(10_000_000_000)
+    assert live.wait(TIMEOUT_S)
+    assert live.close().alarm_records == ()
+    assert source.given == len(items)
+
+
+def test_hub_cannot_be_paused(demo):
+    items, vehicle = demo
+    live = session([ListSource(items[:5])], vehicle)
+    assert not live.pause(True)
+    assert live.wait(TIMEOUT_S)
+    live.close()
+
+
+def test_mark_without_a_recording_says_so(demo):
+    items, vehicle = demo
+    source = Held(items[:10])
+    live = session([source], vehicle)
+    live.mark("bump")
+    source.gate.set()
+    assert live.wait(TIMEOUT_S)
+    live.close()
+    (mark,) = [notice for notice in live.notices() if Code.MARK in {inner.code for inner in notice.reason}]
+    assert notice_text(mark) == "mark: bump: not kept, because this session is not recorded"

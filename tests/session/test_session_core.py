@@ -156,7 +156,7 @@ def test_thresholds_become_alarms(demo):
         }
     )
     core = SessionCore(strict)
-    for item in items:
+    for item in items[:-1]:  # the wheels of a link that has ended have no speed
         core.take(item)
     texts = {f"{alarm.position} {alarm.name}" for alarm in core.snapshot(0.0).alarms}
     assert {"FL pressure", "FL speed", "RR pressure", "sim:demo loss"} <= texts

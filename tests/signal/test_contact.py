@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
-from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, contact_interior, edge_offset, find_contact_edges
+from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, contact_interior, find_contact_edges
+from gateway.signal.edge_distance import edge_distance, model_std_rad
 from gateway.signal.speed_normalisation import normalise_radial
 from tests.testkit.exact_ring import BASE_RING, omega_at, on_grid, sampled, solution
 
@@ -30,8 +31,8 @@ def test_edges_match_exact_ring(load_n: float, pressure_pa: float) -> None:
     edges = find_contact_edges(clean_wave(load_n, pressure_pa=pressure_pa), 1069.0)
     assert edges.found
     # Ring and tread as in the paper: well inside the standard deviation for unknown treads.
-    assert edges.leading_rad == pytest.approx(truth.leading_edge_rad, abs=1.2 * EDGE_MODEL_STD_RAD)
-    assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=1.2 * EDGE_MODEL_STD_RAD)
+    assert edges.leading_rad == pytest.approx(truth.leading_edge_rad, abs=0.8 * EDGE_MODEL_STD_RAD)
+    assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=0.8 * EDGE_MODEL_STD_RAD)
     assert edges.trailing_std_rad >= EDGE_MODEL_STD_RAD
     assert edges.baseline_mps2 == pytest.approx(omega_at(65.0) ** 2 * 0.32, rel=0.02)
 
@@ -42,8 +43,8 @@ def test_edge_error_covers_unknown_tread(tread: float, load_n: float) -> None:
     ring = replace(BASE_RING, tread_stiffness_npm2=tread)
     truth = solution(load_n, ring=ring)
     edges = find_contact_edges(clean_wave(load_n, ring=ring), 1069.0)
-    error = abs(edges.trailing_rad - truth.trailing_edge_rad)
-    assert 0.5 * EDGE_MODEL_STD_RAD < error < 4.0 * EDGE_MODEL_STD_RAD
+    assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=2.0 * edges.trailing_std_rad)
+    assert edges.trailing_std_rad < 1.6 * EDGE_MODEL_STD_RAD
 
 
 def test_damped_tread_shifts_edges() -> None:
@@ -82,8 +83,8 @@ def test_edges_follow_contact_centre(shift: float) -> None:
     wave = np.fft.irfft(spectrum, n=1024)
     reference = find_contact_edges(clean_wave(), 1069.0, 0.1)
     edges = find_contact_edges(wave, 1069.0, 0.1)
-    assert edges.leading_rad == pytest.approx(reference.leading_rad + shift, abs=2e-4)
-    assert edges.trailing_rad == pytest.approx(reference.trailing_rad + shift, abs=2e-4)
+    assert edges.leading_rad == pytest.approx(reference.leading_rad + shift, abs=5e-4)
+    assert edges.trailing_rad == pytest.approx(reference.trailing_rad + shift, abs=5e-4)
 
 
 @pytest.mark.parametrize(
@@ -124,12 +125,13 @@ def test_edge_noise_error_matches_scatter(speed_kmh: float, noise_mps2: float) -
     found = [find_contact_edges(wave + rng.normal(size=1024) * noise_mps2, 1024.0) for _ in range(300)]
     scatter = np.std([edges.leading_rad for edges in found])
     stated = np.mean([edges.leading_noise_std_rad for edges in found])
-    assert stated == pytest.approx(scatter, rel=0.2)
+    # Noise of the steepest slope and of the shape next to it are added as if they were independent.
+    assert 0.9 * scatter < stated < 1.5 * scatter
 
 
 def test_coarse_sampling_increases_edge_error() -> None:
     widths = [15.0, 20.0, 30.0, 40.0]
-    spreads = [edge_offset(width)[1] for width in widths]
+    spreads = [model_std_rad(width) for width in widths]
     assert spreads == sorted(spreads, reverse=True)
 
 
@@ -169,3 +171,40 @@ def test_edges_of_measured_tire() -> None:
     # The half-level crossings are 20.9 degrees apart; the edges lie outside them.
     assert all(math.radians(20.9) / 2.0 < half < math.radians(20.9) / 2.0 + 0.05 for half in halves)
     assert np.std(halves) < 0.01
+
+
+@pytest.mark.parametrize("load_n", [500.0, 1000.0])
+def test_edges_of_a_light_load_are_within_their_error(load_n: float) -> None:
+    truth = solution(load_n)
+    edges = find_contact_edges(clean_wave(load_n), 1069.0)
+    assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=2.0 * edges.trailing_std_rad)
+
+
+@pytest.mark.parametrize("tread_mpa", [15.0, 400.0])
+def test_edges_follow_soft_and_stiff_treads(tread_mpa: float) -> None:
+    ring = replace(BASE_RING, tread_stiffness_npm2=1e6 * tread_mpa)
+    truth = solution(ring=ring)
+    edges = find_contact_edges(clean_wave(ring=ring), 1069.0)
+    assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=2.0 * edges.trailing_std_rad)
+
+
+def test_waves_of_the_free_belt_widen_the_edge_error() -> None:
+    wave = clean_wave()
+    beyond = np.maximum(np.abs(angle_grid(1024)) - 0.3, 0.0)
+    waves = 0.12 * wave.mean() * np.exp(-beyond / 0.9) * np.cos(40.0 * angle_grid(1024)) * (beyond > 0.0)
+    smooth, wavy = find_contact_edges(wave, 1069.0), find_contact_edges(wave + waves, 1069.0)
+    truth = solution()
+    assert wavy.trailing_std_rad > 2.0 * smooth.trailing_std_rad
+    assert wavy.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=2.0 * wavy.trailing_std_rad)
+
+
+def test_noisy_shape_counts_less() -> None:
+    usual = np.array([0.213, 0.079, 0.110, 0.056])
+    odd = usual + 0.02
+    clear, noisy = (edge_distance(40.0, odd, np.full(4, noise)) for noise in (1e-6, 1.0))
+    mean = edge_distance(40.0, usual, np.full(4, 1e-6))
+    assert abs(clear.distance_rad - mean.distance_rad) > 0.01
+    assert noisy.distance_rad == pytest.approx(mean.distance_rad, abs=1e-3)
+    assert noisy.model_std_rad > 2.0 * clear.model_std_rad
+    missing = edge_distance(40.0, np.full(4, math.inf), np.full(4, math.inf))
+    assert missing.distance_rad == pytest.approx(noisy.distance_rad, abs=1e-3)

@@ -19,6 +19,8 @@ from gateway.simulator.link_faults import FAULTS, Fault, apply_faults, cut, fram
 
 LINK = "sim:test"
 START_NS = 1_700_000_000_000_000_000
+# Faults that act at a time instead of at random.
+TIMED = {"reboot": "reboot:at=0.1,gap=0.05", "silence": "silence:at=0.1,for=0.2"}
 COUNTS = np.arange(36 * 3, dtype=np.int16).reshape(36, 3)
 HELLO = Hello(1, 0, 7, 0xA001, (1, 0, 0), 3, 9600.0, 7, Coupling.DC, 0.0, (1e3,) * 3, (0.1,) * 3, (0.0,) * 3, 32767)
 
@@ -59,7 +61,7 @@ def recut(chunks: list[Chunk], rng: np.random.Generator) -> list[Chunk]:
 
 @pytest.mark.parametrize("kind", FAULTS)
 def test_every_kind_runs_counts_and_repeats(kind: str) -> None:
-    text = "reboot:at=0.1,gap=0.05" if kind == "reboot" else f"{kind}:rate=0.2"
+    text = TIMED.get(kind, f"{kind}:rate=0.2")
     first, second = parse_fault(text, 5), parse_fault(text, 5)
     result = list(first(stream()))
     assert result == list(second(stream()))
@@ -69,7 +71,7 @@ def test_every_kind_runs_counts_and_repeats(kind: str) -> None:
     assert all(chunk.data for chunk in result)
     assert all(a.host_ns <= b.host_ns for a, b in pairwise(result))
     other = list(parse_fault(text, 6)(stream()))
-    assert (other == result) == (kind == "reboot")
+    assert (other == result) == (kind in TIMED)
     decode(result)
 
 
@@ -186,6 +188,17 @@ def test_foreign_bytes_pass_a_reboot_unchanged() -> None:
     assert data_of(parse_fault("reboot:at=0.5,gap=0")(junk)) == data_of(junk)
 
 
+@pytest.mark.parametrize(("part", "left"), [(0, set()), (1, set()), (2, {MessageType.HELLO}), (3, set(MessageType))])
+def test_silence_leaves_no_gap_in_the_counters(part: int, left: set[MessageType]) -> None:
+    end = Chunk(LINK, START_NS + 10**9, encode_frame(Frame(MessageType.HELLO, 0, 0, 151, 0, HELLO)))  # after it
+    fault = parse_fault(f"silence:part={part},wheel=0,at=0.2,for=0.5")
+    received, decoder = decode(fault([*stream(), end]))
+    silent = [frame for frame in received[141:-1] if frame.wheel == 0]
+    assert {frame.type for frame in silent} <= left
+    assert decoder.counters.lost == 0, "the sender has made fewer frames, none is lost"
+    assert any(frame.wheel == 1 for frame in received[141:]) == (part != 0)
+
+
 @settings(max_examples=40, deadline=None)
 @given(
     st.lists(st.sampled_from(sorted(FAULTS)), max_size=5),
@@ -194,7 +207,7 @@ def test_foreign_bytes_pass_a_reboot_unchanged() -> None:
     st.binary(max_size=60),
 )
 def test_mixed_faults_keep_time_order(kinds: list[str], seed: int, rate: float, junk: bytes) -> None:
-    texts = [kind + ("" if kind == "reboot" else f":rate={rate}") for kind in kinds]
+    texts = [kind + ("" if kind in TIMED else f":rate={rate}") for kind in kinds]
     chunks = [*stream(40), *([Chunk(LINK, START_NS + 10**9, junk)] if junk else [])]
     result = list(apply_faults(parse_faults(texts, seed), chunks))
     assert all(chunk.data and chunk.link == LINK for chunk in result)

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import numpy as np
+
 from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import Hello, SampleBlock
 from gateway.config.validation import parse_document
-from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.pipeline.timebase import HostClock
+from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.simulator.scenario_model import Scenario
@@ -31,3 +36,39 @@ def simulated(
 def last(results: tuple[RevolutionResult, ...]) -> dict[str, object]:
     """Return the last result's estimates by name."""
     return {estimate.name: estimate for estimate in results[-1].estimates}
+
+
+@lru_cache(maxsize=32)
+def restated(
+    tables: str,
+    duration_s: float,
+    setup: WheelSetup,
+    estimators: tuple[str, ...],
+    *,
+    rate_factor: float = 1.0,
+    unit_factor: float = 1.0,
+    seed: int = 4,
+) -> tuple[tuple[RevolutionResult, ...], WheelSnapshot]:
+    """Return the results of the same samples with another sampling rate and unit stated, as an import may state them.
+
+    The time stamps follow the stated rate.
+    """
+    text = f"[scenario]\nseed = {seed}\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
+    decoder = FrameDecoder()
+    hello, blocks = None, []
+    for chunk in simulate(parse_document(Scenario, text, "test"), duration_s=duration_s).chunks("link", 10**18):
+        for frame in decoder.feed(chunk.data):
+            if isinstance(frame.message, Hello):
+                hello = hello or frame.message
+            elif isinstance(frame.message, SampleBlock):
+                blocks.append(np.asarray(frame.message.counts))
+    assert hello is not None
+    scale = tuple(unit_factor * value for value in hello.scale_mps2)
+    stated = hello._replace(rate_hz=rate_factor * hello.rate_hz, scale_mps2=scale)
+    size = len(blocks[0])
+    whole = [block for block in blocks if len(block) == size]
+    ticks = [round(index * size * 1e6 / stated.rate_hz) for index in range(len(whole))]
+    wheel, host = WheelPipeline(setup, estimators), HostClock()
+    wheel.hello(stated)
+    results = wheel.samples(0, ticks, stated.axes, np.concatenate(whole), host)
+    return tuple(results + wheel.finish(host)), wheel.snapshot()

@@ -18,6 +18,7 @@ class FakeSession:
     def __init__(self, snapshot):
         self.state = snapshot
         self.marks = []
+        self.pauses = []
         self.stopped = False
 
     def snapshot(self):
@@ -25,6 +26,10 @@ class FakeSession:
 
     def mark(self, text):
         self.marks.append(text)
+
+    def pause(self, paused):
+        self.pauses.append(paused)
+        return True
 
     def request_stop(self):
         self.stopped = True
@@ -89,10 +94,12 @@ async def test_pause_freezes_the_view(session, made):
         assert has(rows, "PAUSED at 0:01:23")
         assert has(rows, "65.00 ")
         assert not has(rows, "99.000")
+        assert session.pauses == [True]
         await pilot.press("space")
         rows = await drawn(app, pilot)
         assert has(rows, "99.000")
         assert not has(rows, "PAUSED")
+        assert session.pauses == [True, False]
 
 
 async def test_keys_switch_the_wheel(session):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.pipeline.results import WheelCounters, WheelSnapshot, WheelState
+from gateway.pipeline.results import Silence, SilentPart, WheelCounters, WheelSnapshot, WheelState
 from gateway.reasons import Code, Notice, Reason
 from gateway.views.console.page import ViewState, compose, panel_grid
 from gateway.views.console.styled_rows import Role, row_width
@@ -93,7 +93,7 @@ def test_panels_are_used_where_they_fit(wheels, size, grid):
 
 
 @pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("state", list(WheelState))
+@pytest.mark.parametrize("state", [state for state in WheelState if state is not WheelState.SILENT])
 def test_wheel_without_revolution_says_why(made, size, state):
     rows = page(made.snapshot([WheelSnapshot("FL", state=state), "FR"]), size)
     text = "\n".join(rows)
@@ -112,6 +112,63 @@ def test_standstill_shows_values_with_their_age(made, size):
     assert "standstill: values of revolution 12" in text
     assert "0.1953 ± 0.0012" in text
     assert "65.000" not in text
+
+
+def silent(made, position="FL", age_s=20.0, part=SilentPart.HUB, **changes):
+    code = {SilentPart.HUB: Code.HUB_OF_WHEEL_SILENT, SilentPart.SAMPLES: Code.SAMPLES_SILENT}[part]
+    silence = Silence(part, age_s, Reason(code, silence_s=age_s))
+    return made.wheel(position, state=WheelState.SILENT, silences=(silence,), **changes)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("names", [["FL"], ["FL", "FR", "RL", "RR"]])
+def test_silent_wheel_shows_its_silence_in_place_of_numbers(made, size, names):
+    link = made.link(silent_s=20.0, latency_s=None)
+    wheels = [silent(made, name) for name in names]
+    text = "\n".join(page(made.snapshot(wheels, links=(link,)), size))
+    assert f"0/{len(names)} rolling  {len(names)} SILENT" in text
+    assert "silent for 20 s" in text
+    assert "SILENT: no frame of its hub for 20 s." in text
+    for alive in ("0.1953", "3.083", "210.0", "31.5", "-13.740", "⡇", "lag", "lost 1", "loss 1", "-61", "bat"):
+        assert alive not in text, alive
+    assert text.count("65.000") <= 4, "the speed is named as that of the last revolution only"
+    assert "Last revolution: 12, at 65.000 ± 0.022 km/h." in " ".join(text.replace("│", "").replace("║", "").split())
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_dead_wheel_is_told_from_its_living_neighbours(made, size):
+    wheels = [silent(made, "FL", 7.0, SilentPart.SAMPLES), *map(made.wheel, ("FR", "RL", "RR"))]
+    rows = page(made.snapshot(wheels), size)
+    assert "3/4 rolling  1 SILENT" in rows[0]
+    assert row_with(rows, "SILENT: no samples for 7 s, only other")
+    assert "connected" in row_with(rows, "sim:demo") or " up " in row_with(rows, "sim:demo")
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_old_pressure_is_shown_with_its_age(made, size):
+    old = Silence(SilentPart.ENVIRONMENT, 12.0, Reason(Code.ENVIRONMENT_SILENT, silence_s=12.0))
+    text = "\n".join(page(made.snapshot([made.wheel("FL", silences=(old,))]), size))
+    assert "1/1 rolling" in text
+    assert "210.0 kPa (12 s old)" in text
+    overview = "\n".join(page(made.snapshot([made.wheel(n, silences=(old,)) for n in ("FL", "FR", "RL", "RR")])))
+    assert "210.0" not in overview
+
+
+def test_sensor_never_heard_says_for_how_long(made):
+    never = Silence(SilentPart.SENSOR, 12.0, Reason(Code.SENSOR_NEVER_HEARD, silence_s=12.0))
+    text = "\n".join(page(made.snapshot([WheelSnapshot("FL", silences=(never,)), "FR"])))
+    assert "nothing received from its sensor in 12 s" in text
+
+
+def test_no_label_of_the_details_is_cut(made):
+    others = [
+        Estimate("ply_steer_peak_rad", -0.0028123, 0.00021, Status.PROVISIONAL),
+        Estimate("load_n", 4823.4, 17.3, Status.PROVISIONAL),
+    ]
+    wheel = made.wheel("FL", result={"estimates": (*made.result().estimates, *others)})
+    rows = page(made.snapshot([wheel, "FR", "RL", "RR"]))
+    assert row_with(rows, "ply steer -0.161 ± 0.012 deg ~")
+    assert row_with(rows, "4823 ± 17 N ~")
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -255,4 +312,4 @@ def test_alarms_are_marked_by_words_too(made):
     for row in compose(snapshot, ViewState(), 120, 40):
         for text, role in row:
             if role is Role.ALARM and text.strip():
-                assert text.strip().startswith(("ALARM", "DOWN", "PAUSED", "ENDED", "!"))
+                assert text.strip().startswith(("ALARM", "DOWN", "PAUSED", "ENDED", "SILENT", "!"))

@@ -65,12 +65,12 @@ def test_no_escape_code_no_nan(made, plain):
     view.result(
         made.result(status=Status.INVALID, reasons=(Reason(Code.UNKNOWN_ESTIMATOR, estimator="bad\x07bell\nnext"),))
     )
-    view.notice(Notice("hub 1", Reason(Code.QUOTED_TEXT, text="\x1b]0;title\x07\nand a second line")))
+    view.notice(Notice("hub 1", Reason(Code.QUOTED_TEXT, text="\x1b]0;title\x07\nthen a second line")))
     written = "".join(lines)
     assert written.isprintable()
     assert "nan" not in written
     assert "inf" not in written
-    assert lines[-2:] == ["# hub 1:  ]0;title ", "# and a second line"]
+    assert lines[-1] == "# hub 1: \\x1b]0;title\\x07\\nthen a second line"
 
 
 def test_long_reason_is_written_in_full_once(made, plain):
@@ -89,6 +89,13 @@ def test_remark_on_valid_numbers_is_written_once(made, plain):
         view.result(made.result(position, reasons=(Reason(Code.LINEAR_RING),)))
     assert [line for line in lines if line.startswith("#")] == [f"# {text(Reason(Code.LINEAR_RING))}"]
     assert all(line.endswith(" ok") for line in lines if line.startswith("F"))
+
+
+def test_usual_reasons_fit_the_last_column(made, plain):
+    view, lines = plain
+    for reason in (Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0), Reason(Code.PRESSURE_OLD, age_s=12.0)):
+        view.result(made.result(status=Status.PROVISIONAL, reasons=(reason,)))
+        assert lines[-1].endswith(text(reason)), lines[-1]
 
 
 def test_ratios_are_named_as_such(made, plain):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
-from gateway.pipeline.results import LinkSnapshot, RevolutionResult
+from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.wording import text
@@ -115,6 +115,20 @@ def test_faults_and_links_are_printed() -> None:
     assert lines[-1] == (
         "sim:demo: 990 frames, 10 lost (1.00 %), 3 bad CRC, 2 reordered, 17 noise bytes, 4 dropped by pipeline"
     )
+
+
+def test_alarms_are_listed_with_time_and_value() -> None:
+    low = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=210e3, limit_pa=230e3)
+    hub = Reason(Code.HUB_SILENT, silence_s=20.1, wheels=("FL", "FR"))
+    alarms = [
+        AlarmRecord("FL", "pressure", low, 1, 25.0, 0.5, 25.5, is_standing=True),
+        AlarmRecord("hub 0", "silent", hub, 2, 21.4, 3.0, 30.0, is_standing=False),
+    ]
+    assert summary_lines([], (), alarms)[-3:] == [
+        "alarms",
+        "  FL pressure: from 0.5 s to the end: pressure 210 kPa is below 230 kPa",
+        f"  hub 0 silent: 2 times from 3.0 s to 30.0 s, 21 s in all: {text(hub)}",
+    ]
 
 
 def test_session_without_revolutions() -> None:

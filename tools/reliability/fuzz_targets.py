@@ -1,11 +1,13 @@
 """Fuzz targets: each takes any bytes and raises only on a defect of the program.
 
-`tests/reliability/test_fuzzing.py` runs them with hypothesis, `tools/fuzz_atheris.py` with coverage guidance.
+`tools/fuzz_files.py` runs them on seeded changes of good inputs, `tools/fuzz_atheris.py` with coverage guidance.
 """
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import io
 import math
 import tempfile
 import threading
@@ -15,22 +17,35 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.io import savemat
+from scipy.sparse import coo_array
 
 from firmware_protocol.block_decoder import BatchDecoder
 from firmware_protocol.codec import encode_frame, encode_raw
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock
+from gateway.cli.import_measurement import report_lines
 from gateway.clock import ManualClock
-from gateway.config.vehicle import load_vehicle
+from gateway.config.effects_file import check_effects, effects_notices, effects_text, load_effects, with_effects
+from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
 from gateway.errors import TreadlinkError
 from gateway.importing.import_map import load_map
 from gateway.importing.importer import import_file
 from gateway.io.source import Chunk, open_source
+from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.recording.compact import compact_recording
+from gateway.recording.inspection import inspect_recording
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
 from gateway.recording.writer import RecordingWriter
+from gateway.security.cmac import Key
+from gateway.security.freshness import Ledger
+from gateway.security.key_file import KeyFile, hub_identity, sensor_identity
 from gateway.session.core import SessionCore
 from gateway.simulator.scenario import load_scenario
+from gateway.types import FloatArray
+from gateway.views import wording
+from tools.reliability.mutations import Change, frame_content, mat_content, recording_content
 
 _START_NS = 1_700_000_000_000_000_000
 _MAP = """
@@ -54,13 +69,15 @@ class Target:
 
     Attributes:
         text: what it is.
-        run: takes the bytes; tells whether they were accepted, else the user got an error with words.
+        run: takes the bytes; returns whether they were accepted, False when the user got an error with words.
         seeds: makes good inputs to start from.
+        inner: change of what is behind checksums or compression, None when there is nothing.
     """
 
     text: str
     run: Callable[[bytes], bool]
     seeds: Callable[[], list[bytes]]
+    inner: Change | None = None
 
 
 class UnclearError(AssertionError):
@@ -68,7 +85,9 @@ class UnclearError(AssertionError):
 
 
 def _explained(error: TreadlinkError) -> None:
-    """Complain about an error whose message is empty or carries control characters to the terminal."""
+    """Raise UnclearError for a message that is empty, has control characters, or hides an error of our own."""
+    if "crashed (exit code" in str(error):
+        raise UnclearError(str(error)) from error
     text = f"{error} {error.remedy}"
     if not str(error).strip() or any(ord(character) < 32 and character not in "\n\t" for character in text):
         raise UnclearError(repr(text)) from error
@@ -76,7 +95,10 @@ def _explained(error: TreadlinkError) -> None:
 
 @cache
 def _folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="fuzz"))
+    memory = Path("/dev/shm")
+    folder = tempfile.TemporaryDirectory(prefix="fuzz", dir=memory if memory.is_dir() else None)
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
 
 
 @contextlib.contextmanager
@@ -84,6 +106,16 @@ def _file(data: bytes, name: str):
     path = _folder() / name
     path.write_bytes(data)
     yield path
+
+
+@contextlib.contextmanager
+def _private(data: bytes, name: str):
+    with _file(data, name) as path:
+        path.chmod(0o600)
+        try:
+            yield path
+        finally:
+            path.unlink(missing_ok=True)
 
 
 def decode(data: bytes) -> bool:
@@ -129,19 +161,26 @@ def session(data: bytes) -> bool:
 
 
 def read_recording(data: bytes) -> bool:
-    """Reader, replay and repair of a file that calls itself a recording."""
+    """Reader, inspection, replay and repair of a file that calls itself a recording, and the vehicle in it."""
     accepted = False
     with _file(data, "r.mcap") as path:
         try:
             reader = RecordingReader(path)
             taken = sum(len(item.data) for item in reader.items() if isinstance(item, Chunk))
-            # Plain chunks cannot hold more than the file; compressed ones are bounded by the format's own limit.
+            # Plain chunks cannot hold more than the file; the content of compressed ones is limited.
             assert taken <= max(len(data), 64 << 20)
-            assert reader.damage is None or reader.damage
-            source = open_source(f"replay:{path}?speed=max", ManualClock())
-            for _ in source.items(threading.Event()):
-                pass
+            if reader.damage is not None:
+                assert wording.text(reader.damage)
             accepted = taken > 0
+            inspect_recording(path)
+            source = open_source(f"replay:{path}?speed=max", ManualClock())
+            core = SessionCore(None)
+            core.tick(_START_NS)
+            for item in source.items(threading.Event()):
+                core.take(item)
+            core.finish()
+            if source.vehicle_toml is not None:
+                recorded_vehicle(source.vehicle_toml, str(path))
         except TreadlinkError as error:
             _explained(error)
         fixed = _folder() / "fixed.mcap"
@@ -155,12 +194,99 @@ def read_recording(data: bytes) -> bool:
     return accepted
 
 
+def read_dump(data: bytes) -> bool:
+    """A raw dump, replayed through a whole session."""
+    with _file(data, "r.bin") as path:
+        try:
+            source = open_source(f"replay:{path}?speed=max", ManualClock())
+            core = SessionCore(None)
+            core.tick(_START_NS)
+            for item in source.items(threading.Event()):
+                core.take(item)
+            core.tick(_START_NS + 1_000_000_000)
+            core.finish()
+            core.snapshot(1.0)
+        except TreadlinkError as error:
+            _explained(error)
+            return False
+    return True
+
+
+def read_recorded_vehicle(data: bytes) -> bool:
+    """A vehicle configuration inside a recording."""
+    try:
+        recorded_vehicle(data.decode("utf-8", "replace"), "r.mcap").wheel_setups()
+    except TreadlinkError as error:
+        _explained(error)
+        return False
+    return True
+
+
+def read_effects(data: bytes) -> bool:
+    """An effects file, checked against the vehicle it belongs to."""
+    with _file(data, "w.effects.json") as path:
+        try:
+            table = load_effects(path)
+            check_effects([table], _effects_vehicle())
+            with_effects(_effects_vehicle().wheel_setups(), [table])
+            for notice in effects_notices([table]):
+                wording.text(notice.reason)
+        except TreadlinkError as error:
+            _explained(error)
+            return False
+    return True
+
+
+def read_keys(data: bytes) -> bool:
+    """A key file; an accepted one must read back equal."""
+    with _private(data, "keys") as path:
+        try:
+            keys = KeyFile(path)
+            before = {identity: key.secret for identity, key in keys.keys.items()}
+            keys.save()
+            assert {identity: key.secret for identity, key in KeyFile(path).keys.items()} == before
+        except TreadlinkError as error:
+            _explained(error)
+            return False
+    return True
+
+
+def read_counters(data: bytes) -> bool:
+    """The file of the sensors' counters."""
+    with _private(data, "counters.json") as path:
+        try:
+            ledger = Ledger(path)
+            ledger.counter("sensor 0000a001").take(1 << 40)
+            ledger.save()
+            Ledger(path)
+        except TreadlinkError as error:
+            _explained(error)
+            return False
+    return True
+
+
+def import_mat(data: bytes) -> bool:
+    """A MATLAB file that is to be imported with a good map."""
+    return _imported(data, "t.mat", _MAP)
+
+
+def import_parquet(data: bytes) -> bool:
+    """A Parquet file that is to be imported with a good map."""
+    return _imported(data, "t.parquet", _MAP)
+
+
 def import_table(data: bytes) -> bool:
-    """A table that is to be imported with a good map."""
-    with _file(data, "t.csv") as path, _file(_MAP.encode(), "good.map.toml") as map_path:
+    """A table that is to be imported with a good map: by its rate, and by its time column."""
+    by_time = _MAP.replace("rate_hz = 9600.0", 'time_column = "t"')
+    return any([_imported(data, "t.csv", _MAP), _imported(data, "t.csv", by_time)])
+
+
+def _imported(data: bytes, name: str, map_text: str) -> bool:
+    with _file(data, name) as path, _file(map_text.encode(), "good.map.toml") as map_path:
         out = _folder() / "imported.mcap"
         try:
-            import_file(path, load_map(map_path), out)
+            report = import_file(path, load_map(map_path), out)
+            assert report_lines(report)
             assert any(isinstance(item, Chunk) for item in RecordingReader(out).items())
         except TreadlinkError as error:
             _explained(error)
@@ -266,15 +392,112 @@ def _scenario_seeds() -> list[bytes]:
 
 
 def _recordings() -> list[bytes]:
-    return [_good_recording(), _good_recording()[: -len(_good_recording()) // 4]]
+    path, packed = _folder() / "plain.mcap", _folder() / "packed.mcap"
+    path.write_bytes(_good_recording())
+    packed.unlink(missing_ok=True)
+    compact_recording(path, packed)
+    return [_good_recording(), packed.read_bytes(), _good_recording()[: -len(_good_recording()) // 4]]
+
+
+def _dumps() -> list[bytes]:
+    return [b"".join(_good_frames()), b"noise" + b"".join(_good_frames()[1:])]
+
+
+def _columns() -> dict[str, FloatArray]:
+    rows = np.arange(400)
+    return {"t": rows / 9600.0, "z": 100.0 * np.cos(rows / 20.0)}
+
+
+def _mats() -> list[bytes]:
+    columns = _columns()
+    matrix = np.column_stack(list(columns.values()))
+    contents: list[tuple[dict[str, object], dict[str, object]]] = [
+        (dict(columns), {}),
+        (dict(columns), {"do_compression": True}),
+        (dict(columns), {"format": "4"}),
+        ({"run": {**columns, "note": "text", "deep": {"er": [1, 2]}}, "z": columns["z"].astype("f4")}, {}),
+        ({"data": matrix, "z": (columns["z"] * 100).astype("i2"), "cell": np.array(["a", 1], object)}, {}),
+        ({"z": columns["z"], "sparse": coo_array(np.eye(5)), "complex": np.ones(3) * 1j}, {"do_compression": True}),
+    ]
+    found = []
+    for content, options in contents:
+        file = io.BytesIO()
+        savemat(file, content, **options)
+        found.append(file.getvalue())
+    return found
+
+
+def _parquets() -> list[bytes]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pa.table({**_columns(), "text": ["a"] * 400, "n": pa.array([1, None] * 200)})
+    found = []
+    for compression in ("none", "snappy", "zstd", "gzip"):
+        file = io.BytesIO()
+        pq.write_table(table, file, compression=compression, row_group_size=150)
+        found.append(file.getvalue())
+    return found
+
+
+@cache
+def _effects_vehicle() -> VehicleConfig:
+    return parse_vehicle(
+        '[tire]\nradius_mm = 320\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\nsensor_id = "a001"\n', "v.toml"
+    )
+
+
+def _effects() -> list[bytes]:
+    table = CorrectionTable(
+        position="FL",
+        omega_radps=np.array([40.0, 60.0]),
+        orders_mps2=np.ones((2, 3, 4)) * (1.0 + 0.5j),
+        effects=(CorrectedEffect("mass", (EffectParameter("mass", 0.01, 0.001, "kg"),)),),
+        radius_m=0.32,
+        omega_range_radps=(40.0, 60.0),
+        load_range_n=(3000.0, 4000.0),
+        pressure_range_pa=(2e5, 2.2e5),
+        sensor_offset_m=_effects_vehicle().wheel[0].mounting.offset_m,
+        sensor_id=0xA001,
+        sources=("a.mcap",),
+    )
+    return [effects_text(table).encode()]
+
+
+def _keys() -> list[bytes]:
+    path = _folder() / "seed.keys"
+    path.unlink(missing_ok=True)
+    keys = KeyFile(path)
+    keys.add({sensor_identity(0xA001): Key(bytes(range(16))), hub_identity(7): Key(bytes(16))})
+    keys.save()
+    return [path.read_bytes()]
+
+
+def _counters() -> list[bytes]:
+    path = _folder() / "seed.json"
+    path.unlink(missing_ok=True)
+    ledger = Ledger(path)
+    for number in range(3):
+        ledger.counter(sensor_identity(number)).take(number << 32)
+    ledger.save()
+    return [path.read_bytes()]
 
 
 TARGETS: dict[str, Target] = {
-    "decoder": Target("both frame decoders", decode, _good_stream),
+    "decoder": Target("both frame decoders", decode, _good_stream, frame_content),
     "session": Target("pipeline and estimators behind good checksums", session, _session_seeds),
-    "recording": Target("reader, replay and repair of recordings", read_recording, _recordings),
-    "table": Target("import of a table", import_table, lambda: [_good_table()]),
+    "recording": Target(
+        "reader, inspection, replay, repair of recordings", read_recording, _recordings, recording_content
+    ),
+    "dump": Target("raw dump through a session", read_dump, _dumps, frame_content),
+    "table": Target("import of a CSV table", import_table, lambda: [_good_table()]),
+    "mat": Target("import of a MATLAB file", import_mat, _mats, mat_content),
+    "parquet": Target("import of a Parquet file", import_parquet, _parquets),
     "map": Target("import map", import_with_map, lambda: [_MAP.encode()]),
     "vehicle": Target("vehicle configuration", read_vehicle, _vehicle_seeds),
+    "recorded-vehicle": Target("vehicle configuration inside a recording", read_recorded_vehicle, _vehicle_seeds),
     "scenario": Target("simulator scenario", read_scenario, _scenario_seeds),
+    "effects": Target("effects file", read_effects, _effects),
+    "keys": Target("key file", read_keys, _keys),
+    "counters": Target("file of the sensors' counters", read_counters, _counters),
 }

@@ -98,7 +98,7 @@ class Group:
         half_angle_rad: of the contact as the pipeline saw it.
         load_known: False where the load is assumed.
         pressure_known: False where the pressure is assumed.
-        declared_offset_m: sensor below the neutral layer, as configured.
+        declared_offset_m: sensor below the neutral layer, as configured, or measured.
         declared_roll_rad: as configured (positive: the radial axis leaks into +lateral).
         declared_pitch_rad: as configured (positive: it leaks into +circumferential).
         deviations_mps2: for every uninterrupted run of revolutions: (3, k) the signal minus the group's mean waveform

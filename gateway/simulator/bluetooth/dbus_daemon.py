@@ -60,8 +60,9 @@ class PrivateBus:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
-            # Ctrl-C reaches every process of the terminal's group; the bus must outlive the hubs on it.
-            start_new_session=True,
+            # Ctrl-C reaches every process of the group of the terminal; the bus must outlive the hubs on it. (A session
+            # would also be a group of the scheduler, in which the daemon starves while the computer is busy.)
+            process_group=0,
             preexec_fn=_end_with_the_parent if sys.platform == "linux" else None,
         )
         assert self._process.stdout is not None

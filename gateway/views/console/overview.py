@@ -7,7 +7,7 @@ from typing import Final
 
 from gateway.pipeline.results import WheelSnapshot, WheelState
 from gateway.views.console.styled_rows import Role, Row, Run, fit
-from gateway.views.console.wheel_panel import reading_of
+from gateway.views.console.wheel_panel import reading_of, silence_text
 from gateway.views.numbers import MISSING, STATUS_MARKS, Shown, fixed, kpa, round_to_error
 from gateway.views.readout import Reading
 from gateway.views.text import clean, crop_middle, pad, pad_left, width
@@ -20,6 +20,7 @@ _SHORT_STATE: Final = {
     WheelState.SEARCHING: "search",
     WheelState.STANDSTILL: "stands",
     WheelState.ROLLING: "rolling",
+    WheelState.SILENT: "silent",
 }
 _NUMBER_WIDTHS: Final = (8, 6, 5, 5)
 _NUMBER_WIDTHS_WIDE: Final = (16, 13, 11, 11)
@@ -31,7 +32,7 @@ def overview(wheels: Sequence[WheelSnapshot], selected: int, alarmed: frozenset[
     names = [clean(wheel.position) for wheel in wheels]
     limit = _NAME_WIDTH_WIDE if wide else _NAME_WIDTH
     name_width = min(max([5, *map(width, names)]), limit)
-    read = [reading_of(wheel) for wheel in wheels]
+    read = [reading_of(wheel) if wheel.silence is None else None for wheel in wheels]
     # The columns are named for numbers rather than ratios as soon as any wheel has numbers.
     labels = next((_labels(r) for r in read if r and not r.ratios_only), None)
     labels = labels or next((_labels(r) for r in read if r), ())
@@ -61,17 +62,23 @@ def _labels(reading: Reading) -> tuple[str, ...]:
 def _values(
     wheel: WheelSnapshot, reading: Reading | None, wide: bool, labels: tuple[str, ...], widths: Sequence[int]
 ) -> Row:
+    if wheel.silence is not None:
+        return ((f" {silence_text(wheel)}", Role.WARNING),)
     rolling = wheel.state is WheelState.ROLLING
     state = f"{wheel.state.value:<10}" if wide else f"{_SHORT_STATE[wheel.state]:<7}"
     speed = fixed(reading.speed.value, 2) if reading is not None and rolling else MISSING
     lead = fixed(reading.leading.value, 2) if reading is not None else MISSING
     trail = fixed(reading.trailing.value, 2) if reading is not None else MISSING
     load = f" {fixed(wheel.load_n, 0):>7}" if wide else ""
+    # The columns have no room for the age of old values; the details of the wheel show it.
+    is_old = wheel.old_environment is not None
+    pressure = MISSING if is_old else kpa(wheel.pressure_pa)
+    temperature = MISSING if is_old else fixed(wheel.temperature_degc, 1)
     row: list[Run] = [
         (f" {state} ", Role.GOOD if rolling else Role.WARNING),
         (f"{speed:>6} ", Role.VALUE),
         (f"{lead:>7} {trail:>6} ", Role.TEXT),
-        (f"{kpa(wheel.pressure_pa):>6} {fixed(wheel.temperature_degc, 1):>5}{load} ", Role.TEXT),
+        (f"{pressure:>6} {temperature:>5}{load} ", Role.TEXT),
     ]
     if reading is None:
         return tuple(row)

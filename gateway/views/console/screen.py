@@ -29,6 +29,10 @@ class ShownSession(Protocol):
         """Put a mark into the recording and among the notices."""
         ...
 
+    def pause(self, paused: bool) -> bool:
+        """Pause a replay, or let it go on; return whether the session can be paused, as a live hub cannot."""
+        ...
+
     def request_stop(self) -> None:
         """Ask the session to end; returns at once."""
         ...
@@ -126,8 +130,9 @@ class ConsoleApp(App[None]):
         self.exit()
 
     def action_pause(self) -> None:
-        """Freeze the view, or follow the session again."""
+        """Stop a replay and freeze the view, or go on; of live hubs only the view freezes."""
         self._frozen = None if self._frozen else self._live
+        self._session.pause(self._frozen is not None)
         self.view.paused_at_s = self._frozen.elapsed_s if self._frozen else None
         self._draw()
 

@@ -9,7 +9,7 @@ from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, Wheel
 from gateway.reasons import Code, Notice
 from gateway.views.console.styled_rows import Role, Row, Run, fill_while_fitting, fit, spread
 from gateway.views.console.waveform import Zoom
-from gateway.views.numbers import duration, file_size, fixed, percent
+from gateway.views.numbers import MISSING, age, duration, file_size, fixed, percent
 from gateway.views.text import clean, crop_middle, pad
 from gateway.views.wording import notice_text
 from gateway.views.wording import text as reason_text
@@ -18,7 +18,7 @@ _LOSS_WARNING_PERCENT: Final = 1.0
 _WIDE_CELLS: Final = 110
 _VERIFIED: Final = "verified"
 _HELP: Final = (
-    ("space", "pause: the view freezes, data and recording continue"),
+    ("space", "pause: a replay stops; of a live hub only the view freezes"),
     ("m", "mark an event in the recording at the time of the key press"),
     ("tab  1-8  arrows", "switch wheel"),
     ("z", "waveform: whole revolution or ±90° around the contact"),
@@ -32,6 +32,7 @@ _HELP: Final = (
     ("▲", "leading and trailing contact edge; leading is negative"),
     ("overwritten", "data that arrived but was not processed in time"),
     ("lag", "delay of the newest samples relative to the smallest so far"),
+    ("SILENT", "nothing arrives any more, with the time since; its numbers are gone"),
 )
 
 
@@ -43,6 +44,9 @@ def header(snapshot: SessionSnapshot, paused_at_s: float | None, cells: int) -> 
         (f" {duration(snapshot.elapsed_s)} ", Role.BAR),
         (f" {rolling}/{len(snapshot.wheels)} rolling ", Role.BAR),
     ]
+    silent = sum(wheel.silence is not None for wheel in snapshot.wheels)
+    if silent:
+        left.append((f" {silent} SILENT ", Role.ALARM))
     right: list[Run] = []
     if paused_at_s is not None:
         right.append((f" PAUSED at {duration(paused_at_s)} ", Role.ALARM))
@@ -87,7 +91,11 @@ def links(all_links: Sequence[LinkSnapshot], cells: int, rows: int) -> list[Row]
 def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:
     is_wide = cells >= _WIDE_CELLS
     name = pad(crop_middle(clean(link.link), name_width), name_width)
-    state: Run = ("connected" if is_wide else "up", Role.GOOD) if link.connected else (" DOWN ", Role.ALARM)
+    state: Run = ("connected" if is_wide else "up", Role.GOOD)
+    if not link.connected:
+        state = (" DOWN ", Role.ALARM)
+    elif link.silent_s is not None:
+        state = (f" SILENT {age(link.silent_s)} ", Role.ALARM)
     fields = [*_losses(link, is_wide), *_hub_values(link, " " if is_wide else ""), *_totals(link)]
     note = clean(reason_text(link.note))
     if not link.connected:
@@ -101,7 +109,8 @@ def _losses(link: LinkSnapshot, is_wide: bool) -> list[Run]:
     expected = link.frames + link.frames_lost
     overwritten = sum(link.queue_dropped.values())
     high_loss = 100.0 * link.frames_lost > _LOSS_WARNING_PERCENT * expected
-    loss = percent(link.frames_lost, expected)
+    # Nothing is known of the loss while nothing arrives.
+    loss = percent(link.frames_lost, expected) if is_heard(link) else MISSING
     return [
         (f"loss {loss if is_wide else loss.replace(' ', '')}", Role.WARNING if high_loss else Role.TEXT),
         (f"crc {link.crc_errors}", Role.WARNING if link.crc_errors else Role.TEXT),
@@ -109,9 +118,19 @@ def _losses(link: LinkSnapshot, is_wide: bool) -> list[Run]:
     ]
 
 
+def is_heard(link: LinkSnapshot) -> bool:
+    """Return whether frames arrive on a link now."""
+    return link.connected and link.silent_s is None
+
+
 def _hub_values(link: LinkSnapshot, blank: str) -> list[Run]:
-    """Return delay, battery, supply and signal as far as known; `blank` separates numbers from units."""
+    """Return delay, battery, supply and signal as far as known; `blank` separates numbers from units.
+
+    Those of a link that is down or silent are old, and left out.
+    """
     fields: list[Run] = []
+    if not is_heard(link):
+        return fields
     if link.latency_s is not None:
         fields.append((f"lag {fixed(link.latency_s, 0, 1e3)}{blank}ms", Role.TEXT))
     if link.battery_percent is not None:

@@ -23,20 +23,22 @@ from gateway.views.console.styled_rows import (
     row_width,
 )
 from gateway.views.console.waveform import LEGEND, Zoom, draw_waveform
-from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, kpa, percent, show
+from gateway.views.numbers import MISSING, STATUS_MARKS, age, fixed, kpa, percent, show
 from gateway.views.readout import Reading, read_result
 from gateway.views.text import ELLIPSIS, clean, crop, crop_middle, pad, width
+from gateway.views.wording import text as reason_text
 
 PANEL_MIN_WIDTH: Final = 58
 PANEL_MIN_HEIGHT: Final = 12
 _DETAIL_WIDTH: Final = 33
-_SHORT_LABELS: Final = {"contact length": "contact"}
+_SHORT_LABELS: Final = {"contact length": "contact", "ply steer peak": "ply steer"}
 _PLOT_MIN_ROWS: Final = 6  # with its legend and axis
 _WAITING: Final = {
     WheelState.NO_DATA: "no data: nothing received from this sensor yet",
     WheelState.SEARCHING: "searching: needs two passes through the contact",
     WheelState.STANDSTILL: "standing still, or too slow to measure",
     WheelState.ROLLING: "first revolution under way",
+    WheelState.SILENT: "silent",
 }
 
 
@@ -49,8 +51,8 @@ class Plots:
     )
 
     def rows(self, wheel: WheelSnapshot, width_cells: int, height: int, zoom: Zoom) -> list[Row]:
-        """Return the wheel's waveform, empty before its first revolution."""
-        if wheel.last is None:
+        """Return the wheel's waveform, empty before its first revolution and in silence."""
+        if wheel.last is None or wheel.silence is not None:
             return []
         shape = (width_cells, height, zoom)
         known = self._drawn.get(wheel.position)
@@ -77,17 +79,47 @@ def _speed(wheel: WheelSnapshot, reading: Reading | None) -> str:
 
 
 def _surroundings(wheel: WheelSnapshot) -> list[Run]:
-    """Return pressure, temperature and load."""
-    load = f"{fixed(wheel.load_n, 0)} N" if wheel.load_n is not None else "load not stated"
+    """Return pressure, temperature and load; of a silent wheel the stated load only, and old values with their age."""
+    if wheel.silence is not None:
+        stated_n = wheel.last.conditions.load_n if wheel.last is not None else wheel.load_n
+        return [(f"{MISSING} kPa", Role.VALUE), (f"{MISSING} °C", Role.VALUE), _load(stated_n)]
+    old = wheel.old_environment
+    since = f" ({age(old.age_s)} old)" if old is not None else ""
+    role = Role.VALUE if old is None else Role.WARNING
     return [
-        (f"{kpa(wheel.pressure_pa)} kPa", Role.VALUE),
-        (f"{fixed(wheel.temperature_degc, 1)} °C", Role.VALUE),
-        (load, Role.VALUE),
+        (f"{kpa(wheel.pressure_pa)} kPa{since}", role),
+        (f"{fixed(wheel.temperature_degc, 1)} °C", role),
+        _load(wheel.load_n),
     ]
+
+
+def _load(load_n: float | None) -> Run:
+    return (f"{fixed(load_n, 0)} N" if load_n is not None else "load not stated", Role.VALUE)
+
+
+def silence_text(wheel: WheelSnapshot) -> str:
+    """Return what is silent and for how long; empty while samples arrive."""
+    silence = wheel.silence
+    if silence is None:
+        return ""
+    says_when = "silence_s" in dict(silence.reason.values)
+    since = "" if says_when else f" for {age(silence.age_s)}"
+    said = f"SILENT{since}: {reason_text(silence.reason)}"
+    return clean(said if said.endswith("?") else f"{said}.")
+
+
+def _last_heard(wheel: WheelSnapshot) -> str:
+    """Return the last revolution of a silent wheel; empty when there was none."""
+    reading = reading_of(wheel)
+    if reading is None or wheel.last is None:
+        return ""
+    return f"Last revolution: {wheel.last.revolution.index}, at {reading.speed.text()}."
 
 
 def _note(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
     """Return why the wheel's numbers are not valid or not current, if they are not."""
+    if wheel.silence is not None:
+        return f"{silence_text(wheel)} {_last_heard(wheel)}", Role.WARNING
     if reading is None or wheel.last is None:
         return _WAITING[wheel.state], Role.LABEL
     if wheel.state is not WheelState.ROLLING:
@@ -127,9 +159,9 @@ def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
 
 
 def _counters(wheel: WheelSnapshot) -> list[Run]:
-    """Return counters of samples and revolutions; those that need attention are warnings."""
+    """Return counters of samples and revolutions, without a rate in silence; those that need attention are warnings."""
     c = wheel.counters
-    lost = percent(c.samples_lost, c.samples + c.samples_lost)
+    lost = percent(c.samples_lost, c.samples + c.samples_lost) if wheel.silence is None else MISSING
     runs = [
         (f"lost {lost}", Role.WARNING if c.samples_lost else Role.LABEL),
         (f"overwritten {c.samples_overwritten}", Role.WARNING if c.samples_overwritten else Role.LABEL),
@@ -156,12 +188,21 @@ def reading_of(wheel: WheelSnapshot) -> Reading | None:
     return read_result(wheel.last) if wheel.last is not None else None
 
 
+def _current_reading(wheel: WheelSnapshot) -> Reading | None:
+    """Return the reading of a wheel that is heard: old numbers would look alive."""
+    return reading_of(wheel) if wheel.silence is None else None
+
+
+def _state(wheel: WheelSnapshot) -> str:
+    return f"silent for {age(wheel.silence.age_s)}" if wheel.silence is not None else wheel.state.value
+
+
 def panel(
     wheel: WheelSnapshot, number: int, cells: int, height: int, *, selected: bool, alarm: bool, zoom: Zoom, plots: Plots
 ) -> list[Row]:
     """Draw a wheel as a framed panel of `cells` x `height`."""
     inner, inner_height = cells - 4, height - 2
-    reading = reading_of(wheel)
+    reading = _current_reading(wheel)
     body: list[Row] = [fill_while_fitting(((_speed(wheel, reading), Role.TITLE),), _surroundings(wheel), inner)]
     if reading is not None:
         leading, trailing = f"leading {reading.leading.text()}", f"trailing {reading.trailing.text()}"
@@ -189,7 +230,7 @@ def _panel_top(wheel: WheelSnapshot, number: int, cells: int, selected: bool, al
     frame = Role.SELECTED_FRAME if selected else Role.FRAME
     line, start, end = ("═", "╔═", "╗") if selected else ("─", "┌─", "┐")
     name = crop_middle(clean(wheel.position), cells - 40)
-    title: list[Run] = [(start, frame), (f" {number} {name} ", Role.TITLE), (f"{wheel.state.value} ", Role.TEXT)]
+    title: list[Run] = [(start, frame), (f" {number} {name} ", Role.TITLE), (f"{_state(wheel)} ", Role.TEXT)]
     if alarm:
         title.append((" ALARM ", Role.ALARM))
     tail = f" rev {wheel.last.revolution.index} " if wheel.last is not None else ""
@@ -209,13 +250,13 @@ def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zo
     """Draw the selected wheel below the overview: a rule with its conditions, numbers left, waveform right."""
     if height < 1:
         return []
-    reading = reading_of(wheel)
+    reading = _current_reading(wheel)
     name = crop_middle(clean(wheel.position), 24)
-    load, state = _surroundings(wheel)[-1], (wheel.state.value, Role.TEXT)
+    load, state = _surroundings(wheel)[-1], (_state(wheel), Role.TEXT if wheel.silence is None else Role.WARNING)
     start: Row = (("══ ", Role.SELECTED_FRAME), (f"{number} {name}", Role.TITLE))
     rule = fill_while_fitting(start, [load, state], cells - 3)
     revolution = f" rev {wheel.last.revolution.index} " if wheel.last is not None else " "
-    end = (*plot_row(LEGEND), (" ══", Role.SELECTED_FRAME)) if wheel.last is not None else EMPTY
+    end = (*plot_row(LEGEND), (" ══", Role.SELECTED_FRAME)) if reading is not None else EMPTY
     line = cells - row_width(rule) - len(revolution) - row_width(end) - 1
     rule = (*rule, (revolution, Role.LABEL), ("═" * line + " ", Role.SELECTED_FRAME), *end)
     left: list[Row] = _numbers(wheel, reading)

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Final, Protocol, Self
+from typing import Final, Protocol, Self
 
 import numpy as np
 
-from gateway.errors import OutputError
 from gateway.pipeline.results import RevolutionResult
+from gateway.reasons import Reason
 from gateway.views.numbers import distinct_name
+from gateway.views.output_file import OutputFile
 from gateway.views.tables.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
 from gateway.views.wording import as_json, joined
 
@@ -32,6 +33,9 @@ HEAD: Final[dict[str, type]] = {
 TAIL: Final[dict[str, type]] = {
     "acceleration_mps2": float,
     "radius_m": float,
+    "radius_std_m": float,
+    "mounting_offset_m": float,
+    "mounting_offset_std_m": float,
     "load_n": float,
     "load_std_n": float,
     "pressure_pa": float,
@@ -41,6 +45,8 @@ TAIL: Final[dict[str, type]] = {
     "saturated": bool,
     "ac_coupled": bool,
     "faults": str,
+    "silent_before_s": float,
+    "alarms": str,
 }
 _TAKEN: Final = frozenset((*HEAD, *TAIL))
 PARTS: Final[dict[str, type]] = {"": float, "_std": float, "_status": str, "_reason": str}
@@ -61,10 +67,21 @@ class TableFormat(StrEnum):
 
 
 class TableWriter(Protocol):
-    """Writes results one by one and keeps none of them; also a context manager that closes."""
+    """Writes results one by one and keeps none of them.
+
+    As a context manager it closes, and after an error discards: the table appears complete or not at all.
+    """
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
         """Add one row; `recording` distinguishes rows of several recordings in one table.
+
+        Raises:
+            OutputError: the file cannot be written any more.
+        """
+        ...
+
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+        """Note that a wheel completed no revolution; only JSON lines have a place for it.
 
         Raises:
             OutputError: the file cannot be written any more.
@@ -88,7 +105,7 @@ def open_table(
     """Open a result file.
 
     Args:
-        path: the file; it is not overwritten unless `force`.
+        path: the file; it is not overwritten unless `force`. `-` is standard output.
         table_format: CSV with a header line, JSON lines (one object a line), or Parquet.
         force: overwrite an existing file.
         estimates: names that get their columns first and even when no row has them. Names that the first
@@ -99,18 +116,11 @@ def open_table(
     """
     if table_format is TableFormat.PARQUET:
         require_pyarrow()
-    try:
-        file = path.open("wb" if force else "xb")
-    except FileExistsError as error:
-        raise OutputError(f"{path} already exists", "Choose another name, or overwrite it with --force.") from error
-    except OSError as error:
-        raise OutputError(
-            f"{path} cannot be written: {error.strerror}", "Check the folder and its permissions."
-        ) from error
+    output = OutputFile(path, force=force)
     if table_format is TableFormat.JSON:
-        return _JsonLines(path, file)
-    sink = CsvSink(file) if table_format is TableFormat.CSV else ParquetSink(file)
-    return _Columns(path, sink, estimates)
+        return _JsonLines(output)
+    sink = CsvSink(output.file) if table_format is TableFormat.CSV else ParquetSink(output.file)
+    return _Columns(output, sink, estimates)
 
 
 def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
@@ -126,6 +136,9 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         "host_ns": result.host_ns,
         "acceleration_mps2": _known(revolution.omega_dot_radps2 * conditions.radius_m),
         "radius_m": conditions.radius_m,
+        "radius_std_m": conditions.radius_std_m,
+        "mounting_offset_m": conditions.sensor_offset_m,
+        "mounting_offset_std_m": conditions.sensor_offset_std_m,
         "load_n": conditions.load_n,
         "load_std_n": None if conditions.load_n is None else conditions.load_std_n,
         "pressure_pa": conditions.pressure_pa,
@@ -135,6 +148,8 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         "saturated": bool(revolution.saturated),
         "ac_coupled": bool(revolution.ac_coupled),
         "faults": joined(revolution.faults),
+        "silent_before_s": result.silent_before_s,
+        "alarms": joined(alarm.reason for alarm in result.alarms),
     }
     named = {
         distinct_name(estimate.name, _TAKEN): dict(
@@ -158,15 +173,10 @@ def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-@contextlib.contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written any more: {error.strerror}", "Is the disk full?") from error
+class _Table(ABC):
+    def __init__(self, output: OutputFile) -> None:
+        self._output = output
 
-
-class _Closing(ABC):
     @abstractmethod
     def close(self) -> None: ...
 
@@ -176,28 +186,38 @@ class _Closing(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        if kind is None:
+            self.close()
+        else:
+            self.discard()
+
+    def discard(self) -> None:
+        self._output.discard()
 
 
-class _JsonLines(_Closing):
+class _JsonLines(_Table):
     """One JSON object a line, keys as the columns of the other formats, and reasons as lists; unknown is null."""
-
-    def __init__(self, path: Path, file: IO[bytes]) -> None:
-        self._path = path
-        self._file = file
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
         fixed, named = row_of(result, recording)
         row: dict[str, object] = dict(_in_order(fixed, named, named))
         row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
+        row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
         for estimate in result.estimates:
             row[f"{distinct_name(estimate.name, _TAKEN)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
-        with _writing(self._path):
-            self._file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
+        self._put(row)
+
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+        row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
+        row |= {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]}
+        self._put(row)
+
+    def _put(self, row: dict[str, object]) -> None:
+        with self._output.explained():
+            self._output.file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
 
     def close(self) -> None:
-        with _writing(self._path):
-            self._file.close()
+        self._output.commit()
 
 
 def _in_order(
@@ -210,11 +230,11 @@ def _in_order(
     yield from ((key, fixed[key]) for key in TAIL)
 
 
-class _Columns(_Closing):
+class _Columns(_Table):
     """Buffers the first rows to learn the names of the estimates, then streams under fixed columns."""
 
-    def __init__(self, path: Path, sink: RowSink, estimates: Sequence[str]) -> None:
-        self._path = path
+    def __init__(self, output: OutputFile, sink: RowSink, estimates: Sequence[str]) -> None:
+        super().__init__(output)
         self._sink = sink
         self._names = dict.fromkeys(estimates)
         self._held: list[tuple[dict[str, Cell], dict[str, dict[str, Cell]]]] | None = []
@@ -222,7 +242,7 @@ class _Columns(_Closing):
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
         fixed, named = row_of(result, recording)
-        with _writing(self._path):
+        with self._output.explained():
             if self._held is None:
                 self._put(fixed, named)
                 return
@@ -235,9 +255,18 @@ class _Columns(_Closing):
         if self._closed:
             return
         self._closed = True
-        with _writing(self._path):
+        with self._output.explained():
             self._release()
             self._sink.end()
+        self._output.commit()
+
+    def discard(self) -> None:
+        with suppress(Exception):  # pyarrow would try to finish the file when it is collected
+            self._sink.end()
+        super().discard()
+
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+        """Do nothing: every row is a revolution."""
 
     def _release(self) -> None:
         held, self._held = self._held, None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from typing import IO, Any, Final, Protocol
 
 from gateway.errors import OutputError
@@ -11,6 +10,8 @@ from gateway.errors import OutputError
 Cell = str | int | float | bool | None
 
 _ROW_GROUP: Final = 8192
+# A spreadsheet takes text that begins so for a formula, and runs it.
+_FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 class RowSink(Protocol):
@@ -25,29 +26,46 @@ class RowSink(Protocol):
         ...
 
     def end(self) -> None:
-        """Finish and close the file."""
+        """Write what is left; the file stays open."""
         ...
 
 
 class CsvSink:
-    """RFC 4180 with a header line; unknown values are empty, booleans 0 or 1, floats keep every digit."""
+    """RFC 4180 with a header line; unknown values are empty, booleans 0 or 1, floats keep every digit.
+
+    Text that a spreadsheet would run as a formula gets an apostrophe in front: names come from files and hubs.
+    """
 
     def __init__(self, file: IO[bytes]) -> None:
-        """Take the open file; `end` closes it."""
-        self._text = io.TextIOWrapper(file, encoding="utf-8", newline="")
-        self._rows = csv.writer(self._text)
+        """Take the open file."""
+        self._rows = csv.writer(_Utf8(file))
 
     def begin(self, columns: dict[str, type]) -> None:
         """Write the header."""
-        self._rows.writerow(columns)
+        self._rows.writerow([_harmless(name) for name in columns])
 
     def row(self, cells: list[Cell]) -> None:
         """Add a row."""
-        self._rows.writerow([int(cell) if isinstance(cell, bool) else cell for cell in cells])
+        self._rows.writerow([_harmless(cell) for cell in cells])
 
     def end(self) -> None:
-        """Finish and close the file."""
-        self._text.close()
+        """Do nothing: every row is in the file."""
+
+
+class _Utf8:
+    """Text file of a binary one that does not close it."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def write(self, text: str) -> int:
+        return self._file.write(text.encode())
+
+
+def _harmless(cell: Cell) -> Cell:
+    if isinstance(cell, bool):
+        return int(cell)
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell
 
 
 def require_pyarrow() -> None:
@@ -64,7 +82,7 @@ class ParquetSink:
     """Columns of plain types, in row groups; `host_utc` is a timestamp."""
 
     def __init__(self, file: IO[bytes]) -> None:
-        """Take the open file; `end` closes it."""
+        """Take the open file."""
         self._file = file
         self._writer: Any = None
         self._schema: Any = None
@@ -90,10 +108,9 @@ class ParquetSink:
             self._flush()
 
     def end(self) -> None:
-        """Finish and close the file."""
+        """Write what is left and the index."""
         self._flush()
         self._writer.close()
-        self._file.close()
 
     def _flush(self) -> None:
         import pyarrow as pa

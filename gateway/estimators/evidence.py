@@ -1,0 +1,409 @@
+"""Evidence of a wheel's own signal for or against what is stated, and its consequences for the estimates.
+
+`assess` compares what self-calibration measures with what is stated, each with its standard error. Beyond three
+standard errors of both together there is a `Contradiction`: it lists the causes that would explain it, and the
+estimates that it moves are provisional, or invalid where it may move them by more than a fifth. Where nothing is
+stated, the measured value is used and its error carried.
+
+The steady value. The mean of the radial axis over a closed belt is G R Omega^2 (1 - e/R mean(k^2)) + z. So its ratio to
+the value expected is G r f^2 with the relative errors G of the gain, r of the belt radius and f of the sampling rate,
+apart from the zero-g offset z. Gravity, which turns through the sensor's axis once per revolution, gives G alone. z
+is told apart where the speed varies.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
+from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.self_calibration import Measured
+from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
+from gateway.reasons import Code, Reason
+
+# Standard errors of stated and measured value together from which they contradict each other.
+_CONTRADICTION: Final = 3.0
+# Relative change of an estimate from which it is invalid.
+_INVALID_FROM: Final = 0.2
+# Share of an estimate's standard error below which a change of it does not matter.
+_NEGLIGIBLE: Final = 0.3
+# A belt radius or gain that is wrong by more, relative, is not a likely cause; nor is a larger zero-g offset.
+_LIKELY_RADIUS: Final = 0.25
+_LIKELY_GAIN: Final = 0.5
+_LIKELY_ZERO_MPS2: Final = 6.0 * STANDARD_GRAVITY_MPS2
+# Ratios of sampling rates that are mistaken for each other, such as the rate before decimation.
+_RATE_RATIOS: Final = (0.1, 0.2, 0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.75, 4.0 / 3.0, 1.5, 2.0, 3.0, 4.0, 5.0, 10.0)
+# Implausibility, in standard errors, of a rate that is mistaken by such a ratio, or by any other; of a wrong unit.
+_RATIO_ERRORS: Final = 2.0
+_OTHER_RATE_ERRORS: Final = 8.0
+_UNIT_ERRORS: Final = 1.0
+# Standard errors by which gravity must speak for another gain where the steady value is as expected, and its least
+# error: order 1 of the wheel's own vibration looks like gravity.
+_GRAVITY_ALONE: Final = 5.0
+_LEAST_GRAVITY_ERROR: Final = 0.3
+# Closure of the belt, relative to the steady value, and its stretch: both limit the gain from gravity.
+_CLOSURE_STD: Final = 1.5e-4
+# Change of the closure's order 1, over the mean, per sensor offset over the belt radius: 0.07 to 0.22 on random tires.
+_CLOSURE_BY_DEPTH: Final = 0.2
+_STRETCH_STD: Final = 3e-4
+# A stated radius is replaced by the measured one when its standard error is larger by this factor.
+_RADIUS_UNKNOWN: Final = 2.0
+# Share of its stated error below which the zero-g offset counts as measured.
+_ZERO_MEASURED: Final = 0.3
+
+
+class Cause(StrEnum):
+    """Statement that may be wrong."""
+
+    GAIN = "gain"
+    OFFSET = "offset"
+    RADIUS = "radius"
+    RATE = "rate"
+    ZERO = "zero"
+
+
+# Exponents of an estimate in the ratios (true over stated) of belt radius, sampling rate and gain.
+_EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
+    "speed_mps": {Cause.RADIUS: 1.0, Cause.RATE: 1.0},
+    "contact_length_m": {Cause.RADIUS: 1.0},
+    "pressure_number": {Cause.RADIUS: -2.0},
+    "asynchronous_rms_mps2": {Cause.GAIN: -1.0},
+    "asynchronous_line_rms_mps2": {Cause.GAIN: -1.0},
+    "asynchronous_line_hz": {Cause.RATE: 1.0},
+    "sensor_offset_m": {Cause.GAIN: -1.0, Cause.RATE: -2.0},
+    **{name: {Cause.RADIUS: -2.0} for name in RING_NUMBERS},
+}
+_SLOPE: Final[dict[Cause, float]] = {Cause.RADIUS: -1.0, Cause.RATE: -2.0, Cause.GAIN: -1.0}
+_SLOPES: Final = ("ply_steer_", "slip_", "conicity_")
+# Estimates that rest on the shape of the belt, which offset and zero of the sensor change.
+_OF_SHAPE: Final = frozenset({*RING_NUMBERS, *RING_RATIOS, "half_angle_rad"})
+
+
+class Subject(StrEnum):
+    """What a contradiction is about, one or two words."""
+
+    GRAVITY = "gravity"
+    OFFSET = "sensor offset"
+    STEADY = "steady value"
+    ZERO = "zero-g offset"
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """A stated value that the signal contradicts.
+
+    Attributes:
+        subject: of the comparison.
+        reason: stated and measured value, and the causes that would explain it.
+        ratios: true over stated value that each possible cause would need.
+    """
+
+    subject: Subject
+    reason: Reason
+    ratios: dict[Cause, float]
+
+    def effect_on(self, estimate: Estimate) -> float:
+        """Return the largest relative change of an estimate by one of the causes; NaN where its error contains it."""
+        name = estimate.name
+        if name in _OF_SHAPE and self.ratios.keys() & {Cause.OFFSET, Cause.ZERO}:
+            return math.nan
+        exponents = _SLOPE if name.startswith(_SLOPES) else _EXPONENTS.get(name, {})
+        changes = [abs(self.ratios[cause] ** power - 1.0) for cause, power in exponents.items() if cause in self.ratios]
+        return max(changes, default=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Result of the comparison.
+
+    Attributes:
+        sensor_offset_m: in use: as stated, as measured, or both together.
+        sensor_offset_std_m: its standard error; the difference of both where they contradict each other.
+        offset_is_known: False where it is neither stated nor measured.
+        steady_std_mps2: standard error of the steady value of the radial axis, beyond a common gain.
+        gain_std: relative standard error of the gain of all axes.
+        radius_m: in use.
+        radius_std_m: its standard error.
+        contradictions: of stated and measured values.
+    """
+
+    sensor_offset_m: float
+    sensor_offset_std_m: float
+    offset_is_known: bool
+    steady_std_mps2: float
+    gain_std: float
+    radius_m: float
+    radius_std_m: float
+    contradictions: tuple[Contradiction, ...] = ()
+
+    def applied_to(self, conditions: TireConditions) -> TireConditions:
+        """Return the conditions with the values in use."""
+        return replace(
+            conditions,
+            sensor_offset_m=self.sensor_offset_m,
+            sensor_offset_std_m=self.sensor_offset_std_m,
+            steady_std_mps2=self.steady_std_mps2,
+            gain_std=self.gain_std,
+            radius_m=self.radius_m,
+            radius_std_m=self.radius_std_m,
+        )
+
+    def qualified(self, estimate: Estimate) -> Estimate:
+        """Return an estimate with what the evidence says against it.
+
+        It is invalid where a contradiction may change it by more than a fifth, and provisional where by more than
+        a share of its standard error.
+        """
+        if estimate.status is Status.INVALID:
+            return estimate
+        reasons, worst = [], 0.0
+        for contradiction in self.contradictions:
+            effect = contradiction.effect_on(estimate)
+            if math.isnan(effect):
+                reasons.append(Reason(Code.ERROR_COVERS, why=contradiction.reason))
+            elif effect * abs(estimate.value) > _NEGLIGIBLE * estimate.std or (effect and math.isnan(estimate.std)):
+                reasons.append(Reason(Code.MAY_CHANGE_BY, effect=effect, why=contradiction.reason))
+                worst = max(worst, effect)
+        if worst > _INVALID_FROM:
+            return Estimate.invalid(estimate.name, *reasons)
+        if reasons:
+            return replace(estimate, status=Status.PROVISIONAL, reasons=(*reasons, *estimate.reasons))
+        if not self.offset_is_known and estimate.name in _OF_SHAPE:
+            unknown = Reason(Code.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m)
+            return replace(estimate, reasons=(*estimate.reasons, unknown))
+        return estimate
+
+
+class _Value(NamedTuple):
+    value: float
+    std: float
+
+
+def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: float, *, ac_coupled: bool) -> Evidence:
+    """Return the evidence on one wheel.
+
+    Args:
+        measured: by self-calibration; None before its first revolutions.
+        conditions: as stated.
+        steady_mps2: R Omega^2 of the stated radius at the present speed, positive.
+        ac_coupled: whether the sensor passes no steady value.
+    """
+    claims = conditions.claims
+    radius_std = conditions.radius_std_m / conditions.radius_m
+    radius = _Value(conditions.radius_m, conditions.radius_std_m)
+    contradictions: list[Contradiction] = []
+    zero_std, gain_std = claims.zero_g_std_mps2, claims.gain_std
+    # Relative error of the measured offset that a contradicted gain or rate makes.
+    offset_error = 0.0
+    if measured is not None and (ratio := _steady_ratio(measured, zero_std)) is not None:
+        # The offset enters the mean by e/R mean(k^2).
+        depth_m = 0.0 if measured.offset_m is not None else UNKNOWN_OFFSET_STD_M
+        if claims.offset_m is not None:
+            depth_m = min(depth_m, claims.offset_std_m)
+        depth = depth_m / conditions.radius_m
+        by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, measured.mean_square * depth)
+        found_radius = _Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
+        if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
+            _CONTRADICTION * math.hypot(radius.std, found_radius.std)
+        ):
+            radius = _weighted(radius, found_radius)
+        elif abs(ratio.value - 1.0) > _CONTRADICTION * math.hypot(by_gain, radius_std):
+            contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
+        elif (alone := _gravity_contradiction(measured, claims.gain_std, depth)) is not None:
+            contradictions.append(alone)
+        for contradiction in contradictions:
+            changed = contradiction.ratios.get(Cause.GAIN, 1.0)
+            gain_std = max(gain_std, abs(changed - 1.0))
+            by_rate = contradiction.ratios.get(Cause.RATE, 1.0) ** -2.0
+            offset_error = max(offset_error, abs(1.0 / changed - 1.0), abs(by_rate - 1.0))
+    if measured is not None and (zero := _zero(measured)) is not None and zero.std < _ZERO_MEASURED * zero_std:
+        if abs(zero.value) > _CONTRADICTION * math.hypot(zero.std, zero_std):
+            reason = Reason(Code.ZERO_CONTRADICTED, zero_mps2=zero.value, std_mps2=zero.std, stated_std_mps2=zero_std)
+            contradictions.append(Contradiction(Subject.ZERO, reason, {Cause.ZERO: math.nan}))
+            zero_std = abs(zero.value)
+        else:
+            zero_std = math.hypot(zero.value, zero.std)
+    offset_m, offset_std_m, known = _offset(measured, conditions, offset_error, contradictions)
+    if ac_coupled:
+        # The mean was restored from the belt radius; the rest of the signal has the sensor's gain.
+        steady_std = steady_mps2 * math.hypot(radius_std, claims.gain_std)
+    else:
+        # A zero-g offset larger than the errors of gain and radius would show in the steady value.
+        scale = steady_mps2 * math.hypot(radius_std, claims.gain_std, 2.0 * claims.rate_std)
+        steady_std = zero_std * scale / math.hypot(zero_std, scale) if scale and zero_std else zero_std
+    return Evidence(
+        sensor_offset_m=offset_m,
+        sensor_offset_std_m=offset_std_m,
+        offset_is_known=known,
+        steady_std_mps2=steady_std,
+        gain_std=gain_std,
+        radius_m=radius.value,
+        radius_std_m=radius.std,
+        contradictions=tuple(contradictions),
+    )
+
+
+def _offset(
+    measured: Measured | None, conditions: TireConditions, error: float, contradictions: list[Contradiction]
+) -> tuple[float, float, bool]:
+    """Return the sensor's offset in use, its standard error, and whether it is known; add a contradiction.
+
+    `error` is a relative error of the measured offset beyond its own.
+    """
+    claims = conditions.claims
+    stated = None if claims.offset_m is None else _Value(claims.offset_m, claims.offset_std_m)
+    found = None
+    if measured is not None and measured.offset_m is not None:
+        value, std = measured.offset_m
+        found = _Value(value, math.hypot(std, error * value))
+    if stated is None and found is None:
+        return 0.0, UNKNOWN_OFFSET_STD_M, False
+    if stated is None or found is None:
+        one = stated if found is None else found
+        assert one is not None
+        return one.value, one.std, True
+    difference = abs(stated.value - found.value)
+    if difference <= _CONTRADICTION * math.hypot(stated.std, found.std):
+        both = _weighted(stated, found)
+        return both.value, both.std, True
+    reason = Reason(
+        Code.OFFSET_CONTRADICTED,
+        stated_m=stated.value,
+        stated_std_m=stated.std,
+        offset_m=found.value,
+        std_m=found.std,
+    )
+    contradictions.append(Contradiction(Subject.OFFSET, reason, {Cause.OFFSET: math.nan}))
+    return stated.value, difference, True
+
+
+def _weighted(one: _Value, other: _Value) -> _Value:
+    """Return the mean of two values weighted with their inverse variances."""
+    if not one.std or not other.std:
+        return one if not one.std else other
+    weights = np.array([one.std, other.std]) ** -2.0
+    return _Value(float(weights @ [one.value, other.value] / weights.sum()), float(weights.sum() ** -0.5))
+
+
+def _steady_ratio(measured: Measured, zero_std_mps2: float) -> _Value | None:
+    """Return measured over expected steady value, without the errors of gain, radius and rate."""
+    if measured.ac_coupled:
+        return None if measured.contact_gain is None else _Value(*measured.contact_gain)
+    information, weighted = measured.by_mean
+    if not information[0, 0] > 0.0:
+        return None
+    prior = np.diag([0.0, max(zero_std_mps2, 1e-3) ** -2.0])
+    covariance = np.linalg.inv(information + prior)
+    return _Value(1.0 + float(covariance[0] @ weighted), math.sqrt(float(covariance[0, 0])))
+
+
+def _zero(measured: Measured) -> _Value | None:
+    """Return the zero-g offset that means at different speeds give, None where there is only one speed."""
+    information, weighted = measured.by_mean
+    if measured.ac_coupled or not information[0, 0] > 0.0:
+        return None
+    correlation2 = information[0, 1] ** 2 / (information[0, 0] * information[1, 1])
+    if not correlation2 < 1.0 - 1e-9:
+        return None
+    covariance = np.linalg.inv(information)
+    return _Value(float(covariance[1] @ weighted), math.sqrt(float(covariance[1, 1])))
+
+
+def _gravity_gain(measured: Measured, depth: float) -> _Value | None:
+    """Return the gain from gravity; `depth` is the standard error of the sensor's offset over the belt radius."""
+    information, weighted = measured.by_gravity
+    if measured.ac_coupled or not information[0, 0] > 0.0:
+        return None
+    covariance = np.linalg.inv(information + np.diag([0.0, _STRETCH_STD**-2.0]))
+    closure = float(covariance[0] @ information[:, 1]) * math.hypot(_CLOSURE_STD, _CLOSURE_BY_DEPTH * depth)
+    return _Value(1.0 + float(covariance[0] @ weighted), math.hypot(math.sqrt(float(covariance[0, 0])), closure))
+
+
+def _gravity_contradiction(measured: Measured, gain_std: float, depth: float) -> Contradiction | None:
+    """Return the contradiction of gravity to the stated gain where the steady value is as expected."""
+    gain = _gravity_gain(measured, depth)
+    if gain is None:
+        return None
+    limit = max(_GRAVITY_ALONE * math.hypot(gain.std, gain_std), _LEAST_GRAVITY_ERROR)
+    if abs(gain.value - 1.0) <= limit:
+        return None
+    reason = Reason(Code.GRAVITY_CONTRADICTED, gain=gain.value, std=gain.std)
+    ratio = max(gain.value, 0.1)
+    # The steady value has the right size, so radius or rate make up for the gain.
+    ratios = {Cause.GAIN: ratio, Cause.RADIUS: 1.0 / ratio, Cause.RATE: ratio**-0.5}
+    return Contradiction(Subject.GRAVITY, reason, ratios)
+
+
+def _steady_contradiction(
+    measured: Measured, conditions: TireConditions, ratio: _Value, by_gain: float, depth: float
+) -> Contradiction:
+    """Return the contradiction of the steady value, with its possible causes, the likeliest first."""
+    possible = sorted(_causes(measured, conditions, ratio, by_gain, depth), key=lambda cause: cause.errors)
+    reasons = tuple(cause.reason for cause in possible) or (Reason(Code.NO_SINGLE_CAUSE),)
+    ratios = {cause.cause: cause.ratio for cause in reversed(possible)}
+    if not ratios:
+        ratios = {Cause.RADIUS: max(ratio.value, 0.1), Cause.GAIN: max(ratio.value, 0.1)}
+    reason = Reason(Code.STEADY_VALUE_CONTRADICTED, ratio=ratio.value, std=by_gain, causes=reasons)
+    return Contradiction(Subject.STEADY, reason, ratios)
+
+
+class _Possible(NamedTuple):
+    """A possible cause, its implausibility in standard errors, and the ratio of true to stated value it needs."""
+
+    errors: float
+    cause: Cause
+    ratio: float
+    reason: Reason
+
+
+def _causes(
+    measured: Measured, conditions: TireConditions, ratio: _Value, by_gain: float, depth: float
+) -> Iterator[_Possible]:
+    claims = conditions.claims
+    tolerance = _CONTRADICTION * math.hypot(by_gain, conditions.radius_std_m / conditions.radius_m) * abs(ratio.value)
+    gravity = _gravity_gain(measured, depth)
+
+    def gravity_allows(gain: float) -> bool:
+        if gravity is None:
+            return True
+        return abs(gravity.value - gain) <= _CONTRADICTION * math.hypot(gravity.std, claims.gain_std * gain)
+
+    value = ratio.value
+    if gravity_allows(value):
+        for factor, code in (
+            (STANDARD_GRAVITY_MPS2, Code.UNIT_IS_MPS2),
+            (1.0 / STANDARD_GRAVITY_MPS2, Code.UNIT_IS_G),
+        ):
+            if abs(value - factor) <= tolerance:
+                yield _Possible(_UNIT_ERRORS, Cause.GAIN, factor, Reason(code))
+        if value > 0.0 and abs(value - 1.0) <= _LIKELY_GAIN:
+            errors = abs(math.log(value)) / max(claims.gain_std, 1e-6)
+            yield _Possible(errors, Cause.GAIN, value, Reason(Code.GAIN_WOULD_FIT, gain=value))
+    if not gravity_allows(1.0):
+        return
+    if value > 0.0:
+        root = math.sqrt(value)
+        near = min(_RATE_RATIOS, key=lambda known: abs(math.log(known / root)))
+        is_near = abs(near**2 - value) <= tolerance
+        rate = near if is_near else root
+        stated_hz = measured.rate_hz
+        yield _Possible(
+            _RATIO_ERRORS if is_near else _OTHER_RATE_ERRORS,
+            Cause.RATE,
+            rate,
+            Reason(Code.RATE_WOULD_FIT, rate_hz=rate * stated_hz, stated_hz=stated_hz),
+        )
+        if abs(value - 1.0) <= _LIKELY_RADIUS:
+            errors = abs(value - 1.0) / max(conditions.radius_std_m / conditions.radius_m, 1e-6)
+            fits = Reason(Code.RADIUS_WOULD_FIT, radius_m=conditions.radius_m * value, stated_m=conditions.radius_m)
+            yield _Possible(errors, Cause.RADIUS, value, fits)
+    zero_mps2 = (value - 1.0) * measured.steady_mps2
+    if not measured.ac_coupled and abs(zero_mps2) <= _LIKELY_ZERO_MPS2:
+        errors = abs(zero_mps2) / max(claims.zero_g_std_mps2, 1e-6)
+        yield _Possible(errors, Cause.ZERO, math.nan, Reason(Code.ZERO_WOULD_FIT, zero_mps2=zero_mps2))

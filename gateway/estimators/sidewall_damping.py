@@ -1,0 +1,75 @@
+"""Sidewall damping of a rolling tire, from the phases of the signal's orders.
+
+Damping makes the shape of the belt asymmetric about the contact centre. In the linear ring (ring paper, Eq. 11 with
+c_v = c_w = c) it turns the stiffness D_n of order n into D_n + i n d (n^2 + 1), d = c omega / p0, so that the order
+lags by the phase atan(t_n d), t_n = n (n^2 + 1) / D_n. A contact pressure that is not symmetric, as from a tread with
+damping, shifts the orders by n x instead. The two grow differently with the order, so a fit of
+
+    s_n / c_n = n x + t_n d
+
+separates them. The order of the ring without damping, under the same contact pressure, is (c_n - i s_n)(1 + i t_n d);
+its even part c_n + t_n d s_n is what a balance without damping describes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.physics.belt_shape import MAX_ORDER
+from gateway.physics.ring_series import modal_stiffness
+from gateway.types import ComplexArray, FloatArray
+
+# Orders of the fit: above them edge waves and the shape of the contact pressure decide the phases.
+_FIRST: Final = 2
+_LAST: Final = 15
+_ORDERS: Final[FloatArray] = np.arange(MAX_ORDER + 1, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class SidewallDamping:
+    """Damping of the sidewall and its effect on the even orders.
+
+    Attributes:
+        damping: d = c omega / p0 over the load number Q / (p0 R^2); at least 0.
+        shift_rad: x, shift of the contact pressure behind the contact centre.
+        change: (MAX_ORDER + 1,) change of the cosine orders that takes the fitted damping away; the damping's sign is
+            kept here, so that a fit below 0, which is not damping, still shows its size.
+    """
+
+    damping: float
+    shift_rad: float
+    change: FloatArray
+
+    @property
+    def correction(self) -> FloatArray:
+        """The change, 0 where the fit gave a damping below 0."""
+        return self.change if self.damping > 0.0 else np.zeros_like(self.change)
+
+
+def sidewall_damping(orders: ComplexArray, numbers: FloatArray, max_order: int) -> SidewallDamping | None:
+    """Fit the damping to the orders of a waveform about its contact centre.
+
+    Args:
+        orders: (MAX_ORDER + 1,) c - i s.
+        numbers: (4,) Bs, Cw, Rs, Ts over the load number.
+        max_order: highest order that the sampling carries.
+
+    Returns:
+        The damping; None where orders or numbers describe no ring.
+    """
+    last = min(_LAST, max_order)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lag = _ORDERS * (np.square(_ORDERS) + 1.0) / modal_stiffness(_ORDERS, numbers.tolist())
+    lag[:_FIRST] = 0.0
+    used = slice(_FIRST, last + 1)
+    cosine, sine = orders.real, -orders.imag
+    rows = np.stack([cosine[used] * _ORDERS[used], cosine[used] * lag[used]], axis=1)
+    if not (np.isfinite(rows).all() and np.isfinite(sine[used]).all()):
+        return None
+    (shift_rad, damping), _, rank, _ = np.linalg.lstsq(rows, sine[used], rcond=None)
+    if rank < rows.shape[1]:
+        return None
+    return SidewallDamping(max(float(damping), 0.0), float(shift_rad), float(damping) * lag * sine)

@@ -1,0 +1,165 @@
+"""Reader of numeric columns in delimited text, block by block so that memory use stays constant."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final, TextIO
+
+import numpy as np
+
+from gateway.errors import ImportDataError
+from gateway.importing.columns import BLOCK_ROWS, Block
+from gateway.importing.import_map import DELIMITERS, FileLayout
+from gateway.types import FloatArray
+
+_DATE_OR_CLOCK: Final = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}:\d{2}")
+_PLACEHOLDER: Final = re.compile(r"[-?*#./]+|n/?a|#n/a|null|none|missing|err(or)?", re.IGNORECASE)
+
+
+class CsvColumns:
+    """Reader of delimited text. Without a header the columns are named 1, 2, 3, ..."""
+
+    def __init__(self, path: Path, layout: FileLayout) -> None:
+        """Read the header.
+
+        Raises:
+            ImportDataError: the encoding is wrong or the file is empty.
+            OSError: the file cannot be read.
+        """
+        self._path = path
+        self._layout = layout
+        self._delimiter = DELIMITERS[layout.delimiter]
+        self._lines_before_data = layout.skip_rows + (1 + layout.skip_rows_after_header if layout.header else 0)
+        with self._open() as file:
+            line = next(itertools.islice(self._lines(file), layout.skip_rows, None), None)
+        if line is None or not line.strip():
+            found = "is empty" if path.stat().st_size == 0 else f"has nothing in line {layout.skip_rows + 1}"
+            raise ImportDataError(f"{path} {found}", "Check the file, and skip_rows in [file] of the map.")
+        cells = [cell.strip() for cell in self._cells(line)]
+        self._names = tuple(cells) if layout.header else tuple(str(k + 1) for k in range(len(cells)))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of the header, or their numbers."""
+        return self._names
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named columns; blank lines are skipped."""
+        use = [self._names.index(name) for name in names]
+        size_bytes = max(self._path.stat().st_size, 1)
+        row, line_number = 0, self._lines_before_data + 1
+        with self._open() as file:
+            source = self._lines(file)
+            for _ in itertools.islice(source, self._lines_before_data):
+                pass
+            while lines := list(itertools.islice(source, BLOCK_ROWS)):
+                numbers = list(range(line_number, line_number + len(lines)))
+                line_number += len(lines)
+                if any(not line.strip() for line in lines):
+                    kept = [(line, number) for line, number in zip(lines, numbers, strict=True) if line.strip()]
+                    lines, numbers = [line for line, _ in kept], [number for _, number in kept]
+                if not lines:
+                    continue
+                values = self._parse(lines, numbers, use, names)
+                progress = min(os.lseek(file.fileno(), 0, os.SEEK_CUR) / size_bytes, 1.0)
+                yield Block(row, values, lambda k, numbers=numbers: f"line {numbers[k]}", progress)  # type: ignore[misc]
+                row += len(lines)
+
+    def close(self) -> None:
+        """Do nothing: each pass closes the file."""
+
+    def _open(self) -> TextIO:
+        encoding = "utf-8-sig" if self._layout.encoding.lower().replace("_", "-") in ("utf-8", "utf8") else None
+        try:
+            return self._path.open(encoding=encoding or self._layout.encoding, newline=None)
+        except LookupError as error:
+            raise ImportDataError(
+                f"{self._path}: unknown encoding '{self._layout.encoding}'", 'Try [file] encoding = "latin-1".'
+            ) from error
+
+    def _lines(self, file: TextIO) -> Iterator[str]:
+        try:
+            yield from file
+        except UnicodeDecodeError as error:
+            raise ImportDataError(
+                f"{self._path}: the text is not {self._layout.encoding}", 'Try [file] encoding = "latin-1" in the map.'
+            ) from error
+        except OSError as error:
+            raise ImportDataError(
+                f"{self._path}: reading failed: {error.strerror}", "Check that the disk is still connected."
+            ) from error
+
+    def _cells(self, line: str) -> list[str]:
+        if self._layout.delimiter == "space":
+            return line.split()
+        return next(csv.reader([line], delimiter=self._delimiter))
+
+    def _parse(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> FloatArray:
+        if self._layout.decimal == ",":
+            lines = [line.replace(",", ".") for line in lines]
+        delimiter = None if self._layout.delimiter == "space" else self._delimiter
+        try:
+            return self._numbers(lines, delimiter, use)
+        except ValueError:
+            # The fast parser knows no empty cells.
+            filled = self._with_gaps(lines, use)
+        try:
+            return self._numbers(filled, delimiter, use)
+        except ValueError as error:
+            raise self._bad_cell(filled, numbers, use, names) from error
+
+    @staticmethod
+    def _numbers(lines: list[str], delimiter: str | None, use: list[int]) -> FloatArray:
+        return np.loadtxt(lines, delimiter=delimiter, usecols=use, ndmin=2, comments=None, quotechar='"')
+
+    def _with_gaps(self, lines: list[str], use: list[int]) -> list[str]:
+        """Return the lines with `nan` in the empty cells of the columns in use."""
+        filled = []
+        for line in lines:
+            cells = self._cells(line)
+            empty = [column for column in use if column < len(cells) and not cells[column].strip()]
+            if empty:
+                for column in empty:
+                    cells[column] = "nan"
+                text = io.StringIO()
+                csv.writer(text, delimiter=self._delimiter, lineterminator="\n").writerow(cells)
+                line = text.getvalue()
+            filled.append(line)
+        return filled
+
+    def _bad_cell(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> ImportDataError:
+        """Find the first cell that is not a number. This is slow, but the fast parser reports no line of the file."""
+        for line, number in zip(lines, numbers, strict=True):
+            cells = self._cells(line)
+            for column, name in zip(use, names, strict=True):
+                if column >= len(cells):
+                    return ImportDataError(
+                        f"{self._path}: line {number} has {len(cells)} cells, but column '{name}' is number "
+                        f"{column + 1}",
+                        "Check the delimiter in [file] of the map. If the file is cut off there, remove that line.",
+                    )
+                try:
+                    float(cells[column])
+                except ValueError:
+                    found = f"'{cells[column].strip()}' is not a number"
+                    return ImportDataError(
+                        f"{self._path}: line {number}, column '{name}': {found}", self._remedy(cells[column].strip())
+                    )
+        return ImportDataError(f"{self._path}: the lines from {numbers[0]} on cannot be read", "Check their quotes.")
+
+    def _remedy(self, cell: str) -> str:
+        if "," in cell and self._layout.decimal == ".":
+            return 'If this is a decimal comma, state [file] decimal = "," in the map.'
+        if _DATE_OR_CLOCK.match(cell):
+            return "The import reads no dates. Write the times in seconds, or state rate_hz instead of time_column."
+        if _PLACEHOLDER.fullmatch(cell):
+            return "If it stands for a missing value, leave the cell empty: the import keeps the gap."
+        if not cell[:1].isdigit():
+            return "If this is a line of units, state [file] skip_rows_after_header in the map; else correct the cell."
+        return "Correct the cell, or leave it empty: the import keeps the gap."

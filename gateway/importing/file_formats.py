@@ -1,0 +1,55 @@
+"""Choice of the reader of a measurement file, by the map or by the suffix."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from gateway.errors import ImportDataError
+from gateway.importing.columns import ColumnReader
+from gateway.importing.csv_columns import CsvColumns
+from gateway.importing.import_map import SUFFIXES, FileFormat, FileLayout
+from gateway.importing.reader_process import ProcessColumns
+
+_KNOWN: Final = ", ".join(SUFFIXES)
+_UNPACK: Final = "Unpack the file first, then import what is in it."
+_TO_CSV: Final = "Export the columns as CSV in the program that wrote the file, and import that."
+_NUMPY: Final = (
+    "Write it as CSV: python -c \"import numpy; numpy.savetxt('run.csv', numpy.load('{name}'), delimiter=',')\", "
+    "and state header = false in [file] of the map."
+)
+_NPZ: Final = (
+    "Write its arrays as a MATLAB file: "
+    "python -c \"import numpy, scipy.io; scipy.io.savemat('run.mat', dict(numpy.load('{name}')))\""
+)
+# Files that are often tried, and the way from each to one that can be imported.
+_REMEDIES: Final[dict[str, str]] = {
+    ".npy": _NUMPY,
+    ".npz": _NPZ,
+    **dict.fromkeys((".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz", ".rar"), _UNPACK),
+    **dict.fromkeys((".xls", ".xlsx", ".ods", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5", ".wav", ".bin"), _TO_CSV),
+    ".mcap": "This is a recording already. Run: treadlink estimate {name}",
+    ".toml": "This is a configuration. Give the measurement as FILE and the map with --map.",
+}
+
+
+def open_columns(path: Path, layout: FileLayout) -> ColumnReader:
+    """Open a measurement file in the format stated by the map, or else given by the suffix.
+
+    Raises:
+        ImportDataError: there is no such file, its format is unknown or needs a missing package, or it cannot be read.
+    """
+    if path.is_dir():
+        raise ImportDataError(f"{path} is a folder", "Give the measurement file itself.")
+    if not path.exists():
+        raise ImportDataError(f"{path} does not exist", "Check the path.")
+    file_format = layout.format or SUFFIXES.get(path.suffix.lower())
+    if file_format is None:
+        found = f"unknown file format '{path.suffix}'" if path.suffix else "a file name without a suffix"
+        remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
+        raise ImportDataError(f"{path}: {found}", remedy.replace("{name}", path.name))
+    try:
+        return CsvColumns(path, layout) if file_format is FileFormat.CSV else ProcessColumns(path, file_format)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ImportDataError(f"{path} cannot be read: {reason}", "Check its permissions.") from error

@@ -1,0 +1,97 @@
+"""Reader of numeric columns in MATLAB files up to version 7.2.
+
+scipy's parser can crash the process on a damaged file, so `gateway.importing.reader_process` runs this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.errors import ImportDataError
+from gateway.importing.columns import BLOCK_ROWS, Block, row_places
+
+# A matrix with more columns has its channels in rows.
+_MAX_COLUMNS: Final = 1000
+_MAX_DEPTH: Final = 16
+
+
+class MatColumns:
+    """MATLAB file that is loaded as a whole.
+
+    Columns are vectors `x`, columns of matrices `data(:,2)`, and both inside structs `run.acc(:,2)`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Load the file.
+
+        Raises:
+            ImportDataError: it is not a readable MATLAB file.
+            OSError: the file cannot be read.
+        """
+        from scipy.io import loadmat
+
+        with path.open("rb") as file:
+            start = file.read(128)
+        self._path = path
+        if not start:
+            raise ImportDataError(f"{path} is empty", "Check the file.")
+        if b"MATLAB 7.3" in start or start.startswith(b"\x89HDF"):
+            raise ImportDataError(
+                f"{path} is a MATLAB 7.3 (HDF5) file, which is not supported", "Save it with save('file.mat', '-v7')."
+            )
+        try:
+            content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
+        except MemoryError:
+            raise
+        except Exception as error:  # scipy raises whatever a damaged file makes it stumble over
+            raise ImportDataError(
+                f"{path} is not a readable MATLAB file: {error or type(error).__name__}", "Save it again in MATLAB."
+            ) from error
+        self._columns: dict[str, NDArray[Any]] = {}
+        for name, value in content.items():
+            if not name.startswith("__"):
+                self._add(name, value, 0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every numeric vector and matrix column."""
+        return tuple(self._columns)
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named columns, which must have equal lengths."""
+        columns = [self._columns[name] for name in names]
+        lengths = {name: len(column) for name, column in zip(names, columns, strict=True)}
+        if len(set(lengths.values())) > 1:
+            found = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+            raise ImportDataError(
+                f"{self._path}: the columns differ in length: {found}", "Resample them to one rate before importing."
+            )
+        count = len(columns[0]) if columns else 0
+        for first in range(0, count, BLOCK_ROWS):
+            values = np.column_stack([column[first : first + BLOCK_ROWS] for column in columns]).astype(np.float64)
+            yield Block(first, values, row_places(first), min(first + BLOCK_ROWS, count) / count)
+
+    def close(self) -> None:
+        """Release the columns."""
+        self._columns.clear()
+
+    def _add(self, name: str, value: object, depth: int) -> None:
+        fields = getattr(value, "_fieldnames", None)
+        if fields is not None and depth < _MAX_DEPTH:
+            for field in fields:
+                self._add(f"{name}.{field}", getattr(value, field, None), depth + 1)
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
+            if value.ndim == 1:
+                self._columns[name] = value
+            elif value.ndim == 2 and value.shape[1] <= _MAX_COLUMNS:
+                self._columns.update({f"{name}(:,{k + 1})": value[:, k] for k in range(value.shape[1])})
+            elif value.ndim == 2:
+                raise ImportDataError(
+                    f"{self._path}: '{name}' has {value.shape[0]} rows and {value.shape[1]} columns",
+                    f"A column is one quantity: transpose it in MATLAB, {name} = {name}.'; and save again.",
+                )

@@ -1,0 +1,197 @@
+"""Rate of a time column, and proof that its times are uniform, also where they are rounded."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.errors import ImportDataError
+from gateway.importing.columns import Block
+from gateway.types import FloatArray
+
+# Share of a sample interval; a step that deviates by more may miss or repeat a sample.
+_STEP_TOLERANCE: Final = 0.5
+# Relative; the protocol has one rate for the whole file.
+_RATE_TOLERANCE: Final = 1e-3
+_MIN_ROWS_FOR_RATE: Final = 1000
+# Share of the rounding step; rounding moves a time by half a step, and the fitted line by a little more.
+_ROUNDING_TOLERANCE: Final = 0.6
+# Share of a sample interval; finer rounding is not worth mentioning.
+_COARSE: Final = 0.02
+_MAX_DIGITS: Final = 9
+_LEARNED_ROWS: Final = 2000
+_ROUNDING_STD: Final = 1.0 / math.sqrt(12.0)
+
+
+class TimeColumn:
+    """Check of a time column, block by block. Rows without a time follow the rows before them.
+
+    Attributes:
+        first_s: time of the first row.
+        jitter_s: largest deviation of a step from the sample interval.
+    """
+
+    def __init__(self, column: int, unit_s: float) -> None:
+        """Prepare the check.
+
+        Args:
+            column: index of the time column.
+            unit_s: its unit.
+        """
+        self.first_s = 0.0
+        self.jitter_s = 0.0
+        self._column = column
+        self._unit_s = unit_s
+        self._last_s = math.nan
+        self._interval_s = 0.0
+        self._grid_s: float | None = None
+        self._rows = 0
+        self._rates: list[tuple[float, float, str]] = []
+        self._wrong = 0
+        self._fault = ""
+
+    def look(self, path: Path, block: Block) -> FloatArray:
+        """Check the times of a block and return them in s, those of rows without a time filled in."""
+        column = block.values[:, self._column]
+        known = np.flatnonzero(np.isfinite(column))
+        if not self._rows:
+            self._begin(path, block, column, known)
+        times_s = self._filled(column * self._unit_s, known)
+        before_s = times_s if math.isnan(self._last_s) else np.concatenate(([self._last_s], times_s))
+        self._check_steps(block, before_s, len(times_s) - len(before_s) + 1)
+        self._last_s = float(times_s[-1])
+        self._rows += len(times_s)
+        span_s = float(times_s[-1] - times_s[0])
+        if len(times_s) >= _MIN_ROWS_FOR_RATE and span_s > 0:
+            rounding = 2.0 * (self._grid_s or 0.0) / span_s
+            self._rates.append(((len(times_s) - 1) / span_s, rounding, block.where(0)))
+        return times_s
+
+    @property
+    def rounding_s(self) -> float | None:
+        """Step to which the times are rounded, None when they are not, or so finely that it does not matter."""
+        return None if self._grid_s is None or self._grid_s < _COARSE * self._interval_s else self._grid_s
+
+    def rate_hz(self, path: Path) -> tuple[float, float | None]:
+        """Return the rate over the whole span, and its standard error where the times are rounded.
+
+        Raises:
+            ImportDataError: the times are not uniform.
+        """
+        span_s = self._last_s - self.first_s
+        if span_s <= 0:
+            raise ImportDataError(
+                f"{path}: the time does not advance over the file", "Check the column, or state rate_hz instead."
+            )
+        rate_hz = (self._rows - 1) / span_s
+        rounding_s = self.rounding_s
+        std_hz = None if rounding_s is None else rate_hz * math.sqrt(2.0) * _ROUNDING_STD * rounding_s / span_s
+        about = f"about {rate_hz:.8g}" if std_hz is None else f"{rate_hz:.8g} +- {std_hz:.1g} by the whole file"
+        if rounding_s is not None and rounding_s > self._interval_s:
+            raise ImportDataError(
+                f"{path}: the times are rounded to {rounding_s * 1e3:g} ms, which is more than a sample interval",
+                f"State rate_hz ({about}) instead of time_column, if no sample is missing.",
+            )
+        if self._fault:
+            more = f" ({self._wrong} such steps in the file)" if self._wrong > 1 else ""
+            rounded = "" if rounding_s is None else f", and the times are rounded to {rounding_s * 1e3:g} ms"
+            raise ImportDataError(
+                f"{path}: {self._fault}{more}{rounded}",
+                "If samples are missing, cut the file there. If no sample is missing, state rate_hz "
+                f"({about}) instead of time_column.",
+            )
+        for part_hz, tolerance, where in self._rates:
+            if abs(part_hz / rate_hz - 1.0) > _RATE_TOLERANCE + tolerance:
+                raise ImportDataError(
+                    f"{path}: the rate changes: {part_hz:.6g} Hz from {where} on, {rate_hz:.6g} Hz overall",
+                    "Resample the file to one rate before importing.",
+                )
+        return rate_hz, std_hz
+
+    def _begin(self, path: Path, block: Block, column: FloatArray, known: NDArray[np.intp]) -> None:
+        """Learn the sample interval and the rounding from the first block."""
+        times_s = column[known] * self._unit_s
+        span_s = float(times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
+        if len(times_s) > 1 and not span_s > 0:
+            raise ImportDataError(
+                f"{path}: the time does not advance from {block.where(0)} on",
+                "Check the column and its unit, or state rate_hz instead of time_column.",
+            )
+        self._interval_s = float(np.median(np.diff(times_s) / np.diff(known))) if len(times_s) > 1 else 0.0
+        first = slice(min(len(known), _LEARNED_ROWS))
+        grid = _decimal_grid(column[known[first]])
+        if grid is not None:
+            slope_s, residual_s = _line(known[first].astype(np.float64), times_s[first])
+            # The median of rounded steps would be a multiple of the rounding. Exact times have no residual.
+            if 1e-3 < residual_s / (grid * self._unit_s) <= _ROUNDING_TOLERANCE:
+                self._interval_s = slope_s
+                self._grid_s = grid * self._unit_s
+        if len(times_s) > 1 and self._interval_s <= 0.0:
+            raise ImportDataError(
+                f"{path}: the time does not advance from {block.where(0)} on",
+                "Check the column. If its times are rounded, state rate_hz instead of time_column.",
+            )
+        self.first_s = float(times_s[0] - known[0] * self._interval_s) if len(times_s) else 0.0
+
+    def _filled(self, times_s: FloatArray, known: NDArray[np.intp]) -> FloatArray:
+        if len(known) == len(times_s):
+            return times_s
+        rows = np.arange(len(times_s))
+        last_s = self.first_s - self._interval_s if math.isnan(self._last_s) else self._last_s
+        places = np.concatenate(([-1], known, [len(times_s)]))
+        known_s = np.concatenate(([last_s], times_s[known]))
+        end_s = known_s[-1] + (len(times_s) - places[-2]) * self._interval_s
+        filled_s: FloatArray = np.interp(rows, places, np.concatenate((known_s, [end_s])))
+        return filled_s
+
+    def _check_steps(self, block: Block, times_s: FloatArray, first_row: int) -> None:
+        """Note steps that miss or repeat a sample; `times_s` may begin with the last time of the block before."""
+        steps_s = np.diff(times_s)
+        if not len(steps_s) or self._interval_s <= 0:
+            return
+        deviations_s = np.abs(steps_s - self._interval_s)
+        self.jitter_s = max(self.jitter_s, float(deviations_s.max()))
+        wrong = np.flatnonzero(deviations_s > _STEP_TOLERANCE * self._interval_s)
+        if not len(wrong) or self._only_rounded(times_s):
+            return
+        self._wrong += len(wrong)
+        if not self._fault:
+            # Where times are rounded, many steps deviate and the largest one is the gap.
+            row = int(wrong[0]) if self._grid_s is None else int(np.argmax(deviations_s))
+            step = steps_s[row] / self._interval_s
+            self._fault = f"{block.where(row + first_row)}: the time steps by {step:.3g} sample intervals"
+
+    def _only_rounded(self, times_s: FloatArray) -> bool:
+        """Return whether rounding explains all deviations from uniform times."""
+        if self._grid_s is None or self._grid_s > self._interval_s:
+            return False
+        return _line(np.arange(len(times_s), dtype=np.float64), times_s)[1] <= _ROUNDING_TOLERANCE * self._grid_s
+
+
+def _line(rows: FloatArray, times_s: FloatArray) -> tuple[float, float]:
+    """Return slope and largest residual of the line through times."""
+    centred = rows - rows.mean()
+    middle_s = float(times_s.mean())
+    slope_s = float(centred @ (times_s - middle_s) / max(float(centred @ centred), 1.0))
+    return slope_s, float(np.abs(times_s - middle_s - slope_s * centred).max())
+
+
+def _decimal_grid(values: FloatArray) -> float | None:
+    """Return the largest decimal step of which all differences of the values are multiples, None without one."""
+    if not len(values):
+        return None
+    largest = float(np.abs(values).max())
+    for digits in range(_MAX_DIGITS + 1):
+        scaled = values * 10.0**digits
+        tolerance = max(1e-6, 16 * np.finfo(np.float64).eps * largest * 10.0**digits)
+        if tolerance > 0.05:
+            return None
+        whole = np.rint(scaled)
+        if float(np.abs(scaled - whole).max()) <= tolerance:
+            step = int(np.gcd.reduce(np.abs(np.diff(whole)).astype(np.int64)))
+            return step * 10.0**-digits if step else None
+    return None

@@ -1,0 +1,52 @@
+"""Estimates that rest on a pressure that is no longer current."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from firmware_protocol.messages import Environment
+from gateway.constants import RING_NUMBERS
+from gateway.estimators.estimator import Estimate, Status
+from gateway.reasons import Code, Reason
+
+ENVIRONMENT_INTERVALS: Final = 5.0
+"""Readings of pressure and temperature are old after this many of their own intervals,"""
+
+ENVIRONMENT_LEAST_S: Final = 5.0
+"""and after this time: pressure and temperature change within minutes, so that some lost readings do not matter."""
+
+_RESTING: Final = frozenset({*RING_NUMBERS, "load_n", "wear_mm", "wear_number"})
+
+Reading = tuple[int, Environment, float]
+"""Hub time in us, reading, and the error that sensor health gives its pressure, Pa."""
+
+
+def old_pressure_s(readings: Sequence[Reading], at_us: float) -> float | None:
+    """Return the age at hub time `at_us` of a measured pressure that is old; None while it is current.
+
+    Args:
+        readings: the latest, in the order of their times.
+        at_us: hub time.
+    """
+    taken = [tick_us for tick_us, reading, _ in readings if tick_us <= at_us and reading.pressure_pa is not None]
+    if not taken:
+        return None
+    interval_s = median(after - before for before, after in pairwise(taken)) * 1e-6 if len(taken) > 1 else 0.0
+    age_s = (at_us - taken[-1]) * 1e-6
+    return age_s if age_s > max(ENVIRONMENT_LEAST_S, ENVIRONMENT_INTERVALS * interval_s) else None
+
+
+def rest_on_old_pressure(estimates: Iterable[Estimate], age_s: float) -> tuple[Estimate, ...]:
+    """Return estimates of which those that rest on the pressure are provisional at best, with its age."""
+    old = Reason(Code.PRESSURE_OLD, age_s=age_s)
+    return tuple(_doubted(one, old) if one.name.rpartition(":")[2] in _RESTING else one for one in estimates)
+
+
+def _doubted(estimate: Estimate, old: Reason) -> Estimate:
+    if estimate.status is Status.INVALID:
+        return estimate
+    return replace(estimate, status=Status.PROVISIONAL, reasons=(*estimate.reasons, old))

@@ -1,0 +1,398 @@
+"""Contradictions between what hubs state and what they send, each named once per wheel, with a count.
+
+The rules are those of "What must agree" in the specification of the protocol. Sources are followed by the hub's numbers
+and clock only, so that a recording gives the same counts as the session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.block_decoder import FrameBatch
+from firmware_protocol.counters import LinkCounters
+from firmware_protocol.messages import (
+    COMMANDS,
+    EVERY_HUB,
+    HUB_ITSELF,
+    Axis,
+    Coupling,
+    Environment,
+    Frame,
+    Hello,
+    Message,
+    MessageType,
+    SampleBlock,
+    TimeSync,
+)
+from firmware_protocol.sample_numbers import apart_s, is_jump
+from firmware_protocol.wheel_limit import MOST_WHEELS, WheelLimit
+from gateway.constants import AXIS_NAMES
+from gateway.reasons import Code, Level, Notice, Reason, Value
+
+# Jitter of the hub's stamps is far below this; a wrong rate is far above.
+_RATE_SPAN_S: Final = 2.0
+_RATE_TOLERANCE: Final = 0.03
+_US: Final = 1_000_000
+
+_RANGE_FACTOR: Final = 2.0
+_FULL_SCALE_MPS2: Final = (10.0, 1e6)
+_MAX_OFFSET_COUNTS: Final = 32768.0
+# A vacuum, and ten times the pressure of a truck tire.
+_PRESSURE_PA: Final = (-101_325.0, 1e7)
+_TEMPERATURE_DEGC: Final = (-100.0, 300.0)
+
+# Blocks of a wheel that are reviewed together.
+_REVIEW_BLOCKS: Final = 64
+# One block may have been late when the hub changed its axes; one unreadable frame may be an experiment of the hub.
+_LEAST: Final[Mapping[Code, int]] = {
+    Code.HELLO_AXES_DIFFER: 3,
+    Code.ONLY_UNREADABLE_FRAMES: 3,
+    Code.SAMPLES_REPEATED: 3,
+}
+# Of the last ten hellos within one start, more than this many differed from the one before.
+_LAST_HELLOS: Final = (1 << 10) - 1
+_MOST_CHANGES: Final = 4
+
+_Source = tuple[str, int, int]
+_Block = tuple[int, int, int, int]
+
+
+class _Blocks(NamedTuple):
+    """Sample blocks of a wheel in the order of the stream: first sample, tick in us, axis mask, each (k,) int64."""
+
+    first: NDArray[np.int64]
+    tick: NDArray[np.int64]
+    axes: NDArray[np.int64]
+
+    def part(self, begin: int, stop: int) -> _Blocks:
+        return _Blocks(*(column[begin:stop] for column in self))
+
+
+class _Wheel:
+    """State of one wheel: its hello, the last block, and the span over which the rate is measured."""
+
+    __slots__ = ("changes", "former_sensor", "hello", "last", "pending", "since", "without_hello")
+
+    def __init__(self) -> None:
+        self.hello: Hello | None = None
+        # Blocks before the first hello; and whether each of the last hellos changed something, one bit each.
+        self.without_hello = 0
+        self.changes = 0
+        self.former_sensor: int | None = None
+        self.pending: list[tuple[int, int, int]] = []
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the numbers before a start, a change of rate or a new connection."""
+        # First sample and tick of the last block; samples and us since the begin of the span.
+        self.last: tuple[int, int] | None = None
+        self.since = (0, 0)
+
+
+class _Finding:
+    """A contradiction and how often it was met."""
+
+    __slots__ = ("count", "named", "values")
+
+    def __init__(self) -> None:
+        self.values: dict[str, Value] = {}
+        self.count = 0
+        self.named = False
+
+
+class ContradictionWatch:
+    """Watch over the frames of all links of a session or recording. Memory is bounded by the limit of wheels."""
+
+    def __init__(self, positions: Mapping[tuple[int, int], str] | None = None, limit: WheelLimit | None = None) -> None:
+        """Start without frames.
+
+        Args:
+            positions: names of the configured wheels by (hub, wheel).
+            limit: admission of wheels, shared with a pipeline; a new one when None.
+        """
+        self._positions = positions or {}
+        self._limit = limit if limit is not None else WheelLimit(self._positions)
+        self._links: set[str] = set()
+        self._wheels: dict[_Source, _Wheel] = {}
+        self._boot_counts: dict[tuple[str, int], int] = {}
+        self._findings: dict[tuple[_Source, Code], _Finding] = {}
+        self._has_new = False
+        self._refusal_named = False
+
+    def frames(self, link: str, frames: Iterable[Frame]) -> None:
+        """Take decoded frames in the order of the stream."""
+        self._links.add(link)
+        for frame in frames:
+            source = link, frame.hub, frame.wheel
+            if not self._limit.admits(*source):
+                continue
+            message = frame.message
+            if not isinstance(message, SampleBlock):
+                self._slow(source, frame.type, frame.tick_us, message)
+            elif frame.wheel == HUB_ITSELF:
+                self._find(source, Code.HUB_SENDS_AS_WHEEL)
+            else:
+                wheel = self._wheel(source)
+                wheel.pending.append((message.first_sample, frame.tick_us, message.axes))
+                if len(wheel.pending) >= _REVIEW_BLOCKS:
+                    self._review_pending(source, wheel)
+
+    def batch(self, link: str, batch: FrameBatch) -> None:
+        """Take a block of decoded frames; the findings are those of `frames`."""
+        self._links.add(link)
+        for hub, wheel in batch.sources():
+            self._limit.admits(link, hub, wheel)
+        blocks, places = self._blocks_of(link, batch)
+        done = dict.fromkeys(blocks, 0)
+        for at in np.flatnonzero(batch.type != MessageType.SAMPLES).tolist():
+            source = link, int(batch.hub[at]), int(batch.wheel[at])
+            if not self._limit.admits(*source):
+                continue
+            if batch.type[at] == MessageType.HELLO and source in blocks:
+                stop = int(np.searchsorted(places[source], at))
+                self._review(source, self._wheel(source), blocks[source].part(done[source], stop))
+                done[source] = stop
+            self._slow(source, int(batch.type[at]), int(batch.tick_us[at]), batch.message(at))
+        for source, begin in done.items():
+            self._review(source, self._wheel(source), blocks[source].part(begin, len(places[source])))
+
+    def counters(self, link: str, counters: LinkCounters) -> None:
+        """Take the counters of a link: sources of which no frame could be read."""
+        for (hub, wheel), counted in counters.sources.items():
+            if counted.unreadable and not counted.frames and self._limit.admits(link, hub, wheel):
+                self._find((link, hub, wheel), Code.ONLY_UNREADABLE_FRAMES, 0)
+                self._findings[(link, hub, wheel), Code.ONLY_UNREADABLE_FRAMES].count = counted.unreadable
+
+    def reopened(self, link: str) -> None:
+        """Note that a link was reconnected: another hub may be on it."""
+        for (of_link, _, _), wheel in self._wheels.items():
+            if of_link == link:
+                wheel.pending.clear()
+                wheel.restart()
+
+    def new(self) -> list[Notice]:
+        """Return the findings that have not been returned here before."""
+        if not self._has_new and bool(self._limit.refused) == self._refusal_named:
+            return []
+        self._has_new = False
+        found: list[Notice] = []
+        for (source, code), finding in self._findings.items():
+            if not finding.named and finding.count >= _LEAST.get(code, 1):
+                finding.named = True
+                found.append(self._notice(source, code, finding))
+        if self._limit.refused and not self._refusal_named:
+            self._refusal_named = True
+            found.append(self._refusal())
+        return found
+
+    def found(self) -> list[Notice]:
+        """Return all findings with their present counts."""
+        for source, wheel in self._wheels.items():
+            self._review_pending(source, wheel)
+            if wheel.hello is None and wheel.without_hello:
+                self._find(source, Code.SAMPLES_WITHOUT_HELLO, 0)
+                self._findings[source, Code.SAMPLES_WITHOUT_HELLO].count = wheel.without_hello
+        found = [
+            self._notice(source, code, finding)
+            for (source, code), finding in sorted(self._findings.items(), key=lambda entry: entry[0])
+            if finding.count >= _LEAST.get(code, 1)
+        ]
+        return [*found, self._refusal()] if self._limit.refused else found
+
+    def _blocks_of(
+        self, link: str, batch: FrameBatch
+    ) -> tuple[dict[_Source, _Blocks], dict[_Source, NDArray[np.int64]]]:
+        """Return the sample blocks of every admitted wheel, and their places in the batch."""
+        columns: dict[_Source, list[NDArray[np.int64]]] = {}
+        for group in batch.sample_groups():
+            source = link, group.hub, group.wheel
+            if not self._limit.admits(*source):
+                continue
+            if group.wheel == HUB_ITSELF:
+                self._find(source, Code.HUB_SENDS_AS_WHEEL, len(group.frame_index))
+                continue
+            axes = np.full(len(group.frame_index), group.axes)
+            rows = np.stack([group.frame_index, group.first_sample, group.tick_us, axes]).astype(np.int64)
+            columns.setdefault(source, []).append(rows)
+        blocks: dict[_Source, _Blocks] = {}
+        places: dict[_Source, NDArray[np.int64]] = {}
+        for source, parts in columns.items():
+            rows = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+            if len(parts) > 1:
+                rows = rows[:, np.argsort(rows[0])]
+            places[source] = rows[0]
+            blocks[source] = _Blocks(*rows[1:])
+        return blocks, places
+
+    def _wheel(self, source: _Source) -> _Wheel:
+        wheel = self._wheels.get(source)
+        if wheel is None:
+            wheel = self._wheels[source] = _Wheel()
+        return wheel
+
+    def _slow(self, source: _Source, type_: int, tick_us: int, message: Message) -> None:
+        is_hub = source[2] == HUB_ITSELF
+        if type_ in COMMANDS:
+            self._find((*source[:2], HUB_ITSELF), Code.HUB_SENDS_COMMANDS)
+        elif isinstance(message, Hello | Environment) and is_hub:
+            self._find(source, Code.HUB_SENDS_AS_WHEEL)
+        elif isinstance(message, Hello):
+            wheel = self._wheel(source)
+            self._review_pending(source, wheel)
+            self._hello(source, wheel, message)
+        elif isinstance(message, Environment):
+            self._environment(source, message)
+        elif isinstance(message, TimeSync) and message.hub_us & 0xFFFF_FFFF != tick_us:
+            self._find(source, Code.HUB_TIME_AGAINST_TICK, hub_us=float(message.hub_us), tick_us=float(tick_us))
+
+    def _hello(self, source: _Source, wheel: _Wheel, hello: Hello) -> None:
+        known, hub = wheel.hello, source[:2]
+        boot_count = self._boot_counts.get(hub)
+        if known is None or known[3:7] != hello[3:7]:  # sensor, firmware, boot count, rate
+            wheel.restart()
+        if known is not None and known.boot_count == hello.boot_count != boot_count and boot_count is not None:
+            own, other = float(hello.boot_count), float(boot_count)
+            self._find((*hub, HUB_ITSELF), Code.HUB_BOOT_COUNTS_DIFFER, own=own, other=other)
+        wheel.changes = wheel.changes << 1 & _LAST_HELLOS
+        if known is not None and known != hello and known.boot_count == hello.boot_count:
+            self._hello_changed(source, wheel, known, hello)
+        self._boot_counts[hub] = hello.boot_count
+        wheel.hello = hello
+        self._scale(source, hello)
+        if hello.coupling == Coupling.DC and hello.highpass_hz > 0.0:
+            self._find(source, Code.HELLO_HIGHPASS_WITH_DC, highpass_hz=hello.highpass_hz)
+        if source[1] == EVERY_HUB:
+            self._find((*hub, HUB_ITSELF), Code.HUB_NUMBER_RESERVED)
+
+    def _hello_changed(self, source: _Source, wheel: _Wheel, known: Hello, hello: Hello) -> None:
+        """Look at a hello that differs from the last one although the hub has not restarted."""
+        former, wheel.former_sensor = wheel.former_sensor, known.sensor_id
+        if known.sensor_id != hello.sensor_id == former:
+            sensors = f"{hello.sensor_id:08x}", f"{known.sensor_id:08x}"
+            self._find(source, Code.HELLO_SENSORS_ALTERNATE, sensor=sensors[0], other=sensors[1])
+            return
+        wheel.changes |= 1
+        if wheel.changes.bit_count() > _MOST_CHANGES:
+            self._find(source, Code.HELLO_KEEPS_CHANGING)
+
+    def _scale(self, source: _Source, hello: Hello) -> None:
+        """Compare scale, range and zero of every present axis."""
+        present = [axis for axis in Axis if hello.axes >> axis & 1]
+        zero = tuple(AXIS_NAMES[axis] for axis in present if hello.scale_mps2[axis] == 0.0)
+        if zero:
+            self._find(source, Code.HELLO_SCALE_ZERO, axes=zero)
+        for axis in present:
+            name, full_mps2 = AXIS_NAMES[axis], abs(hello.scale_mps2[axis]) * hello.saturation_counts
+            stated_mps2, offset = hello.range_mps2[axis], hello.offset_counts[axis]
+            if full_mps2 > 0.0 and not _FULL_SCALE_MPS2[0] <= full_mps2 <= _FULL_SCALE_MPS2[1]:
+                self._find(source, Code.HELLO_SCALE_ABSURD, axis=name, full_scale_mps2=full_mps2)
+            elif full_mps2 > 0.0 and not full_mps2 / _RANGE_FACTOR <= stated_mps2 <= full_mps2 * _RANGE_FACTOR:
+                self._find(
+                    source, Code.HELLO_SCALE_AGAINST_RANGE, axis=name, range_mps2=stated_mps2, full_scale_mps2=full_mps2
+                )
+            if abs(offset) > _MAX_OFFSET_COUNTS:
+                self._find(source, Code.HELLO_ZERO_ABSURD, axis=name, offset_counts=offset)
+
+    def _environment(self, source: _Source, reading: Environment) -> None:
+        pressure_pa, temperature_degc = reading.pressure_pa, reading.temperature_degc
+        if pressure_pa is not None and not _PRESSURE_PA[0] <= pressure_pa <= _PRESSURE_PA[1]:
+            self._find(source, Code.PRESSURE_IMPOSSIBLE, pressure_pa=pressure_pa)
+        if temperature_degc is not None and not _TEMPERATURE_DEGC[0] <= temperature_degc <= _TEMPERATURE_DEGC[1]:
+            self._find(source, Code.TEMPERATURE_IMPOSSIBLE, temperature_degc=temperature_degc)
+
+    def _review_pending(self, source: _Source, wheel: _Wheel) -> None:
+        if wheel.pending:
+            rows = np.array(wheel.pending, np.int64).T
+            wheel.pending.clear()
+            self._review(source, wheel, _Blocks(*rows))
+
+    def _review(self, source: _Source, wheel: _Wheel, blocks: _Blocks) -> None:
+        """Compare blocks of samples with the wheel's hello."""
+        hello = wheel.hello
+        if hello is None or not len(blocks.first):
+            wheel.without_hello += len(blocks.first)
+            return
+        other = blocks.axes[blocks.axes != hello.axes]
+        if len(other):
+            sent, stated = _axes_named(int(other[-1])), _axes_named(hello.axes)
+            self._find(source, Code.HELLO_AXES_DIFFER, len(other), sent=sent, stated=stated)
+        if wheel.last is None:
+            wheel.last = int(blocks.first[0]), int(blocks.tick[0])
+            blocks = blocks.part(1, len(blocks.first))
+            if not len(blocks.first):
+                return
+        last = wheel.last
+        wheel.last = int(blocks.first[-1]), int(blocks.tick[-1])
+        samples = _steps(last[0], blocks.first)
+        us = _steps(last[1], blocks.tick)
+        repeated = int(np.count_nonzero((samples == 0) & (us == 0)))
+        if repeated:
+            self._find(source, Code.SAMPLES_REPEATED, repeated)
+        jumps = np.flatnonzero(is_jump(samples, us, hello.rate_hz))
+        if len(jumps):
+            jumps_s = apart_s(samples, us, hello.rate_hz)[jumps]
+            self._find(source, Code.SAMPLE_NUMBERS_JUMP, len(jumps), last_s=float(jumps_s[-1]))
+        begin = 0
+        for jump in [*jumps.tolist(), len(samples)]:
+            self._rate(source, wheel, hello.rate_hz, samples[begin:jump], us[begin:jump])
+            begin = jump + 1
+            if jump < len(samples):
+                wheel.since = (0, 0)
+
+    def _rate(
+        self, source: _Source, wheel: _Wheel, rate_hz: float, samples: NDArray[np.int64], us: NDArray[np.int64]
+    ) -> None:
+        """Compare the samples and the hub's time of every span with the stated rate."""
+        if not len(samples):
+            return
+        number, time_us = np.cumsum(samples) + wheel.since[0], np.cumsum(us) + wheel.since[1]
+        reached = np.maximum.accumulate(number)
+        span = _RATE_SPAN_S * rate_hz
+        begin = begin_us = 0
+        while (at := int(np.searchsorted(reached, begin + span))) < len(number):
+            took_us = int(time_us[at]) - begin_us
+            measured_hz = (int(number[at]) - begin) * _US / took_us if took_us > 0 else 0.0
+            if took_us <= 0:
+                self._find(source, Code.HUB_CLOCK_STILL, duration_s=_RATE_SPAN_S)
+            elif abs(measured_hz / rate_hz - 1.0) > _RATE_TOLERANCE:
+                self._find(
+                    source,
+                    Code.HELLO_RATE_DIFFERS,
+                    stated_hz=rate_hz,
+                    measured_hz=measured_hz,
+                    duration_s=_RATE_SPAN_S,
+                )
+            begin, begin_us = int(number[at]), int(time_us[at])
+        wheel.since = int(number[-1]) - begin, int(time_us[-1]) - begin_us
+
+    def _find(self, source: _Source, code: Code, count: int = 1, **values: Value) -> None:
+        finding = self._findings.setdefault((source, code), _Finding())
+        finding.values = values
+        finding.count += count
+        self._has_new = self._has_new or not finding.named
+
+    def _notice(self, source: _Source, code: Code, finding: _Finding) -> Notice:
+        return Notice(self._name(source), Reason(code, **finding.values, count=finding.count), Level.WARNING)
+
+    def _name(self, source: _Source) -> str:
+        link, hub, wheel = source
+        name = f"hub {hub}" if wheel == HUB_ITSELF else self._positions.get((hub, wheel), f"hub{hub}.wheel{wheel}")
+        return name if len(self._links) == 1 else f"{link}, {name}"
+
+    def _refusal(self) -> Notice:
+        reason = Reason(Code.WHEELS_REFUSED, count=self._limit.refused, most=MOST_WHEELS)
+        return Notice("", reason, Level.WARNING)
+
+
+def _steps(before: int, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the steps between numbers of 32 bits that wrap, the first from `before`, (k,)."""
+    steps = np.diff(numbers, prepend=before)
+    return (steps + 2**31) % 2**32 - 2**31
+
+
+def _axes_named(mask: int) -> tuple[Value, ...]:
+    return tuple(AXIS_NAMES[axis] for axis in Axis if mask >> axis & 1)

@@ -1,0 +1,200 @@
+"""Distance of a contact edge from the steepest slope of the radial waveform, from the waveform's shape next to it.
+
+The distance depends on bending, tension, tread and load of the tire, and so do features of the smoothed waveform: the
+distance of the overshoot's top, its product with the overshoot's height, the width of the transition from contact to
+free belt, and the width of its steepest part. The distance is a linear function of these, fitted on random tires of the
+geometrically exact ring (tools/fit_contact_edges.py). Its standard error is that at tires left out of the fit, with a
+margin for tires that are no rings.
+
+A tread can make waves that are locked to the tire and run out of both edges. They distort the features. Where the free
+belt ripples more than that of a smooth ring, the mean distance counts, with its spread over tires as standard error.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.types import FloatArray
+
+# Width of the smoothing in orders, and for each: the mean distance, its change per feature about the features' means,
+# then the standard error. Means and standard deviations of the features over tires. rad.
+_WIDTHS: Final = (15.0, 17.5, 20.0, 25.0, 30.0, 40.0)
+_DISTANCES: Final = (
+    (0.0055, 0.0090, 0.0114, 0.0145, 0.0162, 0.0178),
+    (-0.3157, -0.2148, -0.1366, -0.0659, -0.0618, -0.0687),
+    (-0.4654, -0.4555, -0.4616, -0.4236, -0.3269, -0.2006),
+    (-0.3951, -0.5030, -0.6300, -0.7233, -0.5926, -0.3539),
+    (2.8540, 2.8035, 2.8442, 2.8322, 2.4815, 1.8535),
+    (0.0122, 0.0101, 0.0084, 0.0061, 0.0052, 0.0039),
+)
+_FEATURE_MEANS_RAD: Final = (
+    (0.2263, 0.2221, 0.2195, 0.2164, 0.2148, 0.2132),
+    (0.0794, 0.0792, 0.0790, 0.0788, 0.0787, 0.0785),
+    (0.1607, 0.1468, 0.1373, 0.1251, 0.1180, 0.1099),
+    (0.0835, 0.0776, 0.0730, 0.0665, 0.0620, 0.0562),
+)
+_FEATURE_STDS_RAD: Final = (
+    (0.0418, 0.0448, 0.0472, 0.0504, 0.0524, 0.0547),
+    (0.0332, 0.0327, 0.0324, 0.0321, 0.0319, 0.0317),
+    (0.0234, 0.0220, 0.0213, 0.0208, 0.0208, 0.0208),
+    (0.0105, 0.0101, 0.0098, 0.0095, 0.0094, 0.0094),
+)
+# Standard deviation of the distance over tires.
+_DISTANCE_SPREADS_RAD: Final = (0.0254, 0.0224, 0.0201, 0.0170, 0.0150, 0.0125)
+# Ripple of the free belt, over the step from contact to free belt, at which features count by half. On smooth rings it
+# is 0.001 in the median and 0.0045 at the 99th percentile; with waves as on a measured tire it is 0.016.
+_HALF_TRUST_RIPPLE: Final = 0.006
+# A feature further than this many standard deviations from its mean is none of a tire's on a road.
+_MAX_DEPARTURE: Final = 3.0
+
+
+class EdgeShape(NamedTuple):
+    """Shape of the smoothed waveform next to a contact edge.
+
+    Attributes:
+        steepest_rad: angle of the steepest slope.
+        slope_mps2: the slope there per rad, positive outward.
+        bend_mps2: minus the second derivative of the slope there.
+        to_top_rad: from there outward to the top of the overshoot.
+        overshoot: height of the top above the free belt, over the step from contact to free belt.
+        top_bend_mps2: minus the second derivative of the waveform at the top.
+        transition_rad: step from contact to free belt over the slope.
+    """
+
+    steepest_rad: float
+    slope_mps2: float
+    bend_mps2: float
+    to_top_rad: float
+    overshoot: float
+    top_bend_mps2: float
+    transition_rad: float
+
+    @property
+    def features_rad(self) -> FloatArray:
+        """The four features, (4,); infinite where the waveform has none."""
+        steep = math.sqrt(self.slope_mps2 / self.bend_mps2) if self.slope_mps2 > 0.0 < self.bend_mps2 else math.inf
+        return np.array([self.to_top_rad, self.to_top_rad * self.overshoot, self.transition_rad, steep])
+
+    def noises_rad(self, slope_std_mps2: float, slope_bend_std_mps2: float) -> FloatArray:
+        """Return the standard errors of the features, (4,).
+
+        Args:
+            slope_std_mps2: noise of the waveform's derivative.
+            slope_bend_std_mps2: noise of its third derivative.
+        """
+        if not (self.top_bend_mps2 > 0.0 and self.slope_mps2 > 0.0 and self.bend_mps2 > 0.0):
+            return np.full(4, math.inf)
+        relative = slope_std_mps2 / self.slope_mps2
+        steep = 0.5 * float(self.features_rad[3]) * math.hypot(slope_bend_std_mps2 / self.bend_mps2, relative)
+        top = slope_std_mps2 / self.top_bend_mps2
+        return np.array([top, top * abs(self.overshoot), self.transition_rad * relative, steep])
+
+
+class EdgeDistance(NamedTuple):
+    """Distance of the edge outside the steepest slope.
+
+    Attributes:
+        distance_rad: the distance.
+        noise_std_rad: standard error from noise.
+        model_std_rad: standard error of the linear function, a constant error of all revolutions of a tire.
+    """
+
+    distance_rad: float
+    noise_std_rad: float
+    model_std_rad: float
+
+
+def edge_shape(
+    smooth_mps2: FloatArray,
+    slope_mps2: FloatArray,
+    index: int,
+    direction: int,
+    levels_mps2: tuple[float, float],
+    reach: int,
+) -> EdgeShape:
+    """Return the shape next to an edge.
+
+    Args:
+        smooth_mps2: (n,) smoothed waveform on the angle grid.
+        slope_mps2: (n,) its derivative by angle.
+        index: grid point on the edge's slope.
+        direction: -1 for the leading edge, 1 for the trailing edge.
+        levels_mps2: of contact and free belt.
+        reach: grid points outward within which the overshoot is searched.
+    """
+    n = len(slope_mps2)
+    spacing = 2.0 * math.pi / n
+    outward = slope_mps2 * direction
+    at = _climb(outward, index)
+    left, here, right = (float(outward[(at + step) % n]) for step in (-1, 0, 1))
+    bend = 2.0 * here - left - right
+    position = at + 0.5 * (right - left) / bend if bend > 0.0 else float(at)
+    outside = outward[(at + direction * np.arange(reach + 2)) % n]
+    falling = np.flatnonzero(outside <= 0.0)
+    top = max(int(falling[0]), 1) if len(falling) else len(outside) - 1
+    before, after = float(outside[top - 1]), float(outside[top])
+    share = before / (before - after) if before > after else 1.0
+    contact, free = levels_mps2
+    height = float(smooth_mps2[(at + direction * top) % n]) - free
+    return EdgeShape(
+        steepest_rad=-math.pi + position * spacing,
+        slope_mps2=here,
+        bend_mps2=max(bend, 0.0) / spacing**2,
+        to_top_rad=spacing * (top - 1 + share - direction * (position - at)),
+        overshoot=height / (free - contact),
+        top_bend_mps2=(before - after) / spacing,
+        transition_rad=(free - contact) / here if here > 0.0 else math.inf,
+    )
+
+
+def edge_distance(width: float, features_rad: FloatArray, noises_rad: FloatArray, ripple: float = 0.0) -> EdgeDistance:
+    """Return the distance from the features.
+
+    The noisier a feature, the more its mean over tires counts in place of it.
+
+    Args:
+        width: of the smoothing, in orders.
+        features_rad: (4,) of the shape.
+        noises_rad: (4,) their standard errors.
+        ripple: rms of the waves of the free belt, over the step from contact to free belt.
+    """
+    mean_distance, *factors, model_std = (float(np.interp(width, _WIDTHS, column)) for column in _DISTANCES)
+    means, spreads = (
+        np.array([float(np.interp(width, _WIDTHS, column)) for column in table])
+        for table in (_FEATURE_MEANS_RAD, _FEATURE_STDS_RAD)
+    )
+    usable = np.isfinite(features_rad) & np.isfinite(noises_rad)
+    noises = np.where(usable, noises_rad, 0.0)
+    trust = np.where(usable, spreads**2 / (spreads**2 + noises**2), 0.0)
+    departures = np.where(usable, features_rad, means) - means
+    departures = np.clip(departures, -_MAX_DEPARTURE * spreads, _MAX_DEPARTURE * spreads)
+    smooth = 1.0 / (1.0 + (ripple / _HALF_TRUST_RIPPLE) ** 4)
+    known = smooth * np.array(factors) * trust
+    unknown_std = smooth * float(np.linalg.norm(np.array(factors) * spreads * np.sqrt(1.0 - trust)))
+    wavy_std = math.sqrt(1.0 - smooth) * float(np.interp(width, _WIDTHS, _DISTANCE_SPREADS_RAD))
+    return EdgeDistance(
+        mean_distance + float(known @ departures),
+        float(np.linalg.norm(known * noises)),
+        math.hypot(model_std, unknown_std, wavy_std),
+    )
+
+
+def model_std_rad(width: float) -> float:
+    """Return the standard error of the distance without noise, for a width of the smoothing in orders."""
+    return float(np.interp(width, _WIDTHS, _DISTANCES[-1]))
+
+
+def _climb(slope: FloatArray, index: int) -> int:
+    """Return the grid point of the local maximum that is reached by climbing from `index`."""
+    n = len(slope)
+    while 0 < index < n - 1:
+        if slope[index + 1] > slope[index]:
+            index += 1
+        elif slope[index - 1] > slope[index]:
+            index -= 1
+        else:
+            break
+    return index

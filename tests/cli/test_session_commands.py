@@ -1,0 +1,53 @@
+"""Sessions of live, record and replay: their length, and the files that they leave."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.errors import SourceError
+from gateway.io.source import Chunk
+from gateway.recording.reader import RecordingReader
+from tests.testkit.hub_ends import TcpHub
+
+
+@pytest.mark.parametrize("line", ["live sim:lab?speed=max --plain --record x.mcap", "record sim:lab --out x.mcap"])
+def test_duration_counts_seconds_of_data(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(treadlink, f"{line} --duration 0.7")
+    times = [item.host_ns for item in RecordingReader(Path("x.mcap")).items() if isinstance(item, Chunk)]
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert 0.6e9 < times[-1] - times[0] <= 0.7e9
+
+
+def test_duration_ends_a_silent_session(tcp_hub: TcpHub, tmp_path: Path) -> None:
+    out = tmp_path / "x.mcap"
+    CliRunner().invoke(treadlink, f"record tcp://127.0.0.1:{tcp_hub.port} --out {out} --duration 0.3")
+    assert RecordingReader(out).info.finished  # it has the connection, without a byte
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "record serial:/nosuch/port --out {}/new.mcap",
+        "record serial:/nosuch/port --out {}",
+        "live serial:/nosuch/port --plain --record {}/new.mcap",
+        "live sim:nosuch --plain --record {}/new.mcap",
+        "record tcp://127.0.0.1:1 --out {}/new.mcap",
+    ],
+)
+def test_source_that_does_not_open_leaves_no_file(line: str, tmp_path: Path) -> None:
+    result = CliRunner().invoke(treadlink, line.format(tmp_path))
+    assert isinstance(result.exception, SourceError)
+    assert "recording:" not in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def tcp_hub():
+    hub = TcpHub()
+    yield hub
+    hub.close()

@@ -1,0 +1,203 @@
+"""Evidence of the signal against what is stated, through the whole pipeline and on single comparisons."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.evidence import assess
+from gateway.estimators.self_calibration import Measured
+from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
+from gateway.pipeline.wheel_setup import ReferenceNumbers, TireData, WheelSetup
+from gateway.reasons import Code, Reason, codes_of
+from tests.testkit.simulated_wheel import last, restated, simulated
+
+SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
+DEFAULT = ("kinematic", "weak-form")
+PLAIN = "[sensor]\nrange_g = 1000"
+DEEP = PLAIN + "\noffset_mm = 8"
+
+
+def reasons_by_code(reasons: tuple[Reason, ...]) -> dict[Code, Reason]:
+    """Return reasons and those nested in them, by code."""
+    return {inner.code: inner for reason in reasons for outer in reason for inner in outer}
+
+
+def test_half_the_rate_makes_speed_invalid() -> None:
+    results, snapshot = restated(PLAIN, 4.0, SETUP, DEFAULT, rate_factor=0.5)
+    found = last(results)
+    assert found["speed_mps"].status is Status.INVALID
+    (reason,) = found["speed_mps"].reasons
+    assert reason.code is Code.MAY_CHANGE_BY
+    assert reason["effect"] == pytest.approx(1.0, abs=0.01)
+    contradiction = reason["why"]
+    assert contradiction["ratio"] == pytest.approx(4.0, abs=0.05)
+    (cause,) = contradiction["causes"]
+    assert cause.code is Code.RATE_WOULD_FIT
+    assert cause["rate_hz"] == pytest.approx(9600.0, rel=1e-4)
+    assert [flag.name for flag in snapshot.flags] == ["steady value"]
+
+
+def test_first_revolution_already_contradicts_the_rate() -> None:
+    results, _ = restated(PLAIN, 4.0, SETUP, DEFAULT, rate_factor=0.5)
+    assert all(last(results[:n])["speed_mps"].status is Status.INVALID for n in range(1, len(results)))
+
+
+def test_metres_taken_for_g_are_named() -> None:
+    _, snapshot = restated(PLAIN, 4.0, SETUP, DEFAULT, unit_factor=STANDARD_GRAVITY_MPS2)
+    (flag,) = snapshot.flags
+    assert [cause.code for cause in flag.reason["causes"]] == [Code.UNIT_IS_MPS2]
+
+
+def test_wrong_radius_makes_speed_provisional() -> None:
+    results, _ = simulated(PLAIN, 4.0, replace(SETUP, radius_m=0.30, radius_std_m=0.003), DEFAULT)
+    found = last(results)
+    for name in ("speed_mps", "contact_length_m", *RING_NUMBERS):
+        assert found[name].status is Status.PROVISIONAL
+    causes = {cause.code: cause for cause in found["speed_mps"].reasons[0]["why"]["causes"]}
+    assert causes[Code.RADIUS_WOULD_FIT]["radius_m"] == pytest.approx(0.32, abs=0.001)
+    assert found["Bs/Cw"].status is Status.VALID
+    assert found["leading_edge_rad"].status is Status.VALID
+
+
+def test_all_stated_well_contradicts_nothing() -> None:
+    results, truth = simulated(PLAIN, 4.0, SETUP, DEFAULT)
+    found = last(results)
+    for name in ("speed_mps", "leading_edge_rad", *RING_NUMBERS, "Bs/Cw"):
+        assert found[name].status is Status.VALID, found[name]
+    for name in RING_NUMBERS:
+        assert abs(found[name].value - getattr(truth.numbers(3.0), name)) < 3.0 * found[name].std
+
+
+@pytest.mark.parametrize("claims", [SensorClaims(), SensorClaims(offset_m=0.008)])
+def test_depth_is_measured_and_used(claims: SensorClaims) -> None:
+    """A sensor 8 mm below the neutral layer moves Ts by 40 standard errors where that is not used."""
+    results, truth = simulated(DEEP, 6.0, replace(SETUP, sensor=claims), DEFAULT)
+    conditions = results[-1].conditions
+    assert conditions.sensor_offset_m == pytest.approx(0.008, abs=3.0 * conditions.sensor_offset_std_m)
+    assert conditions.sensor_offset_std_m < 3e-4
+    found = last(results)
+    for name in RING_NUMBERS:
+        assert found[name].status is Status.VALID
+        assert abs(found[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * found[name].std
+
+
+@pytest.mark.parametrize("stated_m", [0.0, 0.003])
+def test_wrong_depth_makes_numbers_provisional(stated_m: float) -> None:
+    setup = replace(SETUP, sensor=SensorClaims(offset_m=stated_m))
+    results, truth = simulated(DEEP, 6.0, setup, (*DEFAULT, "self-calibration"))
+    found = last(results)
+    for name in (*RING_NUMBERS, "Bs/Cw"):
+        assert found[name].status is Status.PROVISIONAL
+        assert codes_of(found[name].reasons)[:2] == (Code.ERROR_COVERS, Code.OFFSET_CONTRADICTED)
+    for name in RING_NUMBERS:
+        assert abs(found[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * found[name].std
+    assert found["speed_mps"].status is Status.VALID
+    assert found["sensor_offset_m"].status is Status.VALID
+
+
+def test_depth_unknown_to_all_widens_the_error() -> None:
+    """A radial axis alone does not tell the depth."""
+    tables = DEEP + '\naxes = ["radial"]'
+    results, truth = simulated(tables, 6.0, SETUP, DEFAULT)
+    assert results[-1].conditions.sensor_offset_std_m == UNKNOWN_OFFSET_STD_M
+    found = last(results)
+    for name in RING_NUMBERS:
+        assert abs(found[name].value - getattr(truth.numbers(5.0), name)) < 3.0 * found[name].std
+    assert Code.OFFSET_UNKNOWN in codes_of(found["Cw"].reasons)
+
+
+def test_unknown_radius_is_measured() -> None:
+    setup = replace(SETUP, radius_m=0.4, radius_std_m=0.08)
+    results, _ = simulated(PLAIN, 4.0, setup, DEFAULT)
+    conditions = results[-1].conditions
+    assert conditions.radius_m == pytest.approx(0.32, rel=0.003)
+    assert 0.004 < conditions.radius_std_m < 0.008
+
+
+def test_zero_offset_is_contradicted_by_two_speeds() -> None:
+    tables = PLAIN + "\nzero_g_offset_g = [0, 0, 1.5]\n[motion]\nspeed_kmh = [[0, 40], [12, 90]]"
+    results, truth = simulated(tables, 12.0, SETUP, DEFAULT)
+    found = last(results)
+    assert Code.ZERO_CONTRADICTED in reasons_by_code(found["Cw"].reasons)
+    for name in RING_NUMBERS:
+        assert found[name].status is Status.PROVISIONAL
+        assert abs(found[name].value - getattr(truth.numbers(11.0), name)) < 3.0 * found[name].std
+
+
+@pytest.mark.parametrize("load_n", [4000.0, 6000.0])
+def test_wrong_load_is_contradicted_by_the_width(load_n: float) -> None:
+    """The width of the belt is that of the new tire, whatever its wear."""
+    reference = ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3)
+    setup = replace(SETUP, load_n=load_n, tire=TireData(reference=reference))
+    found = last(simulated(PLAIN, 4.0, setup, DEFAULT)[0])
+    for name in RING_NUMBERS:
+        assert found[name].status is Status.PROVISIONAL
+        assert codes_of(found[name].reasons) == (Code.WIDTH_CONTRADICTED,)
+    assert found["Bs/Cw"].status is Status.VALID
+
+
+CONDITIONS = TireConditions(0.32, 4200.0, 210e3, radius_std_m=0.0032)
+SPEED = Estimate("speed_mps", 18.0, 0.001, Status.VALID)
+
+
+def measured(ratio: float, *, gain: float = 1.0, gain_std: float = 0.01, offset_m: float | None = 0.0) -> Measured:
+    """Return a measurement of one speed with R Omega^2 = 1000 m/s^2."""
+    by_mean = np.array([2000.0, 2.0])
+    return Measured(
+        revolutions=20,
+        ac_coupled=False,
+        rate_hz=9600.0,
+        steady_mps2=1000.0,
+        mean_square=1.3,
+        by_mean=(20.0 * np.outer(by_mean, by_mean), 20.0 * by_mean * 2000.0 * (ratio - 1.0)),
+        by_gravity=(np.diag([gain_std**-2.0, 1.0]), np.array([(gain - 1.0) / gain_std**2, 0.0])),
+        contact_gain=None,
+        offset_m=None if offset_m is None else (offset_m, 1e-4),
+    )
+
+
+@pytest.mark.parametrize("ratio", [0.97, 1.0, 1.04])
+def test_ratio_within_errors_changes_nothing(ratio: float) -> None:
+    evidence = assess(measured(ratio), CONDITIONS, 1000.0, ac_coupled=False)
+    assert evidence.contradictions == ()
+    assert evidence.radius_m == CONDITIONS.radius_m
+    assert evidence.qualified(SPEED) == SPEED
+
+
+def test_gravity_decides_between_gain_and_radius() -> None:
+    by_gain = assess(measured(1.1, gain=1.1), CONDITIONS, 1000.0, ac_coupled=False)
+    assert set(by_gain.contradictions[0].ratios) == {"gain"}
+    assert by_gain.qualified(SPEED).status is Status.VALID
+    by_radius = assess(measured(1.1), CONDITIONS, 1000.0, ac_coupled=False)
+    assert "gain" not in by_radius.contradictions[0].ratios
+    assert by_radius.qualified(SPEED).status is Status.PROVISIONAL
+
+
+def test_effect_within_the_error_leaves_estimate_valid() -> None:
+    evidence = assess(measured(1.1), CONDITIONS, 1000.0, ac_coupled=False)
+    wide = replace(SPEED, std=8.0)
+    assert evidence.qualified(wide) == wide
+
+
+def test_invalid_estimate_stays_as_it_is() -> None:
+    evidence = assess(measured(4.0), CONDITIONS, 1000.0, ac_coupled=False)
+    invalid = Estimate.invalid("speed_mps", Reason(Code.NO_CONTACT_EDGES))
+    assert evidence.qualified(invalid) is invalid
+
+
+def test_agreeing_depths_are_averaged() -> None:
+    conditions = replace(CONDITIONS, claims=SensorClaims(offset_m=0.0051, offset_std_m=1e-4))
+    evidence = assess(measured(1.0, offset_m=0.005), conditions, 1000.0, ac_coupled=False)
+    assert evidence.sensor_offset_m == pytest.approx(0.00505)
+    assert evidence.sensor_offset_std_m == pytest.approx(1e-4 / math.sqrt(2.0))
+
+
+def test_contradicted_gain_widens_the_measured_depth() -> None:
+    evidence = assess(measured(1.1, gain=1.1, offset_m=0.01), CONDITIONS, 1000.0, ac_coupled=False)
+    assert evidence.sensor_offset_std_m == pytest.approx(0.01 * (1.0 - 1.0 / 1.1), rel=0.05)

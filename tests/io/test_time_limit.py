@@ -1,0 +1,49 @@
+"""A source with a time limit ends by the times of its items."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.io.time_limit import TimeLimitedSource
+
+START_NS = 1_700_000_000_000_000_000
+
+
+class TenChunks:
+    """A source with a chunk every 0.1 s, all of them available at once."""
+
+    link = "test:x"
+    vehicle_toml = "[vehicle]"
+
+    def __init__(self) -> None:
+        self.ended = self.closed = False
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        try:
+            yield LinkEvent("test:x", START_NS, LinkEventKind.CONNECTED)
+            for number in range(10):
+                yield Chunk("test:x", START_NS + number * 100_000_000, bytes([number]))
+        finally:
+            self.ended = True
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_items_end_with_their_own_time() -> None:
+    source = TenChunks()
+    limited = TimeLimitedSource(source, 0.5)
+    items = list(limited.items(threading.Event()))
+    assert b"".join(item.data for item in items if isinstance(item, Chunk)) == bytes(range(6))
+    assert source.ended, "the source must not go on behind the limit"
+
+
+def test_other_properties_are_those_of_the_source() -> None:
+    source = TenChunks()
+    limited = TimeLimitedSource(source, 5.0)
+    assert len(list(limited.items(threading.Event()))) == 11
+    assert (limited.link, limited.vehicle_toml) == ("test:x", "[vehicle]")
+    limited.close()
+    assert source.closed

@@ -1,0 +1,281 @@
+"""Silence of hubs, sensors and parts of their streams: a state with a time, live and in recordings."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from firmware_protocol.codec import encode_frame
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import Axis, MessageType, SampleBlock
+from gateway.clock import ManualClock
+from gateway.config.vehicle import parse_vehicle
+from gateway.estimators.estimator import Status
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, open_source
+from gateway.pipeline.results import SilentPart, WheelState
+from gateway.reasons import Code, Reason, codes_of
+from gateway.recording.reader import RecordingReader
+from gateway.recording.writer import RecordingWriter
+from gateway.session.alarms import AlarmName
+from gateway.session.batch_alarms import BatchAlarms
+from gateway.session.batch_estimation import estimate_items
+from gateway.session.core import SessionCore
+from gateway.session.silence import Limit, SilenceWatch, _Stream
+from gateway.views.wording import text
+
+S = 1_000_000_000
+START_NS = 1_700_000_000_000_000_000
+
+
+def lab(fault="", duration_s=14, scenario="lab"):
+    """Return the items of a simulated wheel and its vehicle."""
+    suffix = f"&fault={fault}" if fault else ""
+    source = open_source(f"sim:{scenario}?speed=max&duration={duration_s}&seed=4{suffix}", ManualClock(START_NS))
+    items = list(source.items(threading.Event()))
+    return items[:-1], parse_vehicle(source.vehicle_toml, "lab")
+
+
+def run(items, vehicle, **kwargs):
+    core = SessionCore(vehicle, **kwargs)
+    for item in items:
+        core.take(item)
+    return core
+
+
+def changed(items, change):
+    """Return items with every frame replaced by the frames that `change` returns."""
+    decoder, kept = FrameDecoder(), []
+    for item in items:
+        if not isinstance(item, Chunk):
+            kept.append(item)
+            continue
+        frames = [new for frame in decoder.feed(item.data) for new in change(frame, (item.host_ns - START_NS) / S)]
+        if frames:
+            kept.append(Chunk(item.link, item.host_ns, b"".join(map(encode_frame, frames))))
+    return kept
+
+
+def alarms_of(core):
+    return {(alarm.position, alarm.name): alarm.reason for alarm in core.snapshot(0.0).alarms}
+
+
+@pytest.fixture(scope="module")
+def hub():
+    return lab(duration_s=6)
+
+
+def test_stopped_hub_shows_no_live_numbers(hub) -> None:
+    items, vehicle = hub
+    core = run(items, vehicle)
+    before = core.snapshot(0.0)
+    assert before.wheels[0].state is WheelState.ROLLING
+    assert before.links[0].latency_s is not None
+    last_ns = items[-1].host_ns
+    for tenth in range(201):
+        core.tick(last_ns + tenth * S // 10)
+    after = core.snapshot(0.0)
+    (wheel,), (link,) = after.wheels, after.links
+    assert wheel.state is WheelState.SILENT
+    assert wheel.silence.part is SilentPart.HUB
+    assert wheel.silence.age_s == pytest.approx(20.0, abs=0.1)
+    assert link.silent_s == pytest.approx(20.0, abs=0.1)
+    assert link.latency_s is None
+    reason = alarms_of(core)["hub 0", AlarmName.SILENT]
+    assert reason["wheels"] == ("W1",)
+    assert reason["silence_s"] == pytest.approx(20.0, abs=0.1)
+
+
+def test_silence_is_raised_once_and_its_end_reported(hub) -> None:
+    items, vehicle = hub
+    gone = [item for item in items if not 2.2 * S < item.host_ns - START_NS < 5.7 * S]
+    core = run(gone, vehicle)
+    found = [notice.reason for notice in core.take_notices() if notice.subject == "hub 0"]
+    raised, over = (reason for reason in found if reason.code is not Code.HUB_LOG)
+    assert raised.code is Code.ALARM_RAISED
+    # The last message other than samples came at 2 s: 3 s later the hub is known to be silent.
+    assert raised["alarm"]["silence_s"] == pytest.approx(2.8, abs=0.05)
+    assert over.code is Code.ALARM_CLEARED
+    assert over["what"].code is Code.SENDS_AGAIN
+    assert over["what"]["away_s"] == pytest.approx(3.5, abs=0.15)
+
+
+def test_samples_that_stop_are_named_although_no_frame_is_lost() -> None:
+    items, vehicle = lab("silence:part=2,at=4")
+    core = run(items, vehicle)
+    snapshot = core.snapshot(0.0)
+    assert snapshot.links[0].frames_lost == 0
+    assert snapshot.links[0].silent_s is None
+    assert snapshot.wheels[0].state is WheelState.SILENT
+    assert snapshot.wheels[0].silence.part is SilentPart.SAMPLES
+    assert alarms_of(core)["W1", AlarmName.SILENT].code is Code.SAMPLES_SILENT
+
+
+def test_silent_sensor_is_told_from_a_silent_hub() -> None:
+    items, vehicle = lab("silence:part=1,at=4")
+    core = run(items, vehicle)
+    assert core.snapshot(0.0).wheels[0].silence.part is SilentPart.SENSOR
+    assert set(alarms_of(core)) == {("W1", AlarmName.SILENT)}
+    assert alarms_of(core)["W1", AlarmName.SILENT].code is Code.SENSOR_SILENT
+
+
+def test_missing_axis_is_named() -> None:
+    items, vehicle = lab(duration_s=6)
+
+    def without_lateral(frame, at_s):
+        block = frame.message
+        if not isinstance(block, SampleBlock) or at_s < 3.0:
+            return [frame]
+        return [frame._replace(message=block._replace(axes=0b101, counts=block.counts[:, [0, 2]]))]
+
+    core = run(changed(items, without_lateral), vehicle)
+    silence = core.snapshot(0.0).wheels[0].silence
+    assert silence.part is SilentPart.AXIS
+    assert silence.reason["axis"] == Axis.LATERAL.name.lower()
+    assert silence.age_s == pytest.approx(3.0, abs=0.1)
+
+
+def test_old_pressure_is_named_and_doubts_what_rests_on_it() -> None:
+    items, vehicle = lab("silence:part=3,at=3")
+    core = SessionCore(vehicle)
+    results = [result for item in items for result in core.take(item)]
+    wheel = core.snapshot(0.0).wheels[0]
+    assert wheel.state is WheelState.ROLLING
+    assert wheel.silence is None
+    assert wheel.old_environment.age_s > 5.0
+    assert alarms_of(core)["W1", AlarmName.ENVIRONMENT].code is Code.ENVIRONMENT_SILENT
+    last = {estimate.name: estimate for estimate in results[-1].estimates}
+    assert last["Cw"].status is Status.PROVISIONAL
+    assert Code.PRESSURE_OLD in codes_of(last["Cw"].reasons)
+    assert last["speed_mps"].status is Status.VALID
+
+
+def test_standing_wheel_is_not_silent() -> None:
+    items, vehicle = lab(scenario="standstill_restart", duration_s=20)
+    core, states = SessionCore(vehicle), set()
+    for item in items:
+        core.take(item)
+        states |= {wheel.state for wheel in core.snapshot(0.0).wheels}
+    assert WheelState.STANDSTILL in states
+    assert WheelState.SILENT not in states
+    assert core.snapshot(0.0).alarm_records == ()
+
+
+def test_sensor_that_never_sends_is_an_alarm() -> None:
+    items, vehicle = lab(duration_s=12)
+    absent = vehicle.wheel[0].model_copy(update={"position": "W2", "wheel": 1, "sensor_id": None})
+    core = run(items, vehicle.model_copy(update={"wheel": (*vehicle.wheel, absent)}))
+    assert alarms_of(core)["W2", AlarmName.SILENT].code is Code.SENSOR_NEVER_HEARD
+    assert ("W1", AlarmName.SILENT) not in alarms_of(core)
+
+
+def test_wheel_of_a_lost_link_is_silent(hub) -> None:
+    items, vehicle = hub
+    core = run([*items, LinkEvent("sim:lab", items[-1].host_ns, LinkEventKind.LOST)], vehicle)
+    (wheel,) = core.snapshot(0.0).wheels
+    assert wheel.state is WheelState.SILENT
+    assert wheel.silence.part is SilentPart.LINK
+    assert "connection lost" in text(wheel.silence.reason)
+
+
+def test_silent_hub_of_a_lost_link_is_not_over(hub) -> None:
+    items, vehicle = hub
+    core = run(items, vehicle)
+    core.tick(items[-1].host_ns + 5 * S)
+    core.take(LinkEvent("sim:lab", items[-1].host_ns + 6 * S, LinkEventKind.LOST))
+    core.tick(items[-1].host_ns + 7 * S)
+    assert Code.ALARM_CLEARED not in {notice.reason.code for notice in core.take_notices()}
+    assert [(one.position, one.is_standing) for one in core.snapshot(0.0).alarm_records] == [
+        ("hub 0", True),
+        ("sim:lab", True),
+    ]
+
+
+def test_ended_session_keeps_the_last_numbers(hub) -> None:
+    items, vehicle = hub
+    core = run([*items, LinkEvent("sim:lab", items[-1].host_ns, LinkEventKind.ENDED)], vehicle)
+    core.finish()
+    assert core.snapshot(0.0, ended=True).wheels[0].state is WheelState.ROLLING
+    assert core.snapshot(0.0, ended=True).alarm_records == ()
+
+
+def test_limit_follows_the_pace_of_the_stream() -> None:
+    bursts = _Stream(Limit(5.0, 1.0, 0.1), 0)
+    for burst in range(12):
+        for frame in range(20):
+            bursts.arrived(burst * 2 * S + frame * S // 1000)
+    assert bursts.limit_ns == 10 * S
+    steady = _Stream(Limit(5.0, 1.0, 0.1), 0)
+    for frame in range(400):
+        steady.arrived(frame * S // 40)
+    assert steady.limit_ns == S
+    steady.arrived(60 * S)
+    assert steady.limit_ns == S, "one silence is not a pace"
+
+
+def test_time_until_silence_is_configurable(hub) -> None:
+    items, vehicle = hub
+    limits = vehicle.thresholds.model_copy(update={"silent_after_s": 4.0})
+    core = run(items, vehicle.model_copy(update={"thresholds": limits}))
+    core.tick(items[-1].host_ns + 7 * S // 2)
+    assert core.snapshot(0.0).wheels[0].silences == ()
+    core.tick(items[-1].host_ns + 9 * S // 2)
+    assert core.snapshot(0.0).wheels[0].state is WheelState.SILENT
+
+
+def test_links_without_a_time_stand_still(hub) -> None:
+    items, vehicle = hub
+    core = run(items, vehicle)
+    core.tick(items[-1].host_ns + 60 * S, {"sim:lab": items[-1].host_ns})
+    core.tick(items[-1].host_ns + 60 * S, {})
+    assert core.snapshot(0.0).wheels[0].state is WheelState.ROLLING
+
+
+def test_times_that_are_set_back_are_no_silence(hub) -> None:
+    items, vehicle = hub
+    chunks = [item for item in items if isinstance(item, Chunk)]
+    half = len(chunks) // 2
+    again = [Chunk(chunk.link, chunk.host_ns - 3600 * S, chunk.data) for chunk in chunks[half:]]
+    assert run([*chunks[:half], *again], vehicle).snapshot(0.0).alarm_records == ()
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_live_replay_and_batch_report_the_same_alarms(part: int, tmp_path) -> None:
+    items, vehicle = lab(f"silence:part={part},at=3,for=7.5", duration_s=14)
+    path = tmp_path / "r.mcap"
+    core = run(items, vehicle, recorder=RecordingWriter(path, start_ns=START_NS, vehicle_toml=vehicle.to_toml()))
+    core.finish()
+    live = core.snapshot(0.0, ended=True).alarm_records
+    assert live
+    replay = open_source(f"replay:{path}?speed=max", ManualClock()).items(threading.Event())
+    played = run(replay, vehicle)
+    played.finish()
+    batch, results = BatchAlarms(vehicle), []
+    estimate_items(RecordingReader(path), vehicle, results.append, alarms=batch)
+    for others in (played.snapshot(0.0, ended=True).alarm_records, batch.finish()):
+        assert [(one.position, one.name, one.reason.code, one.count) for one in others] == [
+            (one.position, one.name, one.reason.code, one.count) for one in live
+        ]
+        assert [one.first_s for one in others] == pytest.approx([one.first_s for one in live], abs=1e-6)
+        assert [one.total_s for one in others] == pytest.approx([one.total_s for one in live], abs=0.2)
+    silent_s = max(result.silent_before_s for result in results)
+    assert silent_s == pytest.approx(7.5, abs=0.1) if part < 3 else silent_s == 0.0
+    if part == 3:
+        named = [result for result in results if any(alarm.name == AlarmName.ENVIRONMENT for alarm in result.alarms)]
+        assert 0 < len(named) < len(results)
+
+
+def test_silent_axis_needs_a_hello() -> None:
+    items, vehicle = lab(duration_s=4)
+    core = run(changed(items, lambda frame, _: [frame] if frame.type != MessageType.HELLO else []), vehicle)
+    assert core.snapshot(0.0).alarm_records == ()
+
+
+def test_watch_without_frames_is_quiet() -> None:
+    watch = SilenceWatch(lambda link, hub, wheel: "W1")
+    assert watch.of_wheels() == {}
+    assert list(watch.silent_hubs()) == []
+    assert watch.silent_s("x") is None
+    assert watch.elapsed_s() == 0.0
+    watch.closed("x", 0, Reason(Code.LINK_LOST))
+    assert list(watch.down_links()) == [("x", Reason(Code.LINK_LOST))]

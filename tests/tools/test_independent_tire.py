@@ -1,0 +1,95 @@
+"""The independent tire's matrices, road and sensor, which need no exudyn."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+
+from independent_tire.__main__ import write
+from independent_tire.elements import COORDINATES, Mesh, belt_matrices
+from independent_tire.rolling import Belt, History, RoadForce, roll
+from independent_tire.sensor import ANGLES, signals
+from independent_tire.tires import TIRES
+
+RADIUS_M = 0.32
+MESH = Mesh(24, RADIUS_M)
+BELT = replace(TIRES[0], elements=24, sinking_m=0.02, friction=0.5, tread_damping_nspm2=2e4)
+
+
+def test_matrices_of_a_circle() -> None:
+    matrices = belt_matrices(MESH)
+    resting = MESH.resting
+    whole = 2.0 * math.pi * RADIUS_M
+    east = np.tile([1.0, 0.0, 0.0, 0.0], MESH.count)
+    assert east @ matrices.mass @ east == pytest.approx(whole)
+    assert 0.5 * resting @ matrices.area @ resting == pytest.approx(math.pi * RADIUS_M**2, rel=1e-4)
+    assert abs(matrices.coriolis + matrices.coriolis.T).max() < 1e-12
+    # A blown-up circle moves along the radius only.
+    assert resting @ matrices.along @ resting < 1e-6 * (resting @ matrices.radial @ resting)
+
+
+@pytest.mark.parametrize("drum_radius_m", [math.inf, 0.85])
+def test_road_derivatives_match_differences(drum_radius_m: float) -> None:
+    road = RoadForce(replace(BELT, drum_radius_m=drum_radius_m), MESH)
+    rng = np.random.default_rng(1)
+    size = COORDINATES * MESH.count
+    place, rate, time_s = rng.normal(size=size) * 1e-4, rng.normal(size=size) * 0.1, BELT.period_s
+    found = road.at(time_s, place, rate)
+    assert found.push_n > 0.0
+    for kind, step in ((0, 1e-8), (1, 1e-6)):
+        rows, columns, values = road.triplets(found, 1.0 - kind, float(kind)).T
+        stiffness = np.zeros((size, size))
+        np.add.at(stiffness, (rows.astype(int), columns.astype(int)), values)
+        for column in (0, 1, 2, 3, size - 2):
+            change = np.zeros((2, size))
+            change[kind, column] = step
+            above = road.at(time_s, place + change[0], rate + change[1]).force
+            below = road.at(time_s, place - change[0], rate - change[1]).force
+            assert -(above - below) / (2.0 * step) == pytest.approx(
+                stiffness[:, column], abs=1e-4 * max(1.0, float(np.abs(stiffness).max()))
+            )
+
+
+def resting_history(belt: Belt) -> History:
+    """A wheel that turns without touching the road."""
+    count = 2 * ANGLES + 1
+    still, none = np.zeros((count, COORDINATES)), np.zeros(count)
+    return History(
+        angle_rad=-math.pi + np.linspace(0.0, 4.0 * math.pi, count),
+        position_m=np.tile(Mesh(belt.elements, belt.radius_m).resting[:COORDINATES], (count, 1)),
+        velocity_mps=still,
+        acceleration_mps2=still,
+        load_n=none + 1000.0,
+        drag_n=none,
+        torque_nm=none - 3.2,
+        edges_rad=np.tile([-0.1, 0.1], (count, 1)),
+    )
+
+
+def test_sensor_of_a_free_wheel_feels_its_own_radius(tmp_path: Path) -> None:
+    found = signals(BELT, resting_history(BELT), 0.01)
+    assert found.radial_m.shape == (2, ANGLES)
+    assert found.radial_m == pytest.approx(np.full((2, ANGLES), BELT.radius_m - 0.01))
+    assert np.abs(found.circumferential_m).max() < 1e-12
+    # Below the axle gravity's reaction points inward.
+    assert found.gravity_radial[0, ANGLES // 2] == pytest.approx(1.0)
+    assert found.gravity_radial[0, 0] == pytest.approx(-1.0)
+    write(tmp_path / "free.npz", BELT, resting_history(BELT))
+    with np.load(tmp_path / "free.npz") as kept:
+        about = json.loads(str(kept["description"]))
+        assert about["rolling_resistance"] == pytest.approx(0.01)
+        assert kept["samples_0"].shape[0] == 3
+
+
+def test_missing_exudyn_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "exudyn", None)
+    with pytest.raises(RuntimeError, match="pip install exudyn"):
+        roll(BELT)

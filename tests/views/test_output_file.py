@@ -1,0 +1,104 @@
+"""Output files appear complete or not at all."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gateway.errors import OutputError
+from gateway.views.output_file import OutputFile, check_outputs, write_whole
+
+# Writes half a table, then dies.
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from gateway.views.output_file import OutputFile
+
+output = OutputFile(Path(sys.argv[1]), force=True)
+output.file.write(b"half a ta" * 100_000)
+output.file.flush()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_file_appears_when_it_is_complete(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    with OutputFile(path) as output:
+        output.file.write(b"whole")
+        output.file.flush()
+        assert not path.exists()
+        assert len(files_in(tmp_path)) == 1, "it must be in the same folder, so that it can be renamed"
+    assert path.read_bytes() == b"whole"
+    assert files_in(tmp_path) == ["out.csv"]
+
+
+def test_error_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    path.write_bytes(b"old")
+
+    def fail() -> None:
+        with OutputFile(path, force=True) as output:
+            output.file.write(b"new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert path.read_bytes() == b"old"
+    assert files_in(tmp_path) == ["out.csv"]
+
+
+@pytest.mark.parametrize("before", [b"old", None])
+def test_killed_process_leaves_no_half_file(tmp_path: Path, before: bytes | None) -> None:
+    path = tmp_path / "out.csv"
+    if before is not None:
+        path.write_bytes(before)
+    done = subprocess.run([sys.executable, "-c", KILLED, path], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert (path.read_bytes() if path.exists() else None) == before
+
+
+def test_file_made_meanwhile_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    output = OutputFile(path)
+    output.file.write(b"mine")
+    path.write_bytes(b"theirs")
+    with pytest.raises(OutputError, match="another program"):
+        output.commit()
+    assert path.read_bytes() == b"theirs"
+    assert files_in(tmp_path) == ["out.csv"]
+
+
+def test_symbolic_link_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link.csv").symlink_to("folder/real.csv")
+    write_whole(tmp_path / "link.csv", "text")
+    assert (tmp_path / "link.csv").is_symlink()
+    assert (tmp_path / "folder" / "real.csv").read_text() == "text"
+
+
+def test_device_is_written_directly(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_whole(pipe, "text")
+    assert os.read(reader, 100) == b"text"
+    os.close(reader)
+    assert files_in(tmp_path) == ["pipe"]
+
+
+def test_dash_is_standard_output(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
+    write_whole(Path("-"), "first\n")
+    with OutputFile(Path("-")) as output:
+        output.file.write(b"second\n")
+    assert capsysbinary.readouterr().out == b"first\nsecond\n"
+    with pytest.raises(OutputError, match="standard output"):
+        check_outputs((Path("-"), Path("-")), ())

@@ -1,0 +1,108 @@
+"""Validity of what the gateway states: random tires with known truth, stated rightly and wrongly.
+
+Every tire goes through the whole chain: ring, sensor, hub, frames, pipeline, estimators. Each estimate is compared with
+the truth. Falsely valid is an estimate called valid that is more than 3 of its errors from the truth. Falsely invalid
+is one not called valid though everything stated is true and the data determine it.
+
+Run: python tools/bench_validity.py [--count 40] [--case NAME] [--quantity NAME] [--estimator NAME] [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from validity.bench import Order, judge_tire
+from validity.cases import CASES, named
+from validity.judging import QUANTITIES, Judged
+from validity.summary import (
+    as_json,
+    estimator_table,
+    invalid_reasons,
+    misstatement_table,
+    size_table,
+    well_table,
+    worst,
+)
+
+from gateway.estimators.registry import ESTIMATORS
+
+# `forward` takes a tenth of a second for each revolution: it is judged on request.
+DEFAULT = ("kinematic", "self-calibration", "weak-form", "ring-modal", "ring-paper", "wear", "load", "ply-steer")
+# The independent tire is flat: no lateral axis.
+ROLLED_WITHOUT = ("ply-steer",)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    options = _options(arguments)
+    count = 8 if options.quick else options.count
+    tires = options.tire if options.tire else range(options.first, options.first + count)
+    cases = tuple(named(options.case))
+    rolled = options.rolled if options.source == "fe" else None
+    usual = DEFAULT if rolled is None else tuple(name for name in DEFAULT if name not in ROLLED_WITHOUT)
+    chosen = tuple(options.estimator or usual)
+    orders = [Order(options.seed, tire, cases, chosen, options.cache, rolled) for tire in tires]
+    judged = [one for found in _all(orders, options.jobs) for one in found]
+    judged = [one for one in judged if not options.quantity or one.quantity in options.quantity]
+    if options.json:
+        options.json.write_text(json.dumps(as_json(judged)), encoding="utf-8")
+    print(f"{len(orders)} tires, seed {options.seed}, {len(cases)} cases, {len(judged)} estimates.\n")
+    tables = [
+        well_table([one for one in judged if any(case.well and case.name == one.case for case in CASES)]),
+        misstatement_table([one for one in judged if not any(c.well and c.name == one.case for c in CASES)]),
+        size_table(judged),
+        estimator_table(judged),
+        worst(judged, options.worst),
+        invalid_reasons(judged, options.worst),
+    ]
+    for table in tables:
+        if table.rows:
+            print(table.text(markdown=options.markdown))
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quantity", action="append", choices=QUANTITIES, help="judge these instead of all")
+    parser.add_argument("--case", action="append", choices=[case.name for case in CASES], help="instead of all")
+    parser.add_argument("--estimator", action="append", choices=tuple(ESTIMATORS), help="run these instead")
+    parser.add_argument("--count", type=int, default=40, help="number of tires")
+    parser.add_argument("--first", type=int, default=0, help="number of the first tire")
+    parser.add_argument("--tire", type=int, action="append", help="this tire only; repeat for several")
+    parser.add_argument("--seed", type=int, default=1, help="of everything")
+    parser.add_argument("--source", choices=("exact", "fe"), default="exact", help="ring, or independent tire")
+    parser.add_argument("--rolled", type=Path, help="with --source fe: folder that tools/independent_tire wrote")
+    parser.add_argument("--quick", action="store_true", help="8 tires")
+    parser.add_argument("--worst", type=int, default=20, help="rows of the tables of offenders")
+    parser.add_argument("--json", type=Path, help="write every judged estimate to this file")
+    parser.add_argument("--markdown", action="store_true", help="tables to paste into docs")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--cache", type=Path, help="folder that keeps ring solutions between runs; trust its files")
+    options = parser.parse_args(arguments)
+    if options.source == "fe" and options.rolled is None:
+        parser.error("--source fe needs --rolled DIR; see tools/independent_tire")
+    return options
+
+
+def _all(orders: Sequence[Order], jobs: int) -> Iterator[list[Judged]]:
+    """Yield the judgements of all tires in order; progress goes to the terminal's error stream."""
+    if jobs == 1:
+        for number, order in enumerate(orders, 1):
+            yield judge_tire(order)
+            print(f"\r{number} of {len(orders)} tires", end="", file=sys.stderr, flush=True)
+    else:
+        with ProcessPoolExecutor(jobs) as pool:
+            waiting = {pool.submit(judge_tire, order): place for place, order in enumerate(orders)}
+            found: dict[int, list[Judged]] = {}
+            for done in as_completed(waiting):
+                found[waiting[done]] = done.result()
+                print(f"\r{len(found)} of {len(orders)} tires", end="", file=sys.stderr, flush=True)
+        yield from (found[place] for place in range(len(orders)))
+    print(file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""The tires that are kept: two sizes, three speeds and loads each, with damping and friction."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from independent_tire.rolling import Belt
+
+# Numbers of the ring paper's tire: bending, tension, radial and tangential stiffness.
+_NUMBERS: Final = (3.0833e-3, 0.1953, 2.9740, 2.5289)
+
+
+def _belt(
+    name: str, radius_m: float, pressure_pa: float, factors: tuple[float, float, float, float], **drive: float
+) -> Belt:
+    bs, cw, rs, ts = (number * factor for number, factor in zip(_NUMBERS, factors, strict=True))
+    size = pressure_pa / 2.1e5
+    return Belt(
+        name=name,
+        radius_m=radius_m,
+        pressure_pa=pressure_pa,
+        tension_width_m=cw * radius_m,
+        bending_nm2=bs * radius_m**4 * pressure_pa,
+        extension_n=2e7 * size,
+        radial_npm2=rs * pressure_pa,
+        tangential_npm2=ts * pressure_pa,
+        mass_kgpm=3.5 * size,
+        tread_npm2=7e7 * size,
+        **drive,
+    )
+
+
+_CAR: Final = (0.32, 2.1e5, (1.0, 1.0, 1.0, 1.0))
+_VAN: Final = (0.38, 3.8e5, (1.25, 0.88, 1.15, 0.8))
+
+TIRES: Final[tuple[Belt, ...]] = (
+    _belt("car-45", *_CAR, speed_mps=45 / 3.6, sinking_m=0.017, sidewall_damping_nspm2=60.0),
+    _belt("car-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.024, sidewall_damping_nspm2=60.0,
+          bending_damping_nm2s=2e-3, friction=0.6),
+    _belt("car-120", *_CAR, speed_mps=120 / 3.6, sinking_m=0.028, sidewall_damping_nspm2=60.0,
+          tread_damping_nspm2=1e4),
+    _belt("van-40", *_VAN, speed_mps=40 / 3.6, sinking_m=0.026, sidewall_damping_nspm2=110.0),
+    _belt("van-80", *_VAN, speed_mps=80 / 3.6, sinking_m=0.020, sidewall_damping_nspm2=110.0, friction=0.6),
+    _belt("drum-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.022, sidewall_damping_nspm2=60.0, drum_radius_m=0.85),
+)  # fmt: skip

@@ -1,0 +1,124 @@
+"""One tire through all cases: calibration, runs, judgement."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from gateway.estimators.tire_data import LoadCalibration
+from gateway.estimators.tire_fit import TirePoint, fit_load_calibration
+from gateway.physics.rolling_ring import RingNotConvergedError
+from validity.cases import Case
+from validity.independent import record_rolled, rolled_tires, rolled_world
+from validity.judging import Judged, judge
+from validity.runs import Run, Store, record, results_of
+from validity.statements import LOAD_STD, Statement, draw_statement, moved_to
+from validity.tires import World, draw_world
+
+# Loads and pressures of the calibration, over the tire's own.
+_CALIBRATED: Final = ((0.7, 1.0), (1.0, 1.0), (1.3, 1.0), (1.0, 1.15))
+_CALIBRATION_REVOLUTIONS: Final = 24
+# The first revolutions are timed without an average to compare them with.
+_SKIPPED: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One tire's share of the bench.
+
+    Attributes:
+        seed: of the bench.
+        tire: number of the tire.
+        cases: to run.
+        estimators: to judge.
+        store: folder of kept solutions, None for none.
+        rolled: folder of kept independent tires; None for the exact ring.
+    """
+
+    seed: int
+    tire: int
+    cases: tuple[Case, ...]
+    estimators: tuple[str, ...]
+    store: Path | None = None
+    rolled: Path | None = None
+
+
+def size_of(case: Case, tire: int) -> float:
+    """Return the size of a misstatement that a tire gets: all sizes in turn, each case from another one on."""
+    return case.sizes[(tire + zlib.crc32(case.name.encode())) % len(case.sizes)]
+
+
+def judge_tire(order: Order) -> list[Judged]:
+    """Return the judged estimates of one tire in all cases, one size each.
+
+    A case in which the tire has no equilibrium is left out.
+    """
+    Store.folder = order.store
+    if order.rolled is None:
+        plain, record_world = draw_world(order.seed, order.tire), record
+    else:
+        tires = rolled_tires(order.rolled)
+        rolled = tires[order.tire % len(tires)]
+        plain, record_world = rolled_world(rolled, order.seed, order.tire), partial(record_rolled, rolled)
+    said = draw_statement(plain, np.random.default_rng([order.seed, order.tire, 1]))
+    judged: list[Judged] = []
+    runs: dict[World, Run] = {}
+    calibrations: dict[World, LoadCalibration | None] = {}
+    for case in order.cases:
+        if case.tire and order.rolled is not None:
+            continue
+        size = size_of(case, order.tire)
+        rng = np.random.default_rng([order.seed, order.tire, zlib.crc32(case.name.encode())])
+        try:
+            world, statement = case.change(plain, said, size, rng)
+            if "load" in order.estimators and order.rolled is None:
+                tire = _as_calibrated(plain, world)
+                if tire not in calibrations:
+                    calibrations[tire] = calibration_of(tire, said, order)
+                statement = replace(statement, calibration=calibrations[tire])
+            if world not in runs:
+                runs = {plain: runs[plain]} if plain in runs else {}
+                runs[world] = record_world(world, (order.seed, order.tire))
+        except RingNotConvergedError:
+            continue
+        results = results_of(runs[world], statement, order.estimators)
+        judged += judge(runs[world], statement, results, case, size, order.tire, order.estimators)
+    return judged
+
+
+def _as_calibrated(plain: World, world: World) -> World:
+    """Return the tire that was calibrated before the run: new, cold, and with the sensor that it has."""
+    return replace(
+        plain,
+        damping_nspm2=world.damping_nspm2,
+        extension_mn=world.extension_mn,
+        tread_mpa=world.tread_mpa,
+        offset_m=world.offset_m,
+    )
+
+
+def calibration_of(tire: World, said: Statement, order: Order) -> LoadCalibration | None:
+    """Return the load calibration of a tire as `treadlink calibrate` makes it; None where it sees no contact."""
+    points: list[TirePoint] = []
+    for index, (load, pressure) in enumerate(_CALIBRATED):
+        world = replace(
+            tire,
+            load_n=tire.load_n * load,
+            pressure_pa=tire.pressure_pa * pressure,
+            revolutions=_CALIBRATION_REVOLUTIONS,
+        )
+        run = record(world, (order.seed, order.tire, 100 + index))
+        true = moved_to(replace(said, offset_mm=1e3 * tire.offset_m), tire, world)
+        results = results_of(run, true, ("kinematic",))[_SKIPPED:]
+        halves = [0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in results]
+        half = float(np.nanmedian(halves)) if np.isfinite(halves).any() else np.nan
+        if not half > 0.0:
+            return None
+        weighed = world.load_n * (1.0 + 0.5 * LOAD_STD * float(np.random.default_rng([order.tire, index]).normal()))
+        points.append(TirePoint(str(index), weighed, 0.5 * LOAD_STD * weighed, world.pressure_pa, half, {}))
+    return fit_load_calibration(points).calibration

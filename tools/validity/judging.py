@@ -1,0 +1,213 @@
+"""Judgement of estimates by the truth: pulls, validity, and whether the data could determine the quantity at all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
+
+from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
+from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.registry import in_order
+from gateway.pipeline.results import RevolutionResult
+from validity.cases import Case
+from validity.runs import Run, Store
+from validity.statements import Statement
+
+# Estimators by the quantities that only they give; the numbers are those of the first that runs.
+OWNERS: Final = {
+    "speed_mps": "kinematic",
+    "leading_edge_rad": "kinematic",
+    "trailing_edge_rad": "kinematic",
+    "half_angle_rad": "kinematic",
+    "contact_length_m": "kinematic",
+    "gain": "self-calibration",
+    "zero_g_offset_mps2": "self-calibration",
+    "sensor_offset_m": "self-calibration",
+    "wear_mm": "wear",
+    "load_n": "load",
+    "load_by_angle_n": "load",
+    "load_by_width_n": "load",
+    "pressure_number": "load",
+    "ply_steer_peak_rad": "ply-steer",
+    "ply_steer_first_half_rad": "ply-steer",
+    "ply_steer_adhesion_line_rad": "ply-steer",
+    "ply_steer_contact_line_rad": "ply-steer",
+    "conicity_slope_rad": "ply-steer",
+}
+NUMBER_ESTIMATORS: Final = ("weak-form", "ring-modal", "ring-paper", "forward")
+QUANTITIES: Final = (*OWNERS, *RING_NUMBERS, *RING_RATIOS)
+BEYOND: Final = 3.0
+# Results that are judged: one before averages settle, one just after, and the last.
+_JUDGED: Final = (3, 12, -1)
+# A number counts as one that the data determine when the smallest possible error is this share of it.
+_DETERMINABLE: Final = 1.0 / 9.0
+# Not settled by one run at one speed, whatever the estimator; nor is conicity there to be found.
+_NOT_EXPECTED: Final = frozenset({"gain", "zero_g_offset_mps2", "conicity_slope_rad"})
+_PULL_LIMIT: Final = 9999.0
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One estimate beside the truth.
+
+    Attributes:
+        case: name of the case.
+        size: of the misstatement.
+        tire: number of the tire.
+        when: which of the judged results, 0 for the first.
+        estimator: that made it.
+        quantity: name.
+        value: estimate.
+        std: its standard error.
+        truth: true value.
+        status: as printed.
+        determinable: whether the data could determine it.
+        reasons: codes of the reasons.
+    """
+
+    case: str
+    size: float
+    tire: int
+    when: int
+    estimator: str
+    quantity: str
+    value: float
+    std: float
+    truth: float
+    status: str
+    determinable: bool
+    reasons: tuple[str, ...]
+
+    @property
+    def valid(self) -> bool:
+        """Whether it was called valid."""
+        return self.status == Status.VALID
+
+    @property
+    def pull(self) -> float:
+        """Error in standard errors, at most 9999."""
+        error = self.value - self.truth
+        if not math.isfinite(error):
+            return math.nan
+        if not self.std > 0.0:
+            return math.copysign(_PULL_LIMIT, error) if error else 0.0
+        return max(-_PULL_LIMIT, min(_PULL_LIMIT, error / self.std))
+
+    @property
+    def falsely_valid(self) -> bool:
+        """Whether it was called valid and is not true within its errors."""
+        return self.valid and not abs(self.pull) <= BEYOND
+
+
+def judge(
+    run: Run, statement: Statement, results: Sequence[RevolutionResult], case: Case, size: float, tire: int,
+    estimators: Sequence[str],
+) -> Iterator[Judged]:  # fmt: skip
+    """Yield the judged estimates of one run; a run without results yields invalid ones."""
+    running = in_order(name for name in estimators if name not in statement.left_out)
+    able = determinable(run)
+    if statement.calibration is None:
+        able["load_by_angle_n"] = False
+    first = next((name for name in running if name in NUMBER_ESTIMATORS), "")
+    expected = [(OWNERS[name], name) for name in OWNERS if OWNERS[name] in running]
+    expected += [(own, name) for own in running if own in NUMBER_ESTIMATORS for name in (*RING_NUMBERS, *RING_RATIOS)]
+    for when, at in enumerate(_JUDGED):
+        result = results[at] if results and at < len(results) else None
+        found = {} if result is None else _by_owner(result, first)
+        truth = {} if result is None else truths(run, statement, result)
+        for estimator, name in expected:
+            estimate = found.get((estimator, name)) or Estimate.invalid(name)
+            yield Judged(
+                case.name, size, tire, when, estimator, name, estimate.value, estimate.std,
+                truth.get(name, math.nan), str(estimate.status), able.get(name, True),
+                tuple(str(reason.code.name) for reason in estimate.reasons),
+            )  # fmt: skip
+
+
+def _by_owner(result: RevolutionResult, first: str) -> dict[tuple[str, str], Estimate]:
+    """Return the estimates by estimator and quantity; the contact's half angle is added to the edges."""
+    found: dict[tuple[str, str], Estimate] = {}
+    for estimate in result.estimates:
+        owner, _, name = estimate.name.rpartition(":")
+        if not owner:
+            owner = first if name in (*RING_NUMBERS, *RING_RATIOS) else OWNERS.get(name, "")
+        found[owner, name] = replace(estimate, name=name)
+    leading, trailing = found.get(("kinematic", "leading_edge_rad")), found.get(("kinematic", "trailing_edge_rad"))
+    if leading is not None and trailing is not None:
+        # The definition of both edges may be wrong in the same direction, as for the contact length.
+        found["kinematic", "half_angle_rad"] = replace(
+            found["kinematic", "contact_length_m"],
+            name="half_angle_rad",
+            value=0.5 * (trailing.value - leading.value),
+            std=0.5 * (trailing.std + leading.std),
+        )
+    return found
+
+
+def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str, float]:
+    """Return the true value of every judged quantity in one revolution."""
+    world, truth = run.world, run.truth
+    # The program's time runs with the stated rate.
+    begin_s = result.revolution.start_s * statement.rate_factor
+    bottoms = run.bottoms_s
+    turn = min(int(np.argmin(np.abs(bottoms - begin_s))), len(bottoms) - 2)
+    middle_s = 0.5 * float(bottoms[turn] + bottoms[turn + 1])
+    leading, trailing = truth.contact_edges_rad(middle_s)
+    half = 0.5 * (trailing - leading)
+    numbers = truth.numbers(middle_s)
+    slopes = run.slopes()
+    return {
+        "speed_mps": 2.0 * math.pi * world.radius_m / float(bottoms[turn + 1] - bottoms[turn]),
+        "leading_edge_rad": -half,
+        "trailing_edge_rad": half,
+        "half_angle_rad": half,
+        "contact_length_m": 2.0 * half * world.radius_m,
+        "gain": (1.0 + world.gain_error[2]) * statement.unit_factor,
+        "zero_g_offset_mps2": world.zero_g_mps2[2] * statement.unit_factor,
+        "sensor_offset_m": world.offset_m,
+        "wear_mm": world.wear_mm,
+        "load_n": world.load_n,
+        "load_by_angle_n": world.load_n,
+        "load_by_width_n": world.load_n,
+        "pressure_number": world.load_n / (2.0 * world.pressure_pa * half * world.radius_m**2),
+        "ply_steer_peak_rad": slopes.peak_rad,
+        "ply_steer_first_half_rad": slopes.first_half_rad,
+        "ply_steer_adhesion_line_rad": slopes.adhesion_line_rad,
+        "ply_steer_contact_line_rad": slopes.contact_line_rad,
+        "conicity_slope_rad": slopes.conicity_rad,
+        **{name: getattr(numbers, name) for name in RING_NUMBERS},
+        **{name: getattr(numbers, name[:2]) / numbers.Cw for name in RING_RATIOS},
+    }
+
+
+def determinable(run: Run) -> dict[str, bool]:
+    """Return whether the data of a run can determine a quantity; True for what is not named.
+
+    The smallest possible error is the Cramer-Rao bound of all revolutions together, tread stiffness unknown.
+    """
+    world = run.world
+    able = dict.fromkeys(_NOT_EXPECTED, False)
+    tire, omega = run.truth.plan.tire, world.omega_radps
+    conditions = (tire.ring_at(world.pressure_pa), world.load_n, world.pressure_pa, omega)
+    sensitivity = Store.get(
+        ("bound", *conditions),
+        lambda: waveform_sensitivity(*conditions, parameters=DEFAULT_PARAMETERS, nodes=960),
+    )
+    highest = math.floor(0.4 * world.rate_hz * sensitivity.period_s)
+    variance = order_variance(
+        sensitivity.period_s,
+        world.noise_mg_rthz * 1e-3 * STANDARD_GRAVITY_MPS2,
+        road_rms_mps2=world.road_mps2 * world.speed_kmh / 65.0,
+        max_order=min(150, highest),
+    )
+    bound = cramer_rao(sensitivity, variance / world.revolutions)
+    able |= {name: bound.std(name) <= _DETERMINABLE for name in RING_NUMBERS}
+    able |= {name: bound.ratio_std(name[:2], "Cw") <= _DETERMINABLE for name in RING_RATIOS}
+    able["load_by_width_n"] = able["Cw"]
+    able["wear_mm"] = able["Bs"]
+    return able

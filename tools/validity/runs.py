@@ -1,0 +1,231 @@
+"""Runs through the whole chain: ring, sensor, hub, bytes, decoder, pipeline, estimates, and the truth beside them."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import pickle
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple, TypeVar
+
+import numpy as np
+
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import Environment, Frame, Hello
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.pipeline.wheels import Pipeline
+from gateway.simulator.hub import HubSimulator
+from gateway.simulator.simulated_wheel import WheelSimulator
+from gateway.simulator.simulation import BLOCK_S
+from gateway.simulator.tire_model import TireModel
+from gateway.simulator.tire_table import LATERAL, TABLE_ANGLES, Range, TireTable, WaveformTable
+from gateway.simulator.truth import WheelTruth, slopes_of
+from gateway.simulator.wheel_plan import WheelPlan
+from gateway.types import FloatArray
+from validity.statements import Statement
+from validity.tires import World
+
+T = TypeVar("T")
+
+# Pass band of a sensor's decimation filter, as shares of the sampling rate: linear phase, as digital sensors have.
+_PASS: Final = (0.40, 0.48)
+_LINK: Final = "sim:bench"
+_START_NS: Final = 1_760_000_000_000_000_000
+
+
+class Store:
+    """Solutions kept in a folder between runs; without a folder, nothing is kept."""
+
+    folder: Path | None = None
+
+    @classmethod
+    def get(cls, key: tuple[Any, ...], make: Callable[[], T]) -> T:
+        """Return what was made for a key before, or make it."""
+        if cls.folder is None:
+            return make()
+        path = cls.folder / (hashlib.sha256(repr(key).encode()).hexdigest()[:32] + ".pickle")
+        if path.is_file():
+            kept: T = pickle.loads(path.read_bytes())
+            return kept
+        made = make()
+        cls.folder.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(f".{id(made)}.part")
+        part.write_bytes(pickle.dumps(made))
+        part.replace(path)
+        return made
+
+
+class FilteredTable:
+    """A tire's waveforms as a sensor with a decimation filter sees them."""
+
+    def __init__(self, table: TireTable, highest_order: float) -> None:
+        """Take the table, and the order that half the sampling rate is at the first speed."""
+        self._table = table
+        order = np.arange(TABLE_ANGLES // 2 + 1) / (2.0 * highest_order)
+        fade = np.clip((order - _PASS[0]) / (_PASS[1] - _PASS[0]), 0.0, 1.0)
+        self._gain = 0.5 * (1.0 + np.cos(math.pi * fade))
+        self.depends_on_speed = table.depends_on_speed
+
+    def edges_rad(self, load_n: float, pressure_pa: float, omega_radps: float) -> tuple[float, float]:
+        """Return the true edges of the contact."""
+        return self._table.edges_rad(load_n, pressure_pa, omega_radps)
+
+    def waveform(self, *conditions: float) -> WaveformTable:
+        """Return the waveform under given conditions, orders beyond the pass band removed."""
+        wave = self._table.waveform(*conditions)
+        for column in (0, 1, LATERAL):
+            spectrum = np.fft.rfft(wave[:-1, column].astype(np.float64))
+            wave[:-1, column] = np.fft.irfft(spectrum * self._gain, n=TABLE_ANGLES)
+        wave[-1] = wave[0]
+        return wave
+
+
+@dataclass(frozen=True, slots=True)
+class BenchPlan(WheelPlan):
+    """A simulated wheel with its tire's waveforms.
+
+    Attributes:
+        waveforms: at the speeds of this run only.
+    """
+
+    waveforms: Any
+
+    def table(self) -> Any:
+        """Return the tire's waveforms."""
+        return self.waveforms
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A recorded run: what the hub sent, and the truth.
+
+    Attributes:
+        world: the truth it was made from.
+        frames: decoded frames.
+        truth: of the simulated wheel.
+        bottoms_s: times at which the sensor is directly below the axle.
+        lateral: whether the lateral axis has a signal.
+    """
+
+    world: World
+    frames: tuple[Frame, ...]
+    truth: WheelTruth
+    bottoms_s: FloatArray
+    lateral: bool = True
+
+    def slopes(self) -> Slopes:
+        """Return the slopes of the belt in the contact, at the middle of the run; NaN without a lateral axis."""
+        if not self.lateral:
+            return Slopes(*(math.nan,) * len(Slopes._fields))
+        plan = self.truth.plan
+        middle_s = 0.5 * self.world.seconds
+        omega = self.truth.omega_radps(middle_s) if plan.tire.depends_on_speed else 0.0
+        conditions = (plan.tire, self.world.load_n, self.world.pressure_pa, omega)
+        return Store.get(("slopes and parity", *conditions), lambda: _slopes(*conditions))
+
+
+class Slopes(NamedTuple):
+    """True slopes of the streamline in the contact at zero slip.
+
+    Attributes:
+        peak_rad: as in `LateralSlopes`.
+        first_half_rad: likewise.
+        adhesion_line_rad: likewise.
+        contact_line_rad: of the line through the whole contact.
+        conicity_rad: half the change of the mean slope from the first to the second half, by conicity alone.
+    """
+
+    peak_rad: float
+    first_half_rad: float
+    adhesion_line_rad: float
+    contact_line_rad: float
+    conicity_rad: float
+
+
+def _slopes(tire: TireModel, load_n: float, pressure_pa: float, omega_radps: float) -> Slopes:
+    ring = tire.solve(load_n, pressure_pa, omega_radps)
+    shape = tire.solve_lateral(ring, 0.0).y_m
+    cone = replace(tire, lateral=replace(tire.lateral, coupling_length_m=0.0)).solve_lateral(ring, 0.0).y_m
+    edges = ring.leading_edge_rad, ring.trailing_edge_rad
+    theta = np.linspace(*edges, 2001)
+    line = np.polyfit(ring.ring.radius_m * theta, np.interp(theta, ring.theta_rad, shape), 1)[0]
+    first, middle, last = np.interp([edges[0], sum(edges) / 2.0, edges[1]], ring.theta_rad, cone)
+    half_m = 0.5 * ring.ring.radius_m * (edges[1] - edges[0])
+    return Slopes(
+        *slopes_of(shape, ring.ring.radius_m, *edges), float(line), 0.5 * float(last - 2.0 * middle + first) / half_m
+    )
+
+
+def record(world: World, seed: Sequence[int]) -> Run:
+    """Return a run of the exact ring; the same seed gives the same noise in every world."""
+    return record_wheel(world, world.plan(), _waveforms, seed)
+
+
+def record_wheel(
+    world: World,
+    plan: WheelPlan,
+    waveforms: Callable[[WheelPlan, World], Any],
+    seed: Sequence[int],
+    *,
+    lateral: bool = True,
+) -> Run:
+    """Return a run of a wheel whose waveforms come from anywhere.
+
+    Args:
+        world: what the run is made from.
+        plan: the simulated wheel.
+        waveforms: gives the table of waveforms, as a `TireTable`.
+        seed: of phase and noise.
+        lateral: whether the lateral axis has a signal.
+    """
+    table = FilteredTable(waveforms(plan, world), 0.5 * world.rate_hz * 2.0 * math.pi / world.omega_radps)
+    own = BenchPlan(**{field.name: getattr(plan, field.name) for field in fields(plan)}, waveforms=table)
+    wheel = WheelSimulator(own, np.random.default_rng(list(seed)))
+    hub = HubSimulator(own.hub, [wheel], "bench")
+    decoder = FrameDecoder()
+    frames: list[Frame] = []
+    for block in range(math.ceil(world.seconds / BLOCK_S)):
+        sent = hub.advance(min((block + 1) * BLOCK_S, world.seconds))
+        frames += decoder.feed(b"".join(frame.data for frame in sent))
+    truth = WheelTruth(own, wheel.phase_rad)
+    return Run(world, tuple(frames), truth, truth.bottom_times_s(0.0, world.seconds), lateral)
+
+
+def _waveforms(plan: WheelPlan, world: World) -> TireTable:
+    """Return the exact ring's waveforms at the speeds of the run."""
+    speeds = plan.motion.at(np.array([0.0, world.seconds])).speed_mps / plan.radius_m
+    extents = (
+        Range(plan.load_n.low, plan.load_n.high),
+        Range(plan.pressure_pa.low, plan.pressure_pa.high),
+        Range(float(speeds.min()), float(speeds.max())),
+    )
+    return Store.get(("table", plan.tire, extents), lambda: TireTable(plan.tire, *extents))
+
+
+def results_of(run: Run, statement: Statement, estimators: Sequence[str]) -> list[RevolutionResult]:
+    """Return the gateway's results of a run that is stated so."""
+    setups = statement.vehicle(run.world).wheel_setups()
+    names = [name for name in estimators if name not in statement.left_out]
+    pipeline = Pipeline(setups, WheelSetup("", 0, 0, setups[0].radius_m), names)
+    results: list[RevolutionResult] = []
+    for frame in run.frames:
+        results += pipeline.frames(_LINK, (_as_stated(frame, statement),), _START_NS + 1000 * frame.tick_us)
+    return results + pipeline.finish()
+
+
+def _as_stated(frame: Frame, statement: Statement) -> Frame:
+    """Return a frame of a sensor with another rate, unit or pressure than its own."""
+    message = frame.message
+    if isinstance(message, Hello):
+        unit = statement.unit_factor
+        message = message._replace(
+            rate_hz=message.rate_hz * statement.rate_factor,
+            scale_mps2=tuple(unit * scale for scale in message.scale_mps2),
+            range_mps2=tuple(unit * scale for scale in message.range_mps2),
+        )
+    elif isinstance(message, Environment) and message.pressure_pa is not None:
+        message = message._replace(pressure_pa=message.pressure_pa * statement.pressure_factor)
+    return frame._replace(message=message, tick_us=round(frame.tick_us / statement.rate_factor))

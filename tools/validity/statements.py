@@ -1,0 +1,137 @@
+"""Statements about a tire and its sensor: what the configuration and the sensor's own messages say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from gateway.config.toml_writer import toml_text
+from gateway.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.constants import RING_NUMBERS
+from gateway.estimators.tire_data import LoadCalibration
+from validity.tires import GAIN_STDS_PERCENT, World
+
+DEFAULT_RADIUS_STD: Final = 0.01
+STATED_RADIUS_STD: Final = 0.003
+LOAD_STD: Final = 0.01
+PRESSURE_STD: Final = 0.005
+OFFSET_STD_MM: Final = 0.3
+REFERENCE_STD: Final = 0.01
+THICKNESS_STD_MM: Final = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """What is stated of a world, and how well; in the configuration's units.
+
+    Attributes:
+        radius_mm: belt radius.
+        radius_std_mm: its standard error; None for the default, 1 %.
+        load_n: vertical load.
+        load_std_n: its standard error.
+        pressure_factor: reading of the pressure over the truth.
+        pressure_std_kpa: standard error of the reading.
+        offset_mm: sensor below the neutral layer; None when it is not stated.
+        gain_std_percent: standard error of the sensor's gains; None for the default, 1.5 %.
+        zero_g_std_mps2: standard error of its zero-g offsets; None for the default, 1 m/s^2.
+        rate_factor: stated sampling rate over the true one; the stamps follow the stated one, as in an import.
+        unit_factor: stated unit of the samples over the true one.
+        thickness_mm: of the new ring.
+        reference: numbers of the new tire; None for none.
+        calibration: load from half angle and pressure; None for none.
+        left_out: estimators that do not run.
+    """
+
+    radius_mm: float
+    load_n: float
+    load_std_n: float
+    pressure_std_kpa: float
+    offset_mm: float | None
+    thickness_mm: float
+    radius_std_mm: float | None = None
+    pressure_factor: float = 1.0
+    gain_std_percent: float | None = None
+    zero_g_std_mps2: float | None = None
+    rate_factor: float = 1.0
+    unit_factor: float = 1.0
+    reference: tuple[float, float, float, float] | None = None
+    calibration: LoadCalibration | None = None
+    left_out: tuple[str, ...] = ()
+
+    def vehicle(self, world: World) -> VehicleConfig:
+        """Return the configuration; what is None is left out."""
+        tire: dict[str, Any] = {
+            "radius_mm": self.radius_mm,
+            "radius_std_mm": self.radius_std_mm,
+            "pressure_kpa": 1e-3 * world.pressure_pa * self.pressure_factor,
+            "pressure_std_kpa": self.pressure_std_kpa,
+            "ring_thickness_mm": self.thickness_mm,
+            "ring_thickness_std_mm": THICKNESS_STD_MM,
+        }
+        if self.reference is not None:
+            numbers = dict(zip(RING_NUMBERS, self.reference, strict=True))
+            stds = {f"{name}_std": REFERENCE_STD * value for name, value in numbers.items()}
+            tire["reference"] = {**numbers, **stds, "pressure_kpa": 1e-3 * world.reference_pa}
+        if self.calibration is not None:
+            tire["load_calibration"] = _calibration_table(self.calibration)
+        mounting = {"offset_mm": self.offset_mm, "offset_std_mm": None if self.offset_mm is None else OFFSET_STD_MM}
+        sensor = {"gain_std_percent": self.gain_std_percent, "zero_g_std_mps2": self.zero_g_std_mps2}
+        wheel: dict[str, Any] = {"position": "W", "hub": 0, "wheel": 0, "load_n": self.load_n}
+        wheel["load_std_n"] = self.load_std_n
+        wheel["mounting"] = _stated(mounting)
+        wheel["sensor"] = _stated(sensor)
+        return parse_vehicle(toml_text({"tire": _stated(tire), "wheel": [wheel]}), "bench")
+
+
+def draw_statement(world: World, rng: np.random.Generator) -> Statement:
+    """Return a true statement: every value off by a random error of its stated or assumed standard error."""
+    radius_std_mm = float(rng.choice([1.0, 0.0])) * STATED_RADIUS_STD * 1e3 * world.radius_m or None
+    radius_mm = 1e3 * world.radius_m
+    load_std_n = LOAD_STD * world.load_n
+    pressure_std_pa = PRESSURE_STD * world.pressure_pa
+    errors = rng.standard_normal(5)
+    numbers = np.array(world.numbers) * (1.0 + REFERENCE_STD * rng.standard_normal(4))
+    bs, cw, rs, ts = numbers.tolist()
+    return Statement(
+        radius_mm=radius_mm + float(errors[0]) * (radius_std_mm or DEFAULT_RADIUS_STD * radius_mm),
+        radius_std_mm=radius_std_mm,
+        load_n=world.load_n + float(errors[1]) * load_std_n,
+        load_std_n=load_std_n,
+        pressure_factor=1.0 + float(errors[2]) * PRESSURE_STD,
+        pressure_std_kpa=1e-3 * pressure_std_pa,
+        offset_mm=1e3 * world.offset_m + float(errors[3]) * OFFSET_STD_MM,
+        thickness_mm=world.thickness_mm + float(errors[4]) * THICKNESS_STD_MM,
+        gain_std_percent=None if world.gain_std_percent == GAIN_STDS_PERCENT[0] else world.gain_std_percent,
+        reference=(bs, cw, rs, ts),
+    )
+
+
+def moved_to(statement: Statement, before: World, after: World) -> Statement:
+    """Return a true statement of another world, with the same errors of load and depth."""
+    depth = None if statement.offset_mm is None else statement.offset_mm + 1e3 * (after.offset_m - before.offset_m)
+    scale = after.load_n / before.load_n
+    return replace(statement, load_n=statement.load_n * scale, load_std_n=statement.load_std_n * scale, offset_mm=depth)
+
+
+def _stated(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _calibration_table(calibration: LoadCalibration) -> dict[str, float]:
+    low, high = calibration.half_angle_range_rad
+    least_pa, most_pa = calibration.pressure_range_pa
+    return {
+        "load_n": calibration.load_n,
+        "half_angle_rad": calibration.half_angle_rad,
+        "pressure_kpa": 1e-3 * calibration.pressure_pa,
+        "angle_exponent": calibration.angle_exponent,
+        "angle_curvature": calibration.angle_curvature,
+        "pressure_exponent": calibration.pressure_exponent,
+        "relative_std_percent": 100.0 * calibration.relative_std,
+        "half_angle_min_rad": low,
+        "half_angle_max_rad": high,
+        "pressure_min_kpa": 1e-3 * least_pa,
+        "pressure_max_kpa": 1e-3 * most_pa,
+    }

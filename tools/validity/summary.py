@@ -1,0 +1,207 @@
+"""Tables of the judgement."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+from accuracy.tables import Table
+
+from validity.cases import CASES
+from validity.judging import Judged
+
+AIM_FALSE: Final = 0.01
+AIM_VALID: Final = 0.95
+_LAST: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Statistics of one quantity from one estimator.
+
+    Attributes:
+        judged: how many were.
+        valid: called valid.
+        falsely_valid: called valid and beyond 3 errors.
+        able: judged last, where the data determine the quantity.
+        falsely_invalid: of these, not called valid.
+        rms: of the pulls of the valid.
+        largest: pull.
+    """
+
+    judged: int
+    valid: int
+    falsely_valid: int
+    able: int
+    falsely_invalid: int
+    rms: float
+    largest: float
+
+
+def share(found: Iterable[Judged]) -> Share:
+    """Return the statistics of some judgements."""
+    entries = list(found)
+    valid = [one for one in entries if one.valid]
+    # Before the averages settle, nothing has to be valid.
+    able = [one for one in entries if one.when == _LAST and one.determinable]
+    pulls = np.array([one.pull for one in valid if math.isfinite(one.pull)])
+    return Share(
+        judged=len(entries),
+        valid=len(valid),
+        falsely_valid=sum(one.falsely_valid for one in valid),
+        able=len(able),
+        falsely_invalid=sum(not one.valid for one in able),
+        rms=float(np.sqrt(np.mean(np.square(pulls)))) if len(pulls) else math.nan,
+        largest=float(pulls[np.argmax(np.abs(pulls))]) if len(pulls) else math.nan,
+    )
+
+
+def _grouped(judged: Iterable[Judged], key: Callable[[Judged], tuple[str, ...]]) -> dict[tuple[str, ...], list[Judged]]:
+    groups: dict[tuple[str, ...], list[Judged]] = defaultdict(list)
+    for one in judged:
+        groups[key(one)].append(one)
+    return groups
+
+
+def well_table(judged: Sequence[Judged]) -> Table:
+    """Return all quantities where everything stated is true."""
+    present = {one.case for one in judged}
+    names = [case.name for case in CASES if case.well and case.name in present]
+    groups = _grouped(judged, lambda one: (one.estimator, one.quantity))
+    rows = []
+    for (estimator, quantity), found in groups.items():
+        row = [estimator, quantity]
+        for name in names:
+            row += _cells(share(one for one in found if one.case == name))
+        rows.append(tuple(row))
+    heads = ["estimator", "quantity"]
+    for name in names:
+        heads += [f"{name}: valid", "rms", "largest", "false"]
+    return Table(
+        "Where all that is stated is true",
+        "valid: share valid at the end where the data determine the quantity; rms and largest pull of the valid; "
+        "false: share of the valid beyond 3 errors",
+        tuple(heads),
+        tuple(rows),
+    )
+
+
+def _cells(found: Share) -> list[str]:
+    able = f"{100.0 * (1.0 - found.falsely_invalid / found.able):.0f} %" if found.able else "-"
+    if not found.valid:
+        return [able, "-", "-", "-"]
+    return [able, _number(found.rms), _number(found.largest), f"{100.0 * found.falsely_valid / found.valid:.1f} %"]
+
+
+def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.2f}" if abs(value) < 10.0 else f"{value:.0f}"
+
+
+def misstatement_table(judged: Sequence[Judged]) -> Table:
+    """Return the falsely valid share of every quantity in every case."""
+    present = dict.fromkeys(one.case for one in judged)
+    names = [case.name for case in CASES if case.name in present and not case.well]
+    groups = _grouped(judged, lambda one: (one.estimator, one.quantity))
+    rows = []
+    for (estimator, quantity), found in groups.items():
+        cells = []
+        for name in names:
+            here = share(one for one in found if one.case == name)
+            cells.append(f"{here.falsely_valid}/{here.valid}" if here.valid else ("." if here.judged else ""))
+        rows.append((estimator, quantity, *cells))
+    return Table(
+        "Where one thing is not as stated",
+        "falsely valid / valid; a point where nothing was valid",
+        ("estimator", "quantity", *names),
+        tuple(rows),
+    )
+
+
+def size_table(judged: Sequence[Judged]) -> Table:
+    """Return the falsely valid by case and size, over all quantities, and the quantities that are hit most."""
+    rows = []
+    for case in CASES:
+        for size in case.sizes:
+            found = [one for one in judged if one.case == case.name and one.size == size]
+            if not found:
+                continue
+            here = share(found)
+            hit = _grouped((one for one in found if one.falsely_valid), lambda one: (one.estimator, one.quantity))
+            most = sorted(hit, key=lambda key: -len(hit[key]))[:4]
+            shown = ", ".join(f"{e} {q} {len(hit[e, q])}" for e, q in most)
+            rows.append(
+                (case.name, f"{size:g} {case.unit}", str(here.valid), str(here.falsely_valid), _number(here.rms), shown)
+            )
+    return Table(
+        "By case and size", "over all quantities", ("case", "size", "valid", "falsely", "rms", "most"), tuple(rows)
+    )
+
+
+def estimator_table(judged: Sequence[Judged]) -> Table:
+    """Return each estimator's shares: all that is stated true, misstated, and against the aims."""
+    well = {case.name for case in CASES if case.well}
+    rows = []
+    for (estimator,), found in _grouped(judged, lambda one: (one.estimator,)).items():
+        good = share(one for one in found if one.case in well)
+        bad = share(one for one in found if one.case not in well)
+        rows.append(
+            (
+                estimator,
+                _percent(good.able - good.falsely_invalid, good.able),
+                _percent(good.falsely_valid, good.valid),
+                _percent(bad.falsely_valid, bad.valid),
+                _percent(bad.valid, bad.judged),
+            )
+        )
+    heads = ("estimator", "well: valid", "well: falsely valid", "misstated: falsely valid", "misstated: valid")
+    return Table("By estimator", "aims: at least 95 % valid where all is well, at most 1 % falsely valid", heads,
+                 tuple(rows))  # fmt: skip
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100.0 * part / whole:.1f} %" if whole else "-"
+
+
+def worst(judged: Sequence[Judged], count: int) -> Table:
+    """Return the falsely valid with the largest pulls, one for each case and quantity."""
+    groups = _grouped((one for one in judged if one.falsely_valid), lambda one: (one.case, one.estimator, one.quantity))
+    most = sorted(groups.values(), key=lambda found: -len(found))[:count]
+    rows = []
+    for found in most:
+        one = max(found, key=lambda entry: abs(entry.pull))
+        rows.append(
+            (one.case, f"{one.size:g}", str(one.tire), one.estimator, one.quantity, str(len(found)),
+             f"{one.value:.5g}", f"{one.std:.2g}", f"{one.truth:.5g}", _number(one.pull))
+        )  # fmt: skip
+    heads = ("case", "size", "tire", "estimator", "quantity", "times", "value", "std", "truth", "pull")
+    return Table("Most often falsely valid", "the largest of each; --tire N --case NAME repeats it", heads, tuple(rows))
+
+
+def invalid_reasons(judged: Sequence[Judged], count: int) -> Table:
+    """Return why estimates are not valid although all is well and the data determine them."""
+    well = {case.name for case in CASES if case.well}
+    groups: dict[tuple[str, ...], int] = defaultdict(int)
+    for one in judged:
+        if one.case in well and one.when == _LAST and one.determinable and not one.valid:
+            groups[one.case, one.estimator, one.quantity, " ".join(one.reasons) or "no result"] += 1
+    most = sorted(groups.items(), key=lambda item: -item[1])[:count]
+    return Table(
+        "Most often falsely invalid",
+        "where all is well and the data determine the quantity",
+        ("case", "estimator", "quantity", "reasons", "times"),
+        tuple((*key, str(times)) for key, times in most),
+    )
+
+
+def as_json(judged: Sequence[Judged]) -> list[dict[str, Any]]:
+    """Return the judgements as plain values."""
+    return [
+        {key: (None if isinstance(value, float) and not math.isfinite(value) else value) for key, value in d.items()}
+        for d in ({**asdict(one), "pull": one.pull, "falsely_valid": one.falsely_valid} for one in judged)
+    ]
