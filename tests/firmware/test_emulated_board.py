@@ -255,15 +255,20 @@ def started_program(*arguments: str) -> subprocess.Popen[str]:
 
 
 def read_until(process: subprocess.Popen[str], pattern: str) -> re.Match[str]:
-    """Return the first match in the output of a program; fails when the program ends before."""
+    """Return the first match in the output of a program; fails when it ends or takes long."""
     assert process.stdout is not None
     printed = ""
-    for line in process.stdout:
-        printed += line
-        match = re.search(pattern, printed, re.MULTILINE)
-        if match is not None:
-            return match
-    pytest.fail(printed)
+    impatience = threading.Timer(TIMEOUT_S, process.kill)
+    impatience.start()
+    try:
+        for line in process.stdout:
+            printed += line
+            match = re.search(pattern, printed, re.MULTILINE)
+            if match is not None:
+                return match
+    finally:
+        impatience.cancel()
+    pytest.fail(f"no {pattern!r} in {printed[-2000:]}")
 
 
 @pytest.mark.usefixtures("board_image")
@@ -276,7 +281,7 @@ def test_user_watches_the_emulated_collector(tmp_path: Path) -> None:
         read_until(board, "Ctrl-C")
         live = stack.enter_context(started_program("live", uri, "--config", str(vehicle), "--plain"))
         stack.callback(live.kill)
-        read_until(live, r"^W1 +\d+ +[\d.]+ 6[45]\.")
+        read_until(live, r"^W1 +\d+ +[\d.]+ +6[45]\.")
         live.send_signal(signal.SIGINT)
         read_until(live, r"tcp:\S+: \d+ frames, 0 lost")
         command = stack.enter_context(started_program("command", "time", uri))

@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Final
 
 from gateway.errors import LinkLostError, SourceError
+from gateway.simulator.child_process import HELPER
 from gateway.simulator.firmware.bench_records import MOST_WHEELS, HubData, WheelData, provisioning
 
 _READY: Final = b"R"
@@ -65,7 +66,7 @@ class EmulatedBoard:
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,
                     pass_fds=descriptors,
-                    start_new_session=True,  # Ctrl-C is for this program, which then ends QEMU
+                    **HELPER,
                 )
             )
         self._stack.callback(self._process.kill)
