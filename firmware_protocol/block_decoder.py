@@ -115,10 +115,11 @@ class FrameBatch:
         for index, (type_, hub, wheel, seq, tick_us) in enumerate(zip(*(c.tolist() for c in columns), strict=True)):
             yield Frame(type_, hub, wheel, seq, tick_us, self.message(index))
 
-    def sources(self) -> list[tuple[int, int]]:
-        """Return (hub, wheel) of every source in the batch, in the order of their first frames."""
-        firsts = [(int(members[0]), key) for key, members in self._sources.groups()]
-        return [(key & 0xFF, key >> 8) for _, key in sorted(firsts)]
+    def by_source(self) -> Iterator[tuple[int, int, Indices]]:
+        """Yield hub, wheel and places of the frames of every source, in the order of their first frames."""
+        groups = sorted(self._sources.groups(), key=lambda group: int(group[1][0]))
+        for key, members in groups:
+            yield key & 0xFF, key >> 8, members
 
     def sample_groups(self) -> list[SampleGroup]:
         """Return the samples as one array per wheel, axis mask and block size; wheels in ascending order."""
@@ -252,8 +253,9 @@ class BatchDecoder:
         delivered = accepted & readable
         if delivered.all():
             return start, words, sources
-        for key, count in zip(*np.unique(keys[accepted & ~readable], return_counts=True), strict=True):
-            self._tracker.source(int(key)).counters.unreadable += int(count)
+        unknown = others[(fates == _Fate.UNKNOWN_TYPE) & accepted[others]]
+        for key, count in zip(*np.unique(keys[unknown], return_counts=True), strict=True):
+            self._tracker.source(int(key)).counters.unknown_type += int(count)
         return start[delivered], words.compress(delivered, axis=1), by_source(keys[delivered])
 
     def _let_through(self, start: Indices, gate: Gate) -> Indices:

@@ -15,7 +15,7 @@ class SourceCounters:
         duplicates: frames that had arrived before; not delivered.
         reordered: frames that came late; delivered.
         restarts: number of times that the counter restarted.
-        unreadable: intact frames that could not be read: of an unknown type, layout or flag, or with a bad payload.
+        unknown_type: intact frames of a type this version does not know.
     """
 
     frames: int = 0
@@ -23,7 +23,7 @@ class SourceCounters:
     duplicates: int = 0
     reordered: int = 0
     restarts: int = 0
-    unreadable: int = 0
+    unknown_type: int = 0
 
 
 @dataclass(slots=True)

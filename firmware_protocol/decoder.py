@@ -148,13 +148,12 @@ class FrameDecoder:
         if message is not None:
             source.counters.frames += 1
             frames.append(Frame(type_, key & 0xFF, key >> 8, seq, tick_us, message))
-            return
-        source.counters.unreadable += 1
-        if version > wire.VERSION_BYTE:
+        elif version > wire.VERSION_BYTE:
             counters.newer_minor += 1
         elif not readable:
             counters.unknown_flags += 1
         elif type_ not in DECODERS:
             counters.unknown_type += 1
+            source.counters.unknown_type += 1
         else:
             counters.bad_payload += 1

@@ -21,6 +21,7 @@ from validity.cases import CASES, named
 from validity.judging import QUANTITIES, Judged
 from validity.summary import (
     as_json,
+    each_table,
     estimator_table,
     invalid_reasons,
     misstatement_table,
@@ -59,6 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         worst(judged, options.worst),
         invalid_reasons(judged, options.worst),
     ]
+    if options.each:
+        tables = [each_table(judged)]
     for table in tables:
         if table.rows:
             print(table.text(markdown=options.markdown))
@@ -77,6 +80,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--rolled", type=Path, help="with --source fe: folder that tools/independent_tire wrote")
     parser.add_argument("--quick", action="store_true", help="8 tires")
     parser.add_argument("--worst", type=int, default=20, help="rows of the tables of offenders")
+    parser.add_argument("--each", action="store_true", help="print every estimate instead of the tables")
     parser.add_argument("--json", type=Path, help="write every judged estimate to this file")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into docs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")

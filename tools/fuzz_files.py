@@ -4,9 +4,9 @@
     python -m tools.fuzz_files                                       # every kind, a short run
     python -m tools.fuzz_files --kind mat --seed 1 --only 1234       # one case again, with its traceback
 
-Each case ends with success or with a message for the user. Anything else is a failure: a traceback, a crash of the
-process, more than MEMORY_MB of further memory, more than LIMIT_S seconds of computing. A failing input is kept in
-`build/fuzz`.
+Each case ends with success or with a message for the user. Anything else is a failure: a traceback, a warning, a
+crash of the process, more than MEMORY_MB of further memory, more than LIMIT_S seconds of computing. A failing input is
+kept in `build/fuzz`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import faulthandler
 import json
+import math
 import os
 import signal
 import subprocess
@@ -21,6 +22,7 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -76,7 +78,9 @@ def case(kind: str, seed: int, number: int) -> bytes:
 _SEEDS: dict[str, list[bytes]] = {}
 
 
-def run_cases(kind: str, seed: int, first: int, end: int, current: Path | None = None) -> Outcome:
+def run_cases(
+    kind: str, seed: int, first: int, end: int, current: Path | None = None, stop_s: float = math.inf
+) -> Outcome:
     """Run the cases `first` to `end` - 1 in this process.
 
     Args:
@@ -85,11 +89,14 @@ def run_cases(kind: str, seed: int, first: int, end: int, current: Path | None =
         first: number of the first case.
         end: number after the last case.
         current: file that always contains the number of the case that runs, then the counts as JSON.
+        stop_s: time of the monotonic clock after which no case begins.
     """
     outcome = Outcome()
     target = TARGETS[kind]
     descriptor = os.open(current, os.O_RDWR | os.O_CREAT) if current is not None else -1
     for number in range(first, end):
+        if time.monotonic() > stop_s:
+            break
         if descriptor >= 0:
             os.pwrite(descriptor, f"{number:12d}{json.dumps(asdict(outcome))}".encode(), 0)
         data = case(kind, seed, number)
@@ -109,16 +116,18 @@ def run_cases(kind: str, seed: int, first: int, end: int, current: Path | None =
     return outcome
 
 
-def run(kind: str, seed: int, count: int) -> Outcome:
-    """Run the cases in other processes; one that crashes costs its case only."""
+def run(kind: str, seed: int, count: int, most_s: float = math.inf) -> Outcome:
+    """Run the cases in other processes, for at most `most_s`; one that crashes costs its case only."""
     total = Outcome()
+    stop_s = time.monotonic() + most_s
     first = 0
     with tempfile.TemporaryDirectory() as folder:
         current = Path(folder) / "current"
-        while first < count:
+        while first < count and time.monotonic() <= stop_s:
             current.write_bytes(b"")
             # Not with -m: processes that the worker starts would import this module again, each of them.
-            code = f"from tools.fuzz_files import work; work({kind!r}, {seed}, {first}, {count}, {str(current)!r})"
+            arguments = (kind, seed, first, count, str(current), str(stop_s))
+            code = f"from tools.fuzz_files import work; work(*{arguments!r})"
             done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
             if done.returncode == 0:
                 _add(total, json.loads(done.stdout.splitlines()[-1]))
@@ -157,11 +166,12 @@ def _alarm() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before[1])
 
 
-def work(kind: str, seed: int, first: int, end: int, current: str) -> None:
+def work(kind: str, seed: int, first: int, end: int, current: str, stop_s: str) -> None:
     """Run cases in this process with limited memory, and print their counts as JSON."""
     faulthandler.enable()
+    warnings.simplefilter("error", RuntimeWarning)
     _limit_memory(kind, seed)
-    print(json.dumps(asdict(run_cases(kind, seed, first, end, Path(current)))))
+    print(json.dumps(asdict(run_cases(kind, seed, first, end, Path(current), float(stop_s)))))
 
 
 def _limit_memory(kind: str, seed: int) -> None:
@@ -180,6 +190,7 @@ def main() -> None:
     parser.add_argument("--kind", action="append", choices=sorted(TARGETS), help="kind of input; repeat for several")
     parser.add_argument("--count", type=int, default=_SHORT_COUNT)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="longest time for each kind")
     parser.add_argument("--only", type=int, help="run one case in this process")
     options = parser.parse_args()
     kinds = options.kind or list(TARGETS)
@@ -192,7 +203,7 @@ def main() -> None:
         f"seed {options.seed}\n{'kind':<18}{'cases':>9}{'accepted':>10}{'rejected':>10}{'failures':>10}{'slowest':>9}"
     )
     for kind in kinds:
-        found = run(kind, options.seed, options.count)
+        found = run(kind, options.seed, options.count, 60 * options.minutes)
         print(
             f"{kind:<18}{found.cases:>9}{found.accepted:>10}{found.rejected:>10}{len(found.failures):>10}"
             f"{found.slowest_s:>7.2f} s",

@@ -19,7 +19,7 @@ from gateway.cli.session_setup import choose_vehicle, open_effects
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Code, Notice
 from gateway.recording.reader import RecordingReader
@@ -95,10 +95,14 @@ def estimate(
                 for table in tables:
                     table.write(result, name)
 
+            def take_alarm(alarm: AlarmRecord, name: str = path.name) -> None:
+                for table in tables:
+                    table.write_alarm(alarm, name)
+
             guard = open_guard(vehicle, key_file, remembers=False)
             effects = open_effects(effects_paths, vehicle)
             for notice in _estimate_one(
-                reader, vehicle, take, estimators or DEFAULT_ESTIMATORS, summary, guard, effects, say
+                reader, vehicle, take, take_alarm, estimators or DEFAULT_ESTIMATORS, summary, guard, effects, say
             ):
                 missing += 1
                 say(f"  {clean(notice_text(notice))}")
@@ -120,6 +124,7 @@ def _estimate_one(
     reader: RecordingReader,
     vehicle: VehicleConfig | None,
     take: Callable[[RevolutionResult], None],
+    take_alarm: Callable[[AlarmRecord], None],
     estimators: tuple[str, ...],
     summary: ResultSummary,
     guard: Guard | None,
@@ -173,7 +178,10 @@ def _estimate_one(
         for wheel in wheels:
             if wheel.position == table.position:
                 say(clean(f"  {effects_line(wheel, [effect.name for effect in table.effects])}"))
-    for line in summary_lines(wheels, alarms=alarms.finish()):
+    found = alarms.finish()
+    for alarm in found:
+        take_alarm(alarm)
+    for line in summary_lines(wheels, alarms=found):
         say(clean(f"  {line}".rstrip()))
     for link, counted in counters.items():
         say(

@@ -14,7 +14,7 @@ from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
 from gateway.cli import exit_status
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.io.source import LinkEventKind
-from gateway.reasons import Notice
+from gateway.reasons import Code, Notice, Reason
 from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection, inspect_recording
 from gateway.recording.writer import utc_text
 from gateway.session.contradictions import ContradictionWatch
@@ -136,6 +136,8 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
         yield f"    {of}: {kinds}"
         if source.hello is not None:
             yield f"      {_hello_text(source.hello)}"
+        elif source.samples:
+            yield f"      {text(Reason(Code.SAMPLES_WITHOUT_HELLO, count=source.frames['samples']))}"
         if len(source.boots) > 1:
             known = [*map(str, source.boots[:_BOOTS_SHOWN])]
             more = f" and {len(source.boots) - _BOOTS_SHOWN} more" if len(source.boots) > _BOOTS_SHOWN else ""

@@ -19,7 +19,7 @@ from gateway.config.vehicle import VehicleConfig, load_vehicle, recorded_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Source, is_live, open_source
-from gateway.io.time_limit import TimeLimitedSource
+from gateway.io.time_limit import limited
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Notice
 from gateway.recording.writer import RecordingWriter
@@ -109,7 +109,7 @@ def start_session(
         recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
         summary = ResultSummary()
         live = LiveSession(
-            sources if duration_s is None else [TimeLimitedSource(source, duration_s) for source in sources],
+            sources if duration_s is None else [limited(source, duration_s) for source in sources],
             vehicle,
             clock,
             patient=[not is_live(uri) for uri in uris],

@@ -65,7 +65,10 @@ class Reference(Section):
         default=None, ge=10, le=1500, description="gauge pressure of the measurement in kPa; default: the tire's"
     )
     temperature_degc: float | None = Field(
-        default=None, ge=-60, le=200, description="inner-liner temperature of the measurement in °C; default: not known"
+        default=None,
+        ge=-60,
+        le=200,
+        description="inner-liner temperature of the measurement in degrees Celsius; default: not known",
     )
     estimator: str | None = Field(default=None, description="estimator that measured the numbers; default: weak-form")
 

@@ -13,6 +13,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
+from gateway.estimators.determination import DETERMINED
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
 from gateway.estimators.tire_data import LOAD_LAW_STD
@@ -66,8 +67,8 @@ class LoadEstimator:
             _error_beyond_definition(revolution.leading_edge_std_rad),
             _error_beyond_definition(revolution.trailing_edge_std_rad),
         )
-        by_angle = _by_angle(revolution, conditions, half, half_std, pressure)
-        by_width = self._by_width(revolution, average, conditions)
+        by_angle = _compared(_by_angle(revolution, conditions, half, half_std, pressure), conditions)
+        by_width = _compared(self._by_width(revolution, average, conditions), conditions)
         load = _better(by_angle, by_width)
         return load, by_angle, by_width, _pressure_number(load, conditions, half, half_std, pressure)
 
@@ -94,7 +95,20 @@ class LoadEstimator:
         # The error of the stated load is part of that of Cw, but cancels here.
         relative2 = max(0.0, (width.std / width.value) ** 2 - (load_std / load) ** 2)
         std = value * math.sqrt(relative2 + (reference.Cw_std / reference.Cw) ** 2)
-        return Estimate(NAMES[2], value, std, width.status, width.reasons)
+        # Another width than the new tire's contradicts the stated load, not this one.
+        doubts = tuple(reason for reason in width.reasons if reason.code is not Code.WIDTH_CONTRADICTED)
+        return Estimate(NAMES[2], value, std, width.status if doubts else Status.VALID, doubts)
+
+
+def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:
+    """Return an estimate of the load, provisional where it contradicts the stated load."""
+    stated_n, stated_std_n = conditions.load_n, conditions.load_std_n
+    if stated_n is None or estimate.status is Status.INVALID:
+        return estimate
+    if not abs(estimate.value - stated_n) > DETERMINED * math.hypot(estimate.std, stated_std_n):
+        return estimate
+    against = Reason(Code.LOAD_CONTRADICTED, stated_n=stated_n, stated_std_n=stated_std_n)
+    return replace(estimate, status=Status.PROVISIONAL, reasons=(against, *estimate.reasons))
 
 
 def _by_angle(
@@ -159,7 +173,9 @@ def _pressure_number(
 ) -> Estimate:
     value, std, status, reasons = load.value, load.std, load.status, load.reasons
     if conditions.load_n is not None:
-        value, std, status, reasons = conditions.load_n, conditions.load_std_n, Status.VALID, ()
+        value, std = conditions.load_n, conditions.load_std_n
+        reasons = tuple(reason for reason in reasons if reason.code is Code.LOAD_CONTRADICTED)
+        status = Status.PROVISIONAL if reasons else Status.VALID
     if status is Status.INVALID:
         return Estimate.invalid(NAMES[3], *reasons)
     if not (half > 0.0 and math.isfinite(half_std) and value > 0.0):
@@ -167,7 +183,12 @@ def _pressure_number(
     number = value / (2.0 * pressure * half * conditions.radius_m**2)
     # The error of the edge's definition counts here, because the number is compared between tires.
     half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)
-    relative = math.hypot(std / value, half_std / half, conditions.pressure_std_pa / pressure)
+    relative = math.hypot(
+        std / value,
+        half_std / half,
+        conditions.pressure_std_pa / pressure,
+        2.0 * conditions.radius_std_m / conditions.radius_m,
+    )
     return Estimate(NAMES[3], number, number * relative, status, reasons)
 
 

@@ -53,7 +53,13 @@ _PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
 # Share of its prior error below which the zero-g offset counts as determined.
 _SEPARATED: Final = 0.3
+# Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
+# mean depends on, are known better from revolution to revolution, and the sensor warms up.
+_MEAN_WITH_SPEED: Final = 4e-5
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
+# Relative change of the speed within a revolution up to which gravity is told from it. It is not known, and given as 0,
+# in a first revolution.
+_STEADY_SPEED: Final = 0.03
 _LEAST_REVOLUTIONS: Final = 8
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
@@ -210,10 +216,12 @@ class SelfCalibrationEstimator:
         # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
         gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
         left = order_1.real - belt.signal_order_1 * mean
+        change = abs(revolution.omega_dot_radps2 * revolution.period_s / revolution.omega_radps)
+        is_steady = 0.0 < change < _STEADY_SPEED and average.count > 2
         scatter = float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count)
         order_std = max(scatter, 1e-3)
         by_mean = np.array([expected, 1.0, expected * self._warm, 0.0]) / _MEAN_STD_MPS2
-        by_gravity = np.array([gravity, 0.0, gravity * self._warm, steady]) / order_std
+        by_gravity = np.array([gravity, 0.0, gravity * self._warm, steady]) / order_std * is_steady
         if not (np.isfinite(by_mean).all() and np.isfinite(by_gravity).all() and math.isfinite(left)):
             return
         if is_calibrated and not self._is_calibrated:
@@ -221,11 +229,12 @@ class SelfCalibrationEstimator:
         self._is_calibrated = is_calibrated
         self._expected_mps2 = expected
         self._by_mean = _added(self._by_mean, self._keep, by_mean[:2], (mean - expected) / _MEAN_STD_MPS2)
-        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], left / order_std)
+        by_order = is_steady * left / order_std
+        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], by_order)
         if not is_calibrated:
             return
         rows = np.stack([by_mean, by_gravity])
-        found = np.array([(mean - expected) / _MEAN_STD_MPS2, left / order_std])
+        found = np.array([(mean - expected) / _MEAN_STD_MPS2, by_order])
         self._information = self._keep * self._information + rows.T @ rows
         self._weighted = self._keep * self._weighted + found @ rows
         self._steady = self._keep * self._steady + by_mean * (expected / _MEAN_STD_MPS2)
@@ -308,6 +317,8 @@ class SelfCalibrationEstimator:
         change = covariance @ self._weighted
         steady = covariance @ self._steady * _CLOSURE_STD
         errors = np.sqrt(np.diag(covariance) + np.square(steady))
+        by_speed = speed_errors(self._by_mean[0])
+        errors[1] = math.hypot(errors[1], by_speed.zero_mps2)
         here = np.array([1.0, 0.0, self._warm, 0.0])
         gain = 1.0 + float(here @ change)
         radius = conditions.radius_std_m / conditions.radius_m
@@ -315,6 +326,8 @@ class SelfCalibrationEstimator:
         doubt = refused or self._unsettled()
         one_speed = Reason(Code.NEEDS_TWO_SPEEDS, quantity="gain")
         together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
+        if not together:
+            gain_std = math.hypot(gain_std, by_speed.gain)
         return (
             _estimate(NAMES[0], _Found(gain, gain_std), doubt or (one_speed if together else None)),
             Estimate.invalid(NAMES[1], one_speed)
@@ -329,6 +342,32 @@ class SelfCalibrationEstimator:
         if self._count >= _LEAST_REVOLUTIONS:
             return None
         return Reason(Code.NOT_SETTLED, revolutions=self._count, needed=_LEAST_REVOLUTIONS)
+
+
+class SpeedErrors(NamedTuple):
+    """Errors of the relative steady value and of the zero-g offset that means at different speeds share."""
+
+    gain: float
+    zero_mps2: float
+
+
+def speed_errors(information: FloatArray) -> SpeedErrors:
+    """Return the errors by a relative error of the steady value that goes with the speed.
+
+    A steady value that is wrong in proportion to its deviation from its mean looks like a zero-g offset.
+
+    Args:
+        information: (2, 2) of `Measured.by_mean`.
+
+    Returns:
+        The errors; infinite at one speed.
+    """
+    mean = float(information[0, 1] / information[1, 1])
+    spread2 = float(information[0, 0] / information[1, 1]) - mean**2
+    if not spread2 > 1e-12 * mean**2:
+        return SpeedErrors(math.inf, math.inf)
+    gain = _MEAN_WITH_SPEED * abs(mean) / math.sqrt(spread2)
+    return SpeedErrors(gain, gain * abs(mean))
 
 
 def _refused(revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> Reason | None:

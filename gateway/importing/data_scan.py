@@ -17,6 +17,10 @@ from gateway.importing.import_map import TIME_UNITS_S, ImportMap
 from gateway.importing.time_column import TimeColumn
 from gateway.types import FloatArray
 
+# A million g; no sensor reads as much, and its square must still be a number.
+_MAX_MPS2: Final = 1e7
+# The ten-thousandfold of the time since 1970.
+_MAX_TIME_S: Final = 1e13
 # A file with more gaps has columns of different rates.
 _MAX_GAP_SHARE: Final = 0.5
 
@@ -71,7 +75,7 @@ def scan(
     liveliest, most = np.empty(0), -1.0
     gaps = 0
     start = _Start(import_map, names)
-    bad = _BadValues(path, names, len(names) - _sparse_columns(import_map))
+    bad = _BadValues(path, names, _limits(import_map))
     for block in reader.blocks(names):
         progress(block.progress)
         bad.look(block)
@@ -133,32 +137,36 @@ def check_rate(path: Path, rate_hz: float) -> None:
     )
 
 
-def _sparse_columns(import_map: ImportMap) -> int:
-    """Return how many columns at the end may have gaps: those of the slow quantities."""
-    dense = {column.column for column in import_map.axis.present().values()} | {import_map.sampling.time_column}
-    return sum(name not in dense for name in import_map.columns())
+def _limits(import_map: ImportMap) -> FloatArray:
+    """Return the largest magnitude of each axis and of the time column, in the columns' units and order."""
+    limits = {
+        column.column: _MAX_MPS2 / abs(column.factor_mps2) + abs(column.offset)
+        for column in import_map.axis.present().values()
+    }
+    if import_map.sampling.time_column is not None:
+        limits.setdefault(import_map.sampling.time_column, _MAX_TIME_S / TIME_UNITS_S[import_map.sampling.time_unit])
+    return np.array([limits[name] for name in import_map.columns() if name in limits])
 
 
 class _BadValues:
-    """Counter of infinite values, which keeps the place of the first. NaN is a gap."""
+    """Counter of values that no sensor gives, which keeps the place of the first. NaN is a gap."""
 
-    def __init__(self, path: Path, names: Sequence[str], dense: int) -> None:
+    def __init__(self, path: Path, names: Sequence[str], limits: FloatArray) -> None:
+        """Prepare the check of the first columns, which have (n,) limits."""
         self.count = 0
         self._path = path
         self._names = names
-        self._dense = dense
+        self._limits = limits
         self._first = ""
 
     def look(self, block: Block) -> None:
-        infinite = np.isinf(block.values[:, : self._dense])
-        if not infinite.any():
+        bad = np.abs(block.values[:, : len(self._limits)]) > self._limits
+        if not bad.any():
             return
-        rows, columns = np.nonzero(infinite)
+        rows, columns = np.nonzero(bad)
         if not self.count:
-            value = block.values[rows[0], columns[0]]
-            self._first = (
-                f"{block.where(int(rows[0]))}, column '{self._names[columns[0]]}': {value} is not a finite number"
-            )
+            value, name = block.values[rows[0], columns[0]], self._names[columns[0]]
+            self._first = f"{block.where(int(rows[0]))}, column '{name}': {value:g} cannot be measured"
         self.count += len(rows)
 
     def refuse(self) -> None:
@@ -166,7 +174,7 @@ class _BadValues:
             more = f" ({self.count} such values in the file)" if self.count > 1 else ""
             raise ImportDataError(
                 f"{self._path}: {self._first}{more}",
-                "Leave the cell empty where there is no value; the import keeps the gap.",
+                "Check column and unit. Where there is no value, leave the cell empty: the import keeps the gap.",
             )
 
 

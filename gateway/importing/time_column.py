@@ -20,6 +20,10 @@ _RATE_TOLERANCE: Final = 1e-3
 _MIN_ROWS_FOR_RATE: Final = 1000
 # Share of the rounding step; rounding moves a time by half a step, and the fitted line by a little more.
 _ROUNDING_TOLERANCE: Final = 0.6
+# Share of the rounding step; times on the grid itself leave less.
+_EXACT: Final = 1e-3
+# Sample intervals; behind coarser rounding a missing sample is not seen.
+_COARSEST: Final = 1.2
 # Share of a sample interval; finer rounding is not worth mentioning.
 _COARSE: Final = 0.02
 _MAX_DIGITS: Final = 9
@@ -49,6 +53,7 @@ class TimeColumn:
         self._last_s = math.nan
         self._interval_s = 0.0
         self._grid_s: float | None = None
+        self._rounded = False
         self._rows = 0
         self._rates: list[tuple[float, float, str]] = []
         self._wrong = 0
@@ -74,7 +79,9 @@ class TimeColumn:
     @property
     def rounding_s(self) -> float | None:
         """Step to which the times are rounded, None when they are not, or so finely that it does not matter."""
-        return None if self._grid_s is None or self._grid_s < _COARSE * self._interval_s else self._grid_s
+        if self._grid_s is None or not self._rounded or self._grid_s < _COARSE * self._interval_s:
+            return None
+        return self._grid_s
 
     def rate_hz(self, path: Path) -> tuple[float, float | None]:
         """Return the rate over the whole span, and its standard error where the times are rounded.
@@ -91,7 +98,7 @@ class TimeColumn:
         rounding_s = self.rounding_s
         std_hz = None if rounding_s is None else rate_hz * math.sqrt(2.0) * _ROUNDING_STD * rounding_s / span_s
         about = f"about {rate_hz:.8g}" if std_hz is None else f"{rate_hz:.8g} +- {std_hz:.1g} by the whole file"
-        if rounding_s is not None and rounding_s > self._interval_s:
+        if rounding_s is not None and rounding_s > _COARSEST * self._interval_s:
             raise ImportDataError(
                 f"{path}: the times are rounded to {rounding_s * 1e3:g} ms, which is more than a sample interval",
                 f"State rate_hz ({about}) instead of time_column, if no sample is missing.",
@@ -126,10 +133,11 @@ class TimeColumn:
         grid = _decimal_grid(column[known[first]])
         if grid is not None:
             slope_s, residual_s = _line(known[first].astype(np.float64), times_s[first])
-            # The median of rounded steps would be a multiple of the rounding. Exact times have no residual.
-            if 1e-3 < residual_s / (grid * self._unit_s) <= _ROUNDING_TOLERANCE:
+            if residual_s <= _ROUNDING_TOLERANCE * grid * self._unit_s:
+                # The median of rounded steps would be a multiple of the rounding.
                 self._interval_s = slope_s
                 self._grid_s = grid * self._unit_s
+                self._rounded = residual_s > _EXACT * self._grid_s
         if len(times_s) > 1 and self._interval_s <= 0.0:
             raise ImportDataError(
                 f"{path}: the time does not advance from {block.where(0)} on",
@@ -156,7 +164,10 @@ class TimeColumn:
         deviations_s = np.abs(steps_s - self._interval_s)
         self.jitter_s = max(self.jitter_s, float(deviations_s.max()))
         wrong = np.flatnonzero(deviations_s > _STEP_TOLERANCE * self._interval_s)
-        if not len(wrong) or self._only_rounded(times_s):
+        if not len(wrong):
+            return
+        if self._only_rounded(times_s):
+            self._rounded = True
             return
         self._wrong += len(wrong)
         if not self._fault:
@@ -167,7 +178,7 @@ class TimeColumn:
 
     def _only_rounded(self, times_s: FloatArray) -> bool:
         """Return whether rounding explains all deviations from uniform times."""
-        if self._grid_s is None or self._grid_s > self._interval_s:
+        if self._grid_s is None or self._grid_s > _COARSEST * self._interval_s:
             return False
         return _line(np.arange(len(times_s), dtype=np.float64), times_s)[1] <= _ROUNDING_TOLERANCE * self._grid_s
 

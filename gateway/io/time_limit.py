@@ -6,7 +6,14 @@ import contextlib
 import threading
 from collections.abc import Iterator
 
+from gateway.io.playback import Playback, PlayedSource
 from gateway.io.source import LinkItem, Source
+
+
+def limited(source: Source, duration_s: float) -> Source:
+    """Return the source with a time limit; a played source stays one."""
+    kind = _TimeLimitedPlayback if isinstance(source, PlayedSource) else TimeLimitedSource
+    return kind(source, duration_s)
 
 
 class TimeLimitedSource:
@@ -51,3 +58,11 @@ class TimeLimitedSource:
     def close(self) -> None:
         """Release the source."""
         self._source.close()
+
+
+class _TimeLimitedPlayback(TimeLimitedSource):
+    @property
+    def playback(self) -> Playback:
+        """Schedule of the source."""
+        assert isinstance(self._source, PlayedSource)
+        return self._source.playback

@@ -199,7 +199,7 @@ class ContactTimer:
         """Return the template, extracted again when the average has changed enough."""
         grown = average.count >= _TEMPLATE_GROWTH * self._template_count
         if self._template is None or grown or average.count - self._template_count >= _TEMPLATE_INTERVAL:
-            latest = contact_template(average.radial_mps2, average.omega_radps, samples)
+            latest = contact_template(average.radial_mps2, average.omega_radps, samples, average.scatter_mps2)
             if self._points is not None and self._template is not None and latest is not None:
                 self._points = self._points + template_shift(self._template, average.radial_mps2, average.omega_radps)
             else:

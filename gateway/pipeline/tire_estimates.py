@@ -12,9 +12,9 @@ import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
-from gateway.estimators.evidence import Evidence, assess
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
+from gateway.estimators.signal_evidence import Evidence, assess
 from gateway.pipeline.old_pressure import old_pressure_s, rest_on_old_pressure
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup

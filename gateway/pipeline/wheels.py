@@ -246,7 +246,7 @@ class _Groups:
 
     def __init__(self, batch: FrameBatch, admits: Callable[[int, int], bool]) -> None:
         # Places are taken in the order of the stream, as live.
-        used = {source for source in batch.sources() if admits(*source)}
+        used = {(hub, wheel) for hub, wheel, _ in batch.by_source() if admits(hub, wheel)}
         self._groups = [group for group in batch.sample_groups() if (group.hub, group.wheel) in used]
         # Group of each frame of the batch, -1 where its samples are not used, and its place in the group.
         self._of: NDArray[np.int64] = np.full(len(batch), -1)

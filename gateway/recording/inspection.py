@@ -233,7 +233,7 @@ def inspect_recording(
 
 
 def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
-    admitted = {source for source in batch.sources() if link.limit.admits("", *source)}
+    admitted = {(hub, wheel) for hub, wheel, _ in batch.by_source() if link.limit.admits("", hub, wheel)}
     kinds = np.asarray(batch.type).astype(np.int64)
     sources = np.asarray(batch.hub).astype(np.int64) << 8 | np.asarray(batch.wheel)
     for key, count in zip(*np.unique(sources << 8 | kinds, return_counts=True), strict=True):

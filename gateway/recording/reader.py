@@ -101,6 +101,7 @@ class RecordingReader:
         self._path = Path(path)
         self.notes: list[tuple[str, dict[str, str]]] = []
         self._channels: dict[int, ChannelInfo] = {}
+        self._links: set[str] = set()
         self._note_chars = 0
         with self._open() as file:
             size = os.fstat(file.fileno()).st_size
@@ -121,6 +122,7 @@ class RecordingReader:
         """Yield all messages in file order, including decoded topics; `damage` is set afterwards."""
         self.damage = None
         self._channels.clear()
+        self._links.clear()
         self.notes.clear()
         self._note_chars = 0
         with self._open() as file:
@@ -193,13 +195,14 @@ class RecordingReader:
 
     def _declare(self, number: int, channel: ChannelInfo) -> None:
         """Remember a channel; raises ValueError when it is not one that a session can have."""
-        if number not in self._channels:
-            raw = channel.encoding == RAW_ENCODING
-            links = sum(known.encoding == RAW_ENCODING for known in self._channels.values()) if raw else 0
-            if len(self._channels) >= MAX_CHANNELS or links >= _MAX_LINKS:
-                raise ValueError("too many channels")
+        if number not in self._channels and len(self._channels) >= MAX_CHANNELS:
+            raise ValueError("too many channels")
         if sum(map(len, channel)) > MAX_CHANNEL_CHARS:
             raise ValueError("the name of a channel is too long")
+        if channel.encoding == RAW_ENCODING:
+            if channel.link not in self._links and len(self._links) >= _MAX_LINKS:
+                raise ValueError("too many links")
+            self._links.add(channel.link)
         self._channels[number] = channel
 
     def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:

@@ -59,7 +59,8 @@ class BatchAlarms:
         for host_ns, frame in self._silence.thinned(batch, arrivals_ns):
             self._take_events(link, host_ns)
             self._advance(link, host_ns)
-            self._silence.frame(link, frame, host_ns)
+            if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
+                self._silence.frame(link, frame, host_ns)
         self._review()
 
     def result(self, result: RevolutionResult) -> RevolutionResult:

@@ -47,10 +47,10 @@ _TEMPERATURE_DEGC: Final = (-100.0, 300.0)
 
 # Blocks of a wheel that are reviewed together.
 _REVIEW_BLOCKS: Final = 64
-# One block may have been late when the hub changed its axes; one unreadable frame may be an experiment of the hub.
+# One block may have been late when the hub changed its axes; one unknown frame may be an experiment of the hub.
 _LEAST: Final[Mapping[Code, int]] = {
     Code.HELLO_AXES_DIFFER: 3,
-    Code.ONLY_UNREADABLE_FRAMES: 3,
+    Code.ONLY_UNKNOWN_TYPES: 3,
     Code.SAMPLES_REPEATED: 3,
 }
 # Of the last ten hellos within one start, more than this many differed from the one before.
@@ -75,12 +75,11 @@ class _Blocks(NamedTuple):
 class _Wheel:
     """State of one wheel: its hello, the last block, and the span over which the rate is measured."""
 
-    __slots__ = ("changes", "former_sensor", "hello", "last", "pending", "since", "without_hello")
+    __slots__ = ("changes", "former_sensor", "hello", "last", "pending", "since")
 
     def __init__(self) -> None:
         self.hello: Hello | None = None
-        # Blocks before the first hello; and whether each of the last hellos changed something, one bit each.
-        self.without_hello = 0
+        # Whether each of the last hellos changed something, one bit each.
         self.changes = 0
         self.former_sensor: int | None = None
         self.pending: list[tuple[int, int, int]] = []
@@ -144,7 +143,7 @@ class ContradictionWatch:
     def batch(self, link: str, batch: FrameBatch) -> None:
         """Take a block of decoded frames; the findings are those of `frames`."""
         self._links.add(link)
-        for hub, wheel in batch.sources():
+        for hub, wheel, _ in batch.by_source():
             self._limit.admits(link, hub, wheel)
         blocks, places = self._blocks_of(link, batch)
         done = dict.fromkeys(blocks, 0)
@@ -161,11 +160,11 @@ class ContradictionWatch:
             self._review(source, self._wheel(source), blocks[source].part(begin, len(places[source])))
 
     def counters(self, link: str, counters: LinkCounters) -> None:
-        """Take the counters of a link: sources of which no frame could be read."""
+        """Take the counters of a link: sources that send nothing but frames of unknown types."""
         for (hub, wheel), counted in counters.sources.items():
-            if counted.unreadable and not counted.frames and self._limit.admits(link, hub, wheel):
-                self._find((link, hub, wheel), Code.ONLY_UNREADABLE_FRAMES, 0)
-                self._findings[(link, hub, wheel), Code.ONLY_UNREADABLE_FRAMES].count = counted.unreadable
+            if counted.unknown_type and not counted.frames and self._limit.admits(link, hub, wheel):
+                self._find((link, hub, wheel), Code.ONLY_UNKNOWN_TYPES, 0)
+                self._findings[(link, hub, wheel), Code.ONLY_UNKNOWN_TYPES].count = counted.unknown_type
 
     def reopened(self, link: str) -> None:
         """Note that a link was reconnected: another hub may be on it."""
@@ -193,9 +192,6 @@ class ContradictionWatch:
         """Return all findings with their present counts."""
         for source, wheel in self._wheels.items():
             self._review_pending(source, wheel)
-            if wheel.hello is None and wheel.without_hello:
-                self._find(source, Code.SAMPLES_WITHOUT_HELLO, 0)
-                self._findings[source, Code.SAMPLES_WITHOUT_HELLO].count = wheel.without_hello
         found = [
             self._notice(source, code, finding)
             for (source, code), finding in sorted(self._findings.items(), key=lambda entry: entry[0])
@@ -314,7 +310,6 @@ class ContradictionWatch:
         """Compare blocks of samples with the wheel's hello."""
         hello = wheel.hello
         if hello is None or not len(blocks.first):
-            wheel.without_hello += len(blocks.first)
             return
         other = blocks.axes[blocks.axes != hello.axes]
         if len(other):

@@ -165,7 +165,11 @@ class SessionCore:
     def _link(self, name: str) -> _Link:
         link = self._links.get(name)
         if link is None:
-            health = LinkHealth(name, lambda hub, wheel: self._pipeline.position(name, hub, wheel))
+            health = LinkHealth(
+                name,
+                lambda hub, wheel: self._pipeline.position(name, hub, wheel),
+                lambda hub, wheel: self._pipeline.limit.admits(name, hub, wheel),
+            )
             link = self._links[name] = _Link(health, FrameDecoder(self._watch.gate(name)), HubLog(name))
         return link
 
@@ -212,9 +216,10 @@ class SessionCore:
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
         self._contradictions.frames(name, frames)
         for frame in frames:
-            self._alarms.silence.frame(name, frame, host_ns)
-            if frame.type != MessageType.SAMPLES and self._pipeline.limit.admits(name, frame.hub, frame.wheel):
-                self._slow_message(name, link, frame, host_ns)
+            if self._pipeline.limit.admits(name, frame.hub, frame.wheel):
+                self._alarms.silence.frame(name, frame, host_ns)
+                if frame.type != MessageType.SAMPLES:
+                    self._slow_message(name, link, frame, host_ns)
         return self._deliver(self._pipeline.frames(name, frames, host_ns), host_ns)
 
     def _slow_message(self, name: str, link: _Link, frame: Frame, host_ns: int) -> None:

@@ -37,15 +37,19 @@ class LinkHealth:
     The silence of hubs and sensors is not reported here, but by `gateway.session.silence`.
     """
 
-    def __init__(self, link: str, position_of: PositionOf) -> None:
+    def __init__(
+        self, link: str, position_of: PositionOf, admits: Callable[[int, int], bool] = lambda _hub, _wheel: True
+    ) -> None:
         """Watch a link.
 
         Args:
             link: its name.
             position_of: returns the wheel position of a hub and wheel number.
+            admits: returns whether a wheel number is within the limit of the session.
         """
         self._link = link
         self._position_of = position_of
+        self._admits = admits
         # Code and subject of the findings that hold now.
         self._reported: set[tuple[Code, str]] = set()
         self._bytes = 0
@@ -179,7 +183,7 @@ class LinkHealth:
             is_sending = self._frames.get((hub, wheel)) != source.frames
             self._frames[(hub, wheel)] = source.frames
             is_overdue = first_ns is not None and host_ns - first_ns >= _SILENCE_NS
-            if is_overdue and is_sending and wheel != HUB_ITSELF:
+            if is_overdue and is_sending and wheel != HUB_ITSELF and self._admits(hub, wheel):
                 found += self._once(self._position_of(hub, wheel), Reason(Code.NO_HELLO, silence_s=_SILENCE_S))
         self._has_hub = bool(counters.sources)
         return found

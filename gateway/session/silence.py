@@ -312,11 +312,12 @@ class SilenceWatch:
     @staticmethod
     def thinned(batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
         """Yield arrival time and frame of those frames of a block that matter: all but most of the samples."""
-        keys = np.asarray(batch.hub).astype(np.int64) << 8 | np.asarray(batch.wheel)
         is_samples = np.asarray(batch.type) == MessageType.SAMPLES
         wanted = ~is_samples
-        for key in np.unique(keys[is_samples]).tolist():
-            own = np.flatnonzero(is_samples & (keys == key))
+        for _, _, frames in batch.by_source():
+            own = frames[is_samples[frames]]
+            if not len(own):
+                continue
             slots = arrivals_ns[own] // _SLOT_NS
             steps = np.flatnonzero(np.diff(slots)) + 1
             wanted[own[steps]] = wanted[own[steps - 1]] = True
@@ -401,10 +402,11 @@ class SilenceWatch:
         return found
 
     def silent_hubs(self, *, of_down_links: bool = False) -> Iterator[SilentHub]:
-        """Yield the silent hubs of links that are open, or every hub of those that are down."""
+        """Yield the silent hubs of open links, or those of links that are down; hubs without wheels do not matter."""
         for name, link in self._links.items():
             for number, hub in link.hubs.items():
-                if link.down is not None if of_down_links else link.down is None and hub.is_silent(link.now_ns):
+                is_meant = link.down is not None if of_down_links else link.down is None and hub.is_silent(link.now_ns)
+                if is_meant and hub.sensors:
                     positions = tuple(self._position_of(name, number, wheel) for wheel in sorted(hub.sensors))
                     yield SilentHub(name, number, (link.now_ns - hub.last_ns) / _S, positions)
 
@@ -437,8 +439,6 @@ class SilenceWatch:
             link.now_ns, link.due_ns = host_ns, 0
             link.count_again(host_ns)
         link.now_ns = max(link.now_ns, host_ns)
-        if type_ != MessageType.SAMPLES or number not in link.hubs or wheel not in link.hubs[number].sensors:
-            link.due_ns = 0  # it may begin a stream, which is due earlier than those before
         hub = link.hubs.get(number)
         if hub is None:
             hub = link.hubs[number] = _Hub()
@@ -446,11 +446,16 @@ class SilenceWatch:
             if hub.own is None:
                 hub.own = _Stream(LIMITS["hub"], host_ns)
             hub.own.arrived(host_ns)
+            link.due_ns = min(link.due_ns, hub.own.due_ns)
             return
         sensor = hub.sensors.get(wheel)
         if sensor is None:
             sensor = hub.sensors[wheel] = _Sensor(self._samples, host_ns)
+        is_new = not sensor.axes_ns
         sensor.take(type_, message, axes, host_ns)
+        if is_new or type_ != MessageType.SAMPLES:
+            # It may have begun a stream, which is due earlier than those before.
+            link.due_ns = min([link.due_ns, *sensor.due_ns()])
 
 
 def _silences(link: _Link, hub: _Hub, sensor: _Sensor) -> Iterator[Silence]:

@@ -78,7 +78,10 @@ class ContactEdges:
 
 
 def find_contact_edges(
-    radial_mps2: FloatArray, samples_per_revolution: float, noise_coefficient_mps2: float | None = None
+    radial_mps2: FloatArray,
+    samples_per_revolution: float,
+    noise_coefficient_mps2: float | None = None,
+    scatter_mps2: FloatArray | None = None,
 ) -> ContactEdges:
     """Find both edges of the contact around theta = 0.
 
@@ -88,6 +91,7 @@ def find_contact_edges(
         radial_mps2: (n,) radial waveform on the angle grid, positive inward, gravity removed.
         samples_per_revolution: time samples that it was made from; fewer samples need stronger smoothing.
         noise_coefficient_mps2: noise of one real order coefficient; estimated from the high orders when None.
+        scatter_mps2: (n,) of an average, standard deviation from revolution to revolution; None for one revolution.
 
     Returns:
         The edges; NaN with a reason when the waveform has no contact that stands out of the noise. Never raises on
@@ -113,7 +117,9 @@ def find_contact_edges(
     ripple = math.sqrt(max(levels.ripple_mps2**2 - ripple_noise**2, 0.0)) / (baseline - plateau)
     edges = []
     for shape, direction in zip(levels.shapes, (-1, 1), strict=True):
-        found = edge_distance(width, shape.features_rad, shape.noises_rad(slope_noise, slope_bend_noise), ripple)
+        noises = shape.noises_rad(slope_noise, slope_bend_noise)
+        smear = _smear(shape, scatter_mps2) if scatter_mps2 is not None else 0.0
+        found = edge_distance(width, shape.features_rad, noises, ripple, smear)
         steepest_std = curvature_noise / shape.bend_mps2 if shape.bend_mps2 > 0.0 else math.inf
         noise_std = math.hypot(steepest_std, found.noise_std_rad)
         angle = shape.steepest_rad + direction * found.distance_rad
@@ -218,6 +224,14 @@ def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray,
     spectra[1, 1 : len(orders) + 1] = spectra[0, 1 : len(orders) + 1] * (1j * orders)
     curves: FloatArray = np.fft.irfft(spectra, n=n, axis=1)
     return curves[0], curves[1], orders, gain
+
+
+def _smear(shape: EdgeShape, scatter_mps2: FloatArray) -> float:
+    """Return the standard deviation of an edge's place in an average, rad; 0 while the scatter is not known."""
+    n = len(scatter_mps2)
+    at = round((shape.steepest_rad + math.pi) * n / (2.0 * math.pi)) % n
+    excess = float(scatter_mps2[at] ** 2 - np.median(scatter_mps2) ** 2)
+    return math.sqrt(excess) / shape.slope_mps2 if excess > 0.0 < shape.slope_mps2 else 0.0
 
 
 def _band_gain(orders: FloatArray, gain: FloatArray) -> FloatArray:

@@ -107,7 +107,10 @@ class ContactMatch:
 
 
 def contact_template(
-    radial_mps2: FloatArray, omega_radps: float, samples_per_revolution: float
+    radial_mps2: FloatArray,
+    omega_radps: float,
+    samples_per_revolution: float,
+    scatter_mps2: FloatArray | None = None,
 ) -> ContactTemplate | None:
     """Extract the template from an average.
 
@@ -115,11 +118,12 @@ def contact_template(
         radial_mps2: (n,) averaged radial waveform on the angle grid, gravity removed.
         omega_radps: its angular speed.
         samples_per_revolution: time samples per revolution.
+        scatter_mps2: (n,) standard deviation of the waveform from revolution to revolution; None when not known.
 
     Returns:
         the template; None when the average has no contact, or when the contact region wraps around.
     """
-    edges = find_contact_edges(radial_mps2, samples_per_revolution)
+    edges = find_contact_edges(radial_mps2, samples_per_revolution, scatter_mps2=scatter_mps2)
     n = radial_mps2.shape[0]
     step = 2.0 * math.pi / n
     first = n // 2 + math.floor((edges.leading_rad - _BEYOND_RAD) / step) if edges.found else -1

@@ -8,6 +8,7 @@ margin for tires that are no rings.
 
 A tread can make waves that are locked to the tire and run out of both edges. They distort the features. Where the free
 belt ripples more than that of a smooth ring, the mean distance counts, with its spread over tires as standard error.
+The same holds where the waveform is the average of contacts of different lengths, which smears its edges.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ _DISTANCE_SPREADS_RAD: Final = (0.0254, 0.0224, 0.0201, 0.0170, 0.0150, 0.0125)
 # Ripple of the free belt, over the step from contact to free belt, at which features count by half. On smooth rings it
 # is 0.001 in the median and 0.0045 at the 99th percentile; with waves as on a measured tire it is 0.016.
 _HALF_TRUST_RIPPLE: Final = 0.006
+# Standard deviation of the edge in an average, rad, at which features count by half.
+_HALF_TRUST_SMEAR_RAD: Final = 0.006
 # A feature further than this many standard deviations from its mean is none of a tire's on a road.
 _MAX_DEPARTURE: Final = 3.0
 
@@ -150,7 +153,9 @@ def edge_shape(
     )
 
 
-def edge_distance(width: float, features_rad: FloatArray, noises_rad: FloatArray, ripple: float = 0.0) -> EdgeDistance:
+def edge_distance(
+    width: float, features_rad: FloatArray, noises_rad: FloatArray, ripple: float = 0.0, smear_rad: float = 0.0
+) -> EdgeDistance:
     """Return the distance from the features.
 
     The noisier a feature, the more its mean over tires counts in place of it.
@@ -160,6 +165,7 @@ def edge_distance(width: float, features_rad: FloatArray, noises_rad: FloatArray
         features_rad: (4,) of the shape.
         noises_rad: (4,) their standard errors.
         ripple: rms of the waves of the free belt, over the step from contact to free belt.
+        smear_rad: standard deviation of the edge's place over the revolutions of an average.
     """
     mean_distance, *factors, model_std = (float(np.interp(width, _WIDTHS, column)) for column in _DISTANCES)
     means, spreads = (
@@ -171,7 +177,7 @@ def edge_distance(width: float, features_rad: FloatArray, noises_rad: FloatArray
     trust = np.where(usable, spreads**2 / (spreads**2 + noises**2), 0.0)
     departures = np.where(usable, features_rad, means) - means
     departures = np.clip(departures, -_MAX_DEPARTURE * spreads, _MAX_DEPARTURE * spreads)
-    smooth = 1.0 / (1.0 + (ripple / _HALF_TRUST_RIPPLE) ** 4)
+    smooth = 1.0 / (1.0 + (ripple / _HALF_TRUST_RIPPLE) ** 4 + (smear_rad / _HALF_TRUST_SMEAR_RAD) ** 4)
     known = smooth * np.array(factors) * trust
     unknown_std = smooth * float(np.linalg.norm(np.array(factors) * spreads * np.sqrt(1.0 - trust)))
     wavy_std = math.sqrt(1.0 - smooth) * float(np.interp(width, _WIDTHS, _DISTANCE_SPREADS_RAD))

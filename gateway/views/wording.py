@@ -76,7 +76,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
     ),
     Code.SAMPLES_TOO_SHORT: "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}",
-    Code.SAMPLES_WITHOUT_HELLO: "no hello describes the {count} blocks of samples: their rate and scale are unknown",
+    Code.SAMPLES_WITHOUT_HELLO: (
+        "{count} blocks of samples, but no HELLO: without rate and scale nothing can be estimated. A hub sends a HELLO "
+        "every 2 s. Restart the hub or update its firmware"
+    ),
     Code.WHEEL_STANDS: (
         "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
         "{std_mps2:.1f m/s²}"
@@ -104,6 +107,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
     # Of what the signal says against what is stated
+    Code.CONTACTS_MISSED: "a contact found in one of {every:.0f} revolutions only would fit",
     Code.ERROR_COVERS: "{why}; the standard error covers the difference",
     Code.GAIN_WOULD_FIT: "a gain of {gain:.3f} would fit",
     Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
@@ -160,6 +164,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the contact half angle {half_angle_rad:.1f deg} is outside the calibrated {low_rad:.1f deg} to "
         "{high_rad:.1f deg}"
     ),
+    Code.LOAD_CONTRADICTED: "contradicts the stated load, {stated_n:.0f N} ± {stated_std_n:.0f N}",
     Code.NEEDS_ESTIMATOR: "needs the estimator {estimator}, which made the reference numbers",
     Code.NEEDS_LOAD_CALIBRATION: "needs tire.load_calibration in the vehicle file (treadlink calibrate)",
     Code.NEEDS_REFERENCE_NUMBER: (
@@ -368,43 +373,43 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
     ),
     Code.HELLO_HIGHPASS_WITH_DC: (
-        "HELLO states DC coupling and a high-pass at {highpass_hz:g Hz} ({count} times). The high-pass is ignored; if "
+        "HELLO states DC coupling and a high-pass at {highpass_hz:g Hz} ({count} so far). The high-pass is ignored; if "
         "there is one, the firmware must state AC"
     ),
     Code.HELLO_KEEPS_CHANGING: (
-        "HELLO keeps changing without a restart ({count} times): each change of sensor, rate or axes starts the wheel "
+        "HELLO keeps changing without a restart ({count} so far): each change of sensor, rate or axes starts the wheel "
         "anew. A faulty hub, two sensors under one number, or forged frames"
     ),
     Code.HELLO_RATE_DIFFERS: (
-        "HELLO states {stated_hz:g Hz}, but samples come at {measured_hz:.0f Hz} by the hub's clock ({count} times "
-        "over {duration_s:g s}). One of the two is wrong: a fault of the firmware"
+        "HELLO states {stated_hz:g Hz}, but samples come at {measured_hz:.0f Hz} by the hub's clock ({count} "
+        "so far, each over {duration_s:g s}). One of the two is wrong: a fault of the firmware"
     ),
     Code.HELLO_SCALE_ABSURD: (
         "HELLO states a full scale of {full_scale_mps2:.3g m/s²} for the {axis} axis, which no tire sensor has "
-        "({count} times). Its accelerations are wrong"
+        "({count} so far). Its accelerations are wrong"
     ),
     Code.HELLO_SCALE_AGAINST_RANGE: (
         "HELLO states a range of {range_mps2:.4g m/s²} for the {axis} axis, but scale and saturation give "
-        "{full_scale_mps2:.4g m/s²} ({count} times). Its accelerations may be wrong"
+        "{full_scale_mps2:.4g m/s²} ({count} so far). Its accelerations may be wrong"
     ),
     Code.HELLO_SCALE_ZERO: (
-        "HELLO states a scale of 0 for {axes} ({count} times): such an axis cannot be used. A fault of the firmware"
+        "HELLO states a scale of 0 for {axes} ({count} so far): such an axis cannot be used. A fault of the firmware"
     ),
     Code.HELLO_SENSORS_ALTERNATE: (
-        "sensors {sensor} and {other} announce themselves in turn as this wheel ({count} times): estimates of two "
+        "sensors {sensor} and {other} announce themselves in turn as this wheel ({count} so far): estimates of two "
         "sensors are mixed. Give each a wheel number of its own"
     ),
     Code.HELLO_ZERO_ABSURD: (
         "HELLO states {offset_counts:.6g} counts at zero acceleration for the {axis} axis, more than a sample can have "
-        "({count} times). Its accelerations are wrong"
+        "({count} so far). Its accelerations are wrong"
     ),
     Code.HUB_BOOT_COUNTS_DIFFER: (
-        "its wheels state different boot counts, {own:.0f} and {other:.0f} ({count} times): each change is taken for a "
-        "restart. A fault of the firmware"
+        "its wheels state different boot counts, {own:.0f} and {other:.0f} ({count} so far): each change is taken "
+        "for a restart. A fault of the firmware"
     ),
     Code.HUB_CLOCK_STILL: (
-        "the hub's clock does not advance while samples arrive ({count} times over {duration_s:g s}): times and the "
-        "sampling rate cannot be checked. A fault of the firmware"
+        "the hub's clock does not advance while samples arrive ({count} so far, each over {duration_s:g s}): "
+        "times and the sampling rate cannot be checked. A fault of the firmware"
     ),
     Code.HUB_NUMBER_RESERVED: (
         "the hub has the number 255, which commands use for every hub ({count} HELLOs): it cannot be commanded alone"
@@ -417,21 +422,20 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "commands arrive from the hub ({count} frames), which only a gateway sends: is the line looped back?"
     ),
     Code.HUB_TIME_AGAINST_TICK: (
-        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} times). A fault of the firmware"
+        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} so far). A fault of the firmware"
     ),
-    Code.ONLY_UNREADABLE_FRAMES: (
-        "sends frames, but none that treadlink can read: {count} of unknown types or layouts. Update treadlink or the "
-        "firmware"
+    Code.ONLY_UNKNOWN_TYPES: (
+        "sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
     ),
-    Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} times), which no tire has",
+    Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has",
     Code.SAMPLES_REPEATED: (
         "sends samples again under new counters: {count} blocks are not used. A fault of the firmware"
     ),
     Code.SAMPLE_NUMBERS_JUMP: (
-        "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} times): a restart of the "
+        "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} so far): a restart of the "
         "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
     ),
-    Code.TEMPERATURE_IMPOSSIBLE: "the sensor states {temperature_degc:.0f degC} ({count} times), which no tire has",
+    Code.TEMPERATURE_IMPOSSIBLE: "the sensor states {temperature_degc:.0f degC} ({count} so far), which no tire has",
     Code.WHEELS_REFUSED: (
         "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
         "configure the wheels, and sign frames"

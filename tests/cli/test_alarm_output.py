@@ -90,7 +90,12 @@ def test_estimate_reports_alarms_and_silence(recorded: tuple[Path, str], tmp_pat
     summary = printed.partition("alarms\n")[2]
     assert "W1 pressure: from 0." in summary
     assert "W1 silent: from 5.0 s to the end: no samples for 4 s" in summary
-    first = json.loads(rows.read_text().splitlines()[0])
+    first, *_, low, quiet = map(json.loads, rows.read_text().splitlines())
+    assert low["alarm_record"]["code"] == "pressure_below_limit"
+    assert quiet["revolution"] is None
+    assert (quiet["position"], quiet["alarm_record"]["code"]) == ("W1", "samples_silent")
+    assert quiet["alarm_record"]["standing_at_end"]
+    assert quiet["alarm_record"]["first_s"] == pytest.approx(5.0, abs=0.1)
     assert first["alarms"] == "pressure 210 kPa is below 230 kPa"
     (reason,) = first["alarm_reasons"]
     assert (reason["name"], reason["code"]) == ("pressure", "pressure_below_limit")
@@ -105,5 +110,7 @@ def test_estimate_gives_the_silence_before_a_revolution(vehicle: Path, tmp_path:
     run("simulate", "lab", "--duration", 10, "--fault", fault, "--out", recording)
     printed = run("estimate", recording, "--json", rows)
     assert "hub 0 silent: from 6.0 s to 7." in printed
-    silent = [row["silent_before_s"] for row in map(json.loads, rows.read_text().splitlines())]
+    found = [json.loads(line) for line in rows.read_text().splitlines()]
+    silent = [row["silent_before_s"] for row in found if row["revolution"] is not None]
+    assert found[-1]["alarm_record"]["values"]["silence_s"] == pytest.approx(4.0, abs=0.1)
     assert [round(one, 1) for one in silent if one] == [4.0]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Status
+from gateway.estimators.self_calibration import speed_errors
 from gateway.pipeline.wheel_setup import SensorClaims, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, simulated
@@ -116,3 +118,14 @@ def test_errors_cover_road_noise() -> None:
     assert within(found["gain"], 1.0, 4.0)
     assert within(found["sensor_offset_m"], 0.008)
     assert within(found["pitch_tilt_rad"], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("steady_mps2", "least", "most"),
+    [((1000.0, 1000.0), math.inf, math.inf), ((12_300.0, 12_700.0), 20.0, 50.0), ((700.0, 1600.0), 0.0, 0.2)],
+)
+def test_zero_offset_error_grows_as_speeds_approach(
+    steady_mps2: tuple[float, float], least: float, most: float
+) -> None:
+    rows = np.array([[steady, 1.0] for steady in steady_mps2])
+    assert least <= speed_errors(rows.T @ rows).zero_mps2 <= most

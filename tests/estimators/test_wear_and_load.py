@@ -174,7 +174,7 @@ def test_load_follows_every_revolution() -> None:
     for result in results[40:]:
         found = {estimate.name: estimate for estimate in result.estimates}["load_by_angle_n"]
         true = truth.load_n(result.revolution.start_s)
-        assert found.value == pytest.approx(true, rel=0.15)
+        assert found.value == pytest.approx(true, rel=0.06)
         assert abs(found.value - true) < 2.0 * found.std
 
 
@@ -182,6 +182,10 @@ def test_stated_load_does_not_set_the_estimate() -> None:
     # The wheel carries 6000 N, the vehicle file states 5000 N.
     found = last(simulated("", 14.0, wheel(5000.0), ESTIMATORS, "load_n = 6000")[0])
     assert found["load_n"].value == pytest.approx(6000.0, rel=0.01)
+    assert found["load_n"].status is Status.PROVISIONAL
+    assert Code.LOAD_CONTRADICTED in codes_of(found["load_n"].reasons)
+    assert Code.WIDTH_CONTRADICTED in codes_of(found["Bs"].reasons)
+    assert Code.WIDTH_CONTRADICTED not in codes_of(found["load_by_width_n"].reasons)
 
 
 def test_load_by_angle_is_corrected_for_wear() -> None:

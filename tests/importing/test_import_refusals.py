@@ -52,7 +52,7 @@ def test_missing_columns_are_reported_with_suggestions(tmp_path: Path) -> None:
         ("x,y,z\n12:00:00.0001,2,3\n", r"line 2, column 'x': '12:00", "no dates.*seconds.*rate_hz"),
         ("x,y,z\n[g],[g],[g]\n" + ROW, r"line 2, column 'x': '\[g\]' is not a number", "skip_rows_after_header"),
         ('x,y,z\n"1,5","2,5","3,5"\n', r"line 2, column 'x': '1,5' is not a number", "decimal"),
-        ("x,y,z\n" + ROW * 2 + "1.0,nan,inf\n" + ROW, r"line 4, column 'z': inf is not", "cell empty"),
+        ("x,y,z\n" + ROW * 2 + "1.0,nan,inf\n" + ROW, r"line 4, column 'z': inf cannot be measured", "cell empty"),
         ("x,y,z\n" + ROW + ",2.0,3.0\n" * 2, r"in 2 of 3 rows an axis has no value", "Leave the axis out"),
         ("x,y,z\n", "contains no rows of data", "Check"),
         ("x,y,z\n" + ROW, "contains 1 rows", "Check"),
@@ -209,7 +209,7 @@ def test_text_columns_in_parquet_are_rejected(tmp_path: Path) -> None:
     pq.write_table(pa.table({"x": ["a"] * 5, "y": [1.0] * 5, "z": [1.0] * 5}), path)
     assert "column 'x' contains string" in str(refusal(path, simple_map()))
     pq.write_table(pa.table({"x": [1.0, float("inf"), 3.0], "y": [1.0] * 3, "z": [1.0] * 3}), path)
-    assert "row 2, column 'x': inf" in str(refusal(path, simple_map()))
+    assert "row 2, column 'x': inf cannot" in str(refusal(path, simple_map()))
 
 
 def test_missing_pyarrow_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

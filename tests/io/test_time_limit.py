@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
-from gateway.io.time_limit import TimeLimitedSource
+from gateway.clock import ManualClock
+from gateway.io.playback import PlayedSource
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
+from gateway.io.time_limit import TimeLimitedSource, limited
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -47,3 +50,12 @@ def test_other_properties_are_those_of_the_source() -> None:
     assert (limited.link, limited.vehicle_toml) == ("test:x", "[vehicle]")
     limited.close()
     assert source.closed
+
+
+def test_limited_replay_can_be_paused(tmp_path: Path) -> None:
+    (tmp_path / "x.bin").write_bytes(b"x")
+    played = open_source(f"replay:{tmp_path}/x.bin?rate=100", ManualClock())
+    source = limited(played, 5.0)
+    assert isinstance(source, PlayedSource)
+    assert source.playback is played.playback  # type: ignore[attr-defined]
+    assert not isinstance(limited(TenChunks(), 5.0), PlayedSource)

@@ -42,7 +42,14 @@ def paced(data: bytes, seconds: float = 10.0, link: str = LINK) -> list[Chunk]:
     ]
 
 
-NOT_OF_LINKS = {Code.WHEEL_NOT_CONFIGURED, Code.WHEEL_NOT_IN_CONFIGURATION, Code.HUB_LOG}
+NOT_OF_LINKS = {
+    Code.WHEEL_NOT_CONFIGURED,
+    Code.WHEEL_NOT_IN_CONFIGURATION,
+    Code.HUB_LOG,
+    # Contradictions within the frames of a wheel, at the end.
+    Code.ONLY_UNREADABLE_FRAMES,
+    Code.SAMPLES_WITHOUT_HELLO,
+}
 
 
 def of_links(core: SessionCore, items) -> list[Notice]:

@@ -15,10 +15,12 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, Coupling, MessageType, SetRate, SetStream, TimeSync
 from gateway.cli.estimate import estimate
 from gateway.cli.inspect import inspect
+from gateway.cli.replay import replay
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.writer import RecordingWriter
+from gateway.session.campaign_recording import ReadOrder, read_recording
 from gateway.session.contradictions import ContradictionWatch
 from gateway.session.core import SessionCore
 from gateway.views.wording import notice_text
@@ -142,10 +144,6 @@ def repeated_samples(hub: HubFrames) -> None:
         hub.samples(36 / 9600)
 
 
-def no_hello(hub: HubFrames) -> None:
-    hub.samples(0.5)
-
-
 def looped_back(hub: HubFrames) -> None:
     hub.send(MessageType.SET_RATE, SetRate(9600.0), HUB_ITSELF)
     hub.send(MessageType.SET_STREAM, SetStream(True), 3)
@@ -165,10 +163,9 @@ CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = 
     (number_255, "hub 255", Code.HUB_NUMBER_RESERVED, {"count": 1}),
     (wheel_messages_of_the_hub, "hub 0", Code.HUB_SENDS_AS_WHEEL, {"count": 28}),
     (time_against_tick, "hub 0", Code.HUB_TIME_AGAINST_TICK, {"tick_us": 8.0, "count": 1}),
-    (only_unknown_types, "FL", Code.ONLY_UNREADABLE_FRAMES, {"count": 7}),
+    (only_unknown_types, "FL", Code.ONLY_UNKNOWN_TYPES, {"count": 7}),
     (changing_hello, "FL", Code.HELLO_KEEPS_CHANGING, {"count": 15}),
     (repeated_samples, "FL", Code.SAMPLES_REPEATED, {"count": 9}),
-    (no_hello, "FL", Code.SAMPLES_WITHOUT_HELLO, {"count": 133}),
     (looped_back, "hub 0", Code.HUB_SENDS_COMMANDS, {"count": 2}),
     (impossible_pressure, "FL", Code.PRESSURE_IMPOSSIBLE, {"pressure_pa": -2e9, "count": 1}),
     (impossible_temperature, "FL", Code.TEMPERATURE_IMPOSSIBLE, {"count": 1}),
@@ -263,9 +260,17 @@ def test_outputs_show_it(tmp_path) -> None:
     for number, data in enumerate(hub.stream):
         writer.write(Chunk("x", START_NS + number * 3_750_000, data))
     writer.close()
-    said = "hub0.wheel0: HELLO states 4800 Hz, but samples come at 9600 Hz by the hub's clock (4 times over 2 s)"
+    said = "hub0.wheel0: HELLO states 4800 Hz, but samples come at 9600 Hz by the hub's clock (4 so far, each over 2 s)"
     assert said in CliRunner().invoke(inspect, [str(path)]).output
     assert said in CliRunner().invoke(estimate, [str(path)]).output
+    read = read_recording(ReadOrder(path, 0, "x", None, None, 2))
+    assert [notice.reason.code for notice in read.notices] == [Code.HELLO_RATE_DIFFERS]
+    lines = CliRunner().invoke(replay, [str(path), "--plain", "--speed", "max"]).output.splitlines()
+    notices = [line for line in lines if "HELLO states 4800 Hz" in line]
+    # Once when it is found, with the count so far, and once in the summary.
+    assert len(notices) == 2
+    assert notices[0].startswith("# hub0.wheel0: ")
+    assert notices[1].startswith(said)
     (entry,) = json.loads(CliRunner().invoke(inspect, [str(path), "--json"]).output)["notices"]
     assert entry["subject"] == "hub0.wheel0"
     assert entry["level"] == "warning"

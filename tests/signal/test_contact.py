@@ -208,3 +208,13 @@ def test_noisy_shape_counts_less() -> None:
     assert noisy.model_std_rad > 2.0 * clear.model_std_rad
     missing = edge_distance(40.0, np.full(4, math.inf), np.full(4, math.inf))
     assert missing.distance_rad == pytest.approx(noisy.distance_rad, abs=1e-3)
+
+
+def test_average_of_two_loads_widens_the_edge_error() -> None:
+    light, heavy = clean_wave(4000.0), clean_wave(6000.0)
+    average, scatter = 0.5 * (light + heavy), 0.5 * np.abs(heavy - light)
+    plain = find_contact_edges(average, 1069.0)
+    smeared = find_contact_edges(average, 1069.0, scatter_mps2=scatter)
+    between = 0.5 * (solution(4000.0).trailing_edge_rad + solution(6000.0).trailing_edge_rad)
+    assert smeared.trailing_std_rad > 2.0 * plain.trailing_std_rad
+    assert abs(smeared.trailing_rad - between) < 2.0 * smeared.trailing_std_rad

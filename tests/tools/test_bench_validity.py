@@ -53,7 +53,7 @@ def test_every_estimate_of_the_estimators_is_judged(judged: list[Judged]) -> Non
 
 
 def test_share_counts_false_and_missing_estimates() -> None:
-    right = Judged("plain", 0.0, 0, 2, "weak-form", "Bs", 1.1, 0.1, 1.0, "valid", True, ())
+    right = Judged("plain", 0.0, 0, "car", 2, "weak-form", "Bs", 1.1, 0.1, 1.0, "valid", True, ())
     wrong = replace(right, value=1.5)
     missing = replace(right, value=math.nan, std=math.nan, status="invalid")
     found = share([right, wrong, missing, replace(missing, determinable=False)])
@@ -67,4 +67,4 @@ def test_share_counts_false_and_missing_estimates() -> None:
 def test_cases_have_their_own_names() -> None:
     names = [case.name for case in CASES]
     assert len(set(names)) == len(names)
-    assert sum(case.well for case in CASES) == 3
+    assert sum(case.well for case in CASES) == 4

@@ -166,9 +166,10 @@ def test_no_label_of_the_details_is_cut(made):
         Estimate("load_n", 4823.4, 17.3, Status.PROVISIONAL),
     ]
     wheel = made.wheel("FL", result={"estimates": (*made.result().estimates, *others)})
-    rows = page(made.snapshot([wheel, "FR", "RL", "RR"]))
-    assert row_with(rows, "ply steer -0.161 ± 0.012 deg ~")
-    assert row_with(rows, "4823 ± 17 N ~")
+    for size in SIZES:
+        rows = page(made.snapshot([wheel, "FR", "RL", "RR"]), size)
+        assert row_with(rows, "ply steer -0.161 ± 0.012 deg ~")
+        assert row_with(rows, "4823 ± 17 N ~")
 
 
 @pytest.mark.parametrize("size", SIZES)

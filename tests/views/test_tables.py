@@ -224,3 +224,22 @@ def test_memory_does_not_grow_with_rows(tmp_path: Path, table_format: TableForma
         _, peak_bytes = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     assert peak_bytes < 100_000
+
+
+@pytest.mark.parametrize("start", ["=", "+", "-", "@", "\t", "\r"])
+def test_text_that_a_spreadsheet_would_run_is_quoted(tmp_path: Path, start: str) -> None:
+    name = f"{start}cmd|' /C calc'!A0"
+    path = tmp_path / "out.csv"
+    with open_table(path, TableFormat.CSV) as writer:
+        writer.write(result(0, name, (Estimate(name, -1.5, 0.1, Status.VALID),), load_n=-4.0), f"{start}a.mcap")
+    (row,) = read_back(path, TableFormat.CSV)
+    assert (row["position"], row["recording"]) == (f"'{name}", f"'{start}a.mcap")
+    assert row[f"'{name}"] == -1.5
+    assert row["load_n"] == -4.0
+
+
+def test_text_of_other_formats_is_unchanged(tmp_path: Path) -> None:
+    path = tmp_path / "out.jsonl"
+    with open_table(path, TableFormat.JSON) as writer:
+        writer.write(result(0, "=A1"))
+    assert read_back(path, TableFormat.JSON)[0]["position"] == "=A1"

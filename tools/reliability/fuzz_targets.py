@@ -423,7 +423,9 @@ def _mats() -> list[bytes]:
     for content, options in contents:
         file = io.BytesIO()
         savemat(file, content, **options)
-        found.append(file.getvalue())
+        data = file.getvalue()
+        # The header of version 5 states the time of writing.
+        found.append(data if options.get("format") == "4" else b"MATLAB 5.0 MAT-file".ljust(116) + data[116:])
     return found
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from validity.statements import Statement, moved_to
+from validity.statements import Statement, known_exactly, moved_to
 from validity.tires import TREAD_PER_PRESSURE, World, ordinary, with_resistance
 
 Change = Callable[[World, Statement, float, np.random.Generator], tuple[World, Statement]]
@@ -40,6 +40,12 @@ class Case:
 
 def _plain(world: World, said: Statement, _: float, __: np.random.Generator) -> tuple[World, Statement]:
     return world, said
+
+
+def _known(world: World, said: Statement, _: float, __: np.random.Generator) -> tuple[World, Statement]:
+    nothing = (0.0, 0.0, 0.0)
+    perfect = replace(world, gain_error=nothing, zero_g_mps2=nothing, tilt_deg=nothing)
+    return perfect, known_exactly(perfect, said)
 
 
 def _ordinary(world: World, said: Statement, _: float, rng: np.random.Generator) -> tuple[World, Statement]:
@@ -130,6 +136,7 @@ def _both(*sizes: float) -> tuple[float, ...]:
 
 CASES: Final[tuple[Case, ...]] = (
     Case("plain", "", (0.0,), _plain, "everything true, on the ring that the estimators assume", well=True),
+    Case("known", "", (0.0,), _known, "everything stated without an error, and a perfect sensor", well=True),
     Case(
         "ordinary",
         "",

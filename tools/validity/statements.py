@@ -34,6 +34,7 @@ class Statement:
         pressure_factor: reading of the pressure over the truth.
         pressure_std_kpa: standard error of the reading.
         offset_mm: sensor below the neutral layer; None when it is not stated.
+        offset_std_mm: its standard error.
         gain_std_percent: standard error of the sensor's gains; None for the default, 1.5 %.
         zero_g_std_mps2: standard error of its zero-g offsets; None for the default, 1 m/s^2.
         rate_factor: stated sampling rate over the true one; the stamps follow the stated one, as in an import.
@@ -52,6 +53,7 @@ class Statement:
     thickness_mm: float
     radius_std_mm: float | None = None
     pressure_factor: float = 1.0
+    offset_std_mm: float = OFFSET_STD_MM
     gain_std_percent: float | None = None
     zero_g_std_mps2: float | None = None
     rate_factor: float = 1.0
@@ -76,7 +78,10 @@ class Statement:
             tire["reference"] = {**numbers, **stds, "pressure_kpa": 1e-3 * world.reference_pa}
         if self.calibration is not None:
             tire["load_calibration"] = _calibration_table(self.calibration)
-        mounting = {"offset_mm": self.offset_mm, "offset_std_mm": None if self.offset_mm is None else OFFSET_STD_MM}
+        mounting = {
+            "offset_mm": self.offset_mm,
+            "offset_std_mm": None if self.offset_mm is None else self.offset_std_mm,
+        }
         sensor = {"gain_std_percent": self.gain_std_percent, "zero_g_std_mps2": self.zero_g_std_mps2}
         wheel: dict[str, Any] = {"position": "W", "hub": 0, "wheel": 0, "load_n": self.load_n}
         wheel["load_std_n"] = self.load_std_n
@@ -105,6 +110,25 @@ def draw_statement(world: World, rng: np.random.Generator) -> Statement:
         thickness_mm=world.thickness_mm + float(errors[4]) * THICKNESS_STD_MM,
         gain_std_percent=None if world.gain_std_percent == GAIN_STDS_PERCENT[0] else world.gain_std_percent,
         reference=(bs, cw, rs, ts),
+    )
+
+
+def known_exactly(world: World, statement: Statement) -> Statement:
+    """Return a statement without errors that says so: what is left are the errors of the data and the models."""
+    return replace(
+        statement,
+        radius_mm=1e3 * world.radius_m,
+        radius_std_mm=1e-2,
+        load_n=world.load_n,
+        load_std_n=1e-4 * world.load_n,
+        pressure_factor=1.0,
+        pressure_std_kpa=1e-7 * world.pressure_pa,
+        offset_mm=1e3 * world.offset_m,
+        offset_std_mm=0.02,
+        gain_std_percent=0.01,
+        zero_g_std_mps2=0.01,
+        thickness_mm=world.thickness_mm,
+        reference=world.numbers,
     )
 
 

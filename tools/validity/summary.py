@@ -183,6 +183,21 @@ def worst(judged: Sequence[Judged], count: int) -> Table:
     return Table("Most often falsely valid", "the largest of each; --tire N --case NAME repeats it", heads, tuple(rows))
 
 
+def each_table(judged: Sequence[Judged]) -> Table:
+    """Return every estimate at the end of its run."""
+    rows = []
+    for one in judged:
+        if one.when == _LAST:
+            relative = f"{100.0 * (one.value / one.truth - 1.0):+.2f}" if one.truth else f"{one.value:.2g}"
+            error = f"{100.0 * one.std / abs(one.truth):.2f}" if one.truth else f"{one.std:.2g}"
+            rows.append(
+                (one.case, f"{one.size:g}", str(one.tire), one.kind, one.estimator, one.quantity,
+                 relative, error, _number(one.pull), one.status)
+            )  # fmt: skip
+    heads = ("case", "size", "tire", "kind", "estimator", "quantity", "error", "stated", "pull", "status")
+    return Table("Every estimate", "at the end; error and stated error in % of the truth", heads, tuple(rows))
+
+
 def invalid_reasons(judged: Sequence[Judged], count: int) -> Table:
     """Return why estimates are not valid although all is well and the data determine them."""
     well = {case.name for case in CASES if case.well}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -31,7 +32,11 @@ from gateway.views.wording import text as reason_text
 PANEL_MIN_WIDTH: Final = 58
 PANEL_MIN_HEIGHT: Final = 12
 _DETAIL_WIDTH: Final = 33
-_SHORT_LABELS: Final = {"contact length": "contact", "ply steer peak": "ply steer"}
+_SHORT_LABELS: Final = {
+    "conicity slope": "conicity",
+    "contact length": "contact",
+    "ply steer peak": "ply steer",
+}
 _PLOT_MIN_ROWS: Final = 6  # with its legend and axis
 _WAITING: Final = {
     WheelState.NO_DATA: "no data: nothing received from this sensor yet",
@@ -132,7 +137,14 @@ def _note(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
 
 
 # Shown in tables and the summary only: finer definitions of quantities on the console.
-_NOT_ON_CONSOLE: Final = {"wear number", "wear drift", "ply steer first half", "ply steer adhesion line", "sensor roll"}
+_NOT_ON_CONSOLE: Final = {
+    "wear number",
+    "wear drift",
+    "ply steer first half",
+    "ply steer adhesion line",
+    "ply steer contact line",
+    "sensor roll",
+}
 
 
 def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
@@ -156,6 +168,20 @@ def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
             ((label + " ", Role.LABEL), (shown.number.joined(), Role.VALUE), (unit, Role.TEXT), (mark, Role.WARNING))
         )
     return rows
+
+
+def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
+    """Return rows side by side in columns of `cells` cells; one that is too long for a column gets several."""
+    lines: list[list[Run]] = []
+    left = 0
+    for row in rows:
+        taken = min(-(-row_width(row) // cells), columns)
+        if taken > left:
+            lines.append([])
+            left = columns
+        lines[-1] += fit(row, taken * cells)
+        left -= taken
+    return [tuple(line) for line in lines]
 
 
 def _counters(wheel: WheelSnapshot) -> list[Run]:
@@ -210,10 +236,10 @@ def panel(
     room = inner_height - len(body) - _PLOT_MIN_ROWS if reading is not None else inner_height
     numbers = _numbers(wheel, reading)
     columns = max(2, inner // 28)
-    grid = [numbers[start : start + columns] for start in range(0, len(numbers), columns)]
+    grid = _grid(numbers, columns, inner // columns)
     note = _wrap(_note(wheel, reading), inner)
     # Numbers come first; the note gets as many lines as leave the waveform its minimum height.
-    body += [tuple(run for row in line for run in fit(row, inner // columns)) for line in grid[: max(room, 1)]]
+    body += grid[: max(room, 1)]
     body += _cut(note, max(1, min(3, room - len(grid))), inner)
     plot = plots.rows(wheel, inner, inner_height - len(body) - 1, zoom)
     if plot:

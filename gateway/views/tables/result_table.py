@@ -14,7 +14,7 @@ from typing import Final, Protocol, Self
 
 import numpy as np
 
-from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.results import AlarmRecord, RevolutionResult
 from gateway.reasons import Reason
 from gateway.views.numbers import distinct_name
 from gateway.views.output_file import OutputFile
@@ -82,6 +82,14 @@ class TableWriter(Protocol):
 
     def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
         """Note that a wheel completed no revolution; only JSON lines have a place for it.
+
+        Raises:
+            OutputError: the file cannot be written any more.
+        """
+        ...
+
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
+        """Note an alarm of the whole recording; only JSON lines have a place for it.
 
         Raises:
             OutputError: the file cannot be written any more.
@@ -164,6 +172,19 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
     return fixed, named
 
 
+def alarm_fields(alarm: AlarmRecord) -> dict[str, object]:
+    """Return the history of an alarm, times in s from the beginning of the recording."""
+    return {
+        "name": str(alarm.name),
+        "count": alarm.count,
+        "first_s": alarm.first_s,
+        "last_s": alarm.last_s,
+        "total_s": alarm.total_s,
+        "standing_at_end": alarm.is_standing,
+        **as_json(alarm.reason),
+    }
+
+
 def iso_utc(host_ns: int) -> str:
     """Return ns since the epoch as `2026-01-31T12:00:00.123456Z`."""
     return f"{np.datetime_as_string(np.datetime64(host_ns, 'ns'), unit='us')}Z"
@@ -210,6 +231,11 @@ class _JsonLines(_Table):
     def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
         row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
         row |= {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]}
+        self._put(row)
+
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
+        row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
+        row |= {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)}
         self._put(row)
 
     def _put(self, row: dict[str, object]) -> None:
@@ -266,6 +292,9 @@ class _Columns(_Table):
         super().discard()
 
     def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+        """Do nothing: every row is a revolution."""
+
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
         """Do nothing: every row is a revolution."""
 
     def _release(self) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.self_calibration import Measured
+from gateway.estimators.self_calibration import Measured, speed_errors
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
 from gateway.reasons import Code, Reason
 
@@ -41,6 +41,9 @@ _LIKELY_ZERO_MPS2: Final = 6.0 * STANDARD_GRAVITY_MPS2
 _RATE_RATIOS: Final = (0.1, 0.2, 0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.75, 4.0 / 3.0, 1.5, 2.0, 3.0, 4.0, 5.0, 10.0)
 # Implausibility, in standard errors, of a rate that is mistaken by such a ratio, or by any other; of a wrong unit.
 _RATIO_ERRORS: Final = 2.0
+# A light contact may be found in every second or third revolution only.
+_MISSED_CONTACTS: Final = (2.0, 3.0)
+_MISSED_ERRORS: Final = 2.5
 _OTHER_RATE_ERRORS: Final = 8.0
 _UNIT_ERRORS: Final = 1.0
 # Standard errors by which gravity must speak for another gain where the steady value is as expected, and its least
@@ -312,7 +315,8 @@ def _zero(measured: Measured) -> _Value | None:
     if not correlation2 < 1.0 - 1e-9:
         return None
     covariance = np.linalg.inv(information)
-    return _Value(float(covariance[1] @ weighted), math.sqrt(float(covariance[1, 1])))
+    std = math.hypot(math.sqrt(float(covariance[1, 1])), speed_errors(information).zero_mps2)
+    return _Value(float(covariance[1] @ weighted), std)
 
 
 def _gravity_gain(measured: Measured, depth: float) -> _Value | None:
@@ -399,6 +403,9 @@ def _causes(
             rate,
             Reason(Code.RATE_WOULD_FIT, rate_hz=rate * stated_hz, stated_hz=stated_hz),
         )
+        if is_near and near in _MISSED_CONTACTS:
+            missed = Reason(Code.CONTACTS_MISSED, every=near)
+            yield _Possible(_MISSED_ERRORS, Cause.RATE, rate, missed)
         if abs(value - 1.0) <= _LIKELY_RADIUS:
             errors = abs(value - 1.0) / max(conditions.radius_std_m / conditions.radius_m, 1e-6)
             fits = Reason(Code.RADIUS_WOULD_FIT, radius_m=conditions.radius_m * value, stated_m=conditions.radius_m)

@@ -10,9 +10,9 @@ import pytest
 
 from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.evidence import assess
 from gateway.estimators.self_calibration import Measured
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
+from gateway.estimators.signal_evidence import assess
 from gateway.pipeline.wheel_setup import ReferenceNumbers, TireData, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, restated, simulated
@@ -37,8 +37,9 @@ def test_half_the_rate_makes_speed_invalid() -> None:
     assert reason["effect"] == pytest.approx(1.0, abs=0.01)
     contradiction = reason["why"]
     assert contradiction["ratio"] == pytest.approx(4.0, abs=0.05)
-    (cause,) = contradiction["causes"]
+    cause, missed = contradiction["causes"]
     assert cause.code is Code.RATE_WOULD_FIT
+    assert missed == Reason(Code.CONTACTS_MISSED, every=2.0)
     assert cause["rate_hz"] == pytest.approx(9600.0, rel=1e-4)
     assert [flag.name for flag in snapshot.flags] == ["steady value"]
 

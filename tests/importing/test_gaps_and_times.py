@@ -1,0 +1,107 @@
+"""Empty cells as gaps, and time columns with rounded or missing times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_protocol.messages import SampleBlock
+from gateway.cli.import_measurement import report_lines
+from gateway.errors import ImportDataError
+from gateway.importing.import_map import parse_map
+from gateway.importing.importer import ImportReport, import_file
+from gateway.types import FloatArray
+from tests.importing.measurements import Decoded, simple_map
+
+RADIAL_ONLY = {"axis.circumferential": "", "axis.lateral": ""}
+RNG = np.random.default_rng(1)
+
+
+def imported(tmp_path: Path, lines: list[str], sampling: str = "rate_hz = 10000") -> tuple[ImportReport, Decoded]:
+    path, out = tmp_path / "run.csv", tmp_path / "out.mcap"
+    path.write_text("\n".join(["t,z", *lines]) + "\n", encoding="utf-8")
+    report = import_file(path, parse_map(simple_map(sampling=sampling, **RADIAL_ONLY), "map"), out)
+    return report, Decoded(out)
+
+
+def numbered(decoded: Decoded) -> dict[int, float]:
+    """Return the samples by their number."""
+    found = {}
+    scale = decoded.hello.scale_mps2[2]
+    for block in decoded.blocks:
+        assert isinstance(block.message, SampleBlock)
+        for k, count in enumerate(block.message.counts[:, 0]):
+            found[block.message.first_sample + k] = float(count) * scale
+    return found
+
+
+@pytest.mark.parametrize("empty", ["", " ", "nan", '""'])
+def test_empty_cells_keep_the_time_of_the_others(tmp_path: Path, empty: str) -> None:
+    missing = {5, 6, 200, 399}
+    report, decoded = imported(tmp_path, [f"{k},{empty if k in missing else k}" for k in range(400)])
+    samples = numbered(decoded)
+    assert set(samples) == set(range(400)) - missing
+    step = decoded.hello.scale_mps2[2]
+    assert all(abs(value - 9.80665 * k) <= 0.51 * step for k, value in samples.items())
+    assert (report.samples, report.gaps) == (400, 4)
+    assert any("4 rows without a value in an axis are gaps" in line for line in report_lines(report))
+    first = next(frame for frame in decoded.blocks if frame.message.first_sample == 7)
+    assert first.tick_us == 700
+
+
+def test_rows_without_a_time_follow_their_neighbours(tmp_path: Path) -> None:
+    lines = [f"{'' if k in (0, 7, 8, 399) else k / 5000:.10},{k}" for k in range(400)]
+    report, decoded = imported(tmp_path, lines, 'time_column = "t"')
+    assert report.rate_hz == pytest.approx(5000, rel=1e-9)
+    assert set(numbered(decoded)) == set(range(400))
+
+
+def rounded_times(rate_hz: float, step_s: float, rows: int, start_s: float = 0.0) -> FloatArray:
+    return np.round((start_s + np.arange(rows) / rate_hz) / step_s) * step_s
+
+
+@pytest.mark.parametrize("rate_hz", [9600.0, 9999.0, 10003.0, 8333.3, 5120.0, 4801.0])
+def test_rounded_times_give_the_rate_of_the_whole_span(tmp_path: Path, rate_hz: float) -> None:
+    times_s = rounded_times(rate_hz, 1e-4, 6000, start_s=1234.5)
+    report, _ = imported(tmp_path, [f"{time:.4f},{k % 7}" for k, time in enumerate(times_s)], 'time_column = "t"')
+    assert report.rounding_s == pytest.approx(1e-4)
+    assert report.rate_std_hz is not None
+    assert 0 < report.rate_std_hz < 1.0
+    assert abs(report.rate_hz - rate_hz) < 3 * report.rate_std_hz
+    line = report_lines(report)[0]
+    assert "Hz by the time column, whose times are rounded to 0.1 ms" in line
+    assert "+-" in line
+
+
+def test_rate_errors_cover_their_spread(tmp_path: Path) -> None:
+    pulls = []
+    for number in range(40):
+        rate_hz, folder = float(RNG.uniform(3000, 9900)), tmp_path / str(number)
+        folder.mkdir()
+        times_s = rounded_times(rate_hz, 1e-4, 1500, start_s=float(RNG.uniform(0, 10)))
+        report, _ = imported(folder, [f"{time:.4f},{k % 7}" for k, time in enumerate(times_s)], 'time_column = "t"')
+        assert report.rate_std_hz is not None
+        pulls.append((report.rate_hz - rate_hz) / report.rate_std_hz)
+    assert 0.6 < float(np.std(pulls)) < 1.4
+
+
+def test_missing_sample_among_rounded_times_is_rejected(tmp_path: Path) -> None:
+    times_s = np.delete(rounded_times(9600, 1e-4, 6000), slice(3000, 3003))
+    with pytest.raises(ImportDataError, match=r"line 3002: the time steps by 3.* rounded to 0.1 ms") as caught:
+        imported(tmp_path, [f"{time:.4f},{k % 7}" for k, time in enumerate(times_s)], 'time_column = "t"')
+    assert "+- " in caught.value.remedy
+
+
+def test_coarse_rounding_advises_the_rate_with_its_error(tmp_path: Path) -> None:
+    times_s = rounded_times(9600, 1e-3, 6000)
+    with pytest.raises(ImportDataError, match="rounded to 1 ms, which is more than a sample interval") as caught:
+        imported(tmp_path, [f"{time:.3f},{k % 7}" for k, time in enumerate(times_s)], 'time_column = "t"')
+    assert "State rate_hz (960" in caught.value.remedy or "State rate_hz (959" in caught.value.remedy
+
+
+def test_exact_times_are_not_called_rounded(tmp_path: Path) -> None:
+    report, _ = imported(tmp_path, [f"{k / 5000:.4f},{k % 7}" for k in range(3000)], 'time_column = "t"')
+    assert (report.rounding_s, report.rate_std_hz) == (None, None)
+    assert report.rate_hz == pytest.approx(5000, rel=1e-9)
