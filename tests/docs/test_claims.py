@@ -35,6 +35,12 @@ def test_named_modules_and_attributes_exist(page):
     assert [name for name in names if not resolves(name)] == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_named_tests_exist(page):
+    tests = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", page.read_text("utf-8"))
+    assert [(path, name) for path, name in tests if f"def {name}(" not in (ROOT / path).read_text("utf-8")] == []
+
+
 def test_new_names_in_the_changelog_exist():
     page = (ROOT / "CHANGELOG.md").read_text("utf-8")
     names = re.findall(r"^ *\| `gateway.* \| `(gateway[\w.]+)` \|$", page, re.MULTILINE)

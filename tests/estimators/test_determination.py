@@ -46,6 +46,14 @@ def test_determined_means_three_standard_errors_with_model_error() -> None:
     assert estimates["Ts"].std == pytest.approx(0.53852 * 2.5, rel=1e-4)
 
 
+def test_ratio_needs_its_own_determination() -> None:
+    """Bs is determined to 20 %, but Cw to 50 % only, and so their ratio."""
+    found = {e.name: e for e in number_estimates("weak-form", fitted([0.2, 0.5, 0.1, 0.1]), CONDITIONS, ())}
+    assert found["Bs"].status is Status.VALID
+    assert found["Bs/Cw"].status is Status.PROVISIONAL
+    assert codes_of(found["Bs/Cw"].reasons)[0] is Code.NOT_DETERMINED
+
+
 def test_weak_bending_needs_a_smaller_error() -> None:
     weak = np.array([1e-4, 0.2, 3.0, 2.5])
     assert determination(fitted(0.25)).determined[0]
