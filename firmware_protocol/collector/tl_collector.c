@@ -90,9 +90,13 @@ bool tl_collector_start(tl_collector *collector, const tl_collector_config *conf
 
 void tl_collector_put(tl_collector *collector, size_t place, const int16_t *counts, uint32_t n, uint32_t tick_us) {
     tl_wheel *wheel = &collector->wheels[place];
+    bool accepted = atomic_load(&wheel->accepting);
+    if (accepted && atomic_exchange(&wheel->renumbers, false)) {
+        wheel->taken = 0;
+    }
     tl_block head = {.first_sample = wheel->taken, .tick_us = tick_us, .n = n};
     wheel->taken += n;
-    if (!atomic_load(&wheel->accepting) || !tl_ring_put(&wheel->ring, &head, counts, n * wheel->channels)) {
+    if (!accepted || !tl_ring_put(&wheel->ring, &head, counts, n * wheel->channels)) {
         atomic_fetch_add(&wheel->lost, n);
     }
 }
