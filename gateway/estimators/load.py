@@ -70,7 +70,8 @@ class LoadEstimator:
         by_angle = _compared(_by_angle(revolution, conditions, half, half_std, pressure), conditions)
         by_width = _compared(self._by_width(revolution, average, conditions), conditions)
         load = _better(by_angle, by_width)
-        return load, by_angle, by_width, _pressure_number(load, conditions, half, half_std, pressure)
+        doubts = _contradictions((by_angle, by_width), conditions)
+        return load, by_angle, by_width, _pressure_number(load, conditions, doubts, half, half_std, pressure)
 
     def _by_width(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> Estimate:
         reference = conditions.tire.reference
@@ -168,13 +169,26 @@ def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
     return Estimate(NAMES[0], best.value, best.std, best.status, (source, *best.reasons))
 
 
+def _contradictions(loads: tuple[Estimate, ...], conditions: TireConditions) -> tuple[Reason, ...]:
+    """Return what contradicts the stated load or pressure: loads from the contact, or another belt width."""
+    width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
+    found = (*loads, width) if width is not None else loads
+    against = (Code.LOAD_CONTRADICTED, Code.WIDTH_CONTRADICTED)
+    return tuple(dict.fromkeys(reason for one in found for reason in one.reasons if reason.code in against))
+
+
 def _pressure_number(
-    load: Estimate, conditions: TireConditions, half: float, half_std: float, pressure: float
+    load: Estimate,
+    conditions: TireConditions,
+    contradictions: tuple[Reason, ...],
+    half: float,
+    half_std: float,
+    pressure: float,
 ) -> Estimate:
     value, std, status, reasons = load.value, load.std, load.status, load.reasons
     if conditions.load_n is not None:
         value, std = conditions.load_n, conditions.load_std_n
-        reasons = tuple(reason for reason in reasons if reason.code is Code.LOAD_CONTRADICTED)
+        reasons = contradictions
         status = Status.PROVISIONAL if reasons else Status.VALID
     if status is Status.INVALID:
         return Estimate.invalid(NAMES[3], *reasons)

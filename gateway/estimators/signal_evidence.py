@@ -80,6 +80,9 @@ _EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
     "asynchronous_line_rms_mps2": {Cause.GAIN: -1.0},
     "asynchronous_line_hz": {Cause.RATE: 1.0},
     "sensor_offset_m": {Cause.GAIN: -1.0, Cause.RATE: -2.0},
+    # Both are what a steady value of R Omega^2 leaves.
+    "gain": {Cause.RADIUS: 1.0, Cause.RATE: 2.0},
+    "zero_g_offset_mps2": {Cause.RADIUS: 1.0, Cause.RATE: 2.0},
     **{name: {Cause.RADIUS: -2.0} for name in RING_NUMBERS},
 }
 _SLOPE: Final[dict[Cause, float]] = {Cause.RADIUS: -1.0, Cause.RATE: -2.0, Cause.GAIN: -1.0}

@@ -128,7 +128,7 @@ def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping:
         damping: None where it was not fitted.
     """
     mean = float(signal[0].real)
-    changes = np.zeros((4, ORDER_COUNT))
+    changes = np.zeros((5, ORDER_COUNT))
     offset, step = conditions.sensor_offset_m / conditions.radius_m, _OFFSET_STEP
     if conditions.sensor_offset_std_m:
         sides = [curvature_orders(signal.real[np.newaxis], offset + side)[0] for side in (-step, step)]
@@ -138,11 +138,12 @@ def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping:
     changes[1, 0] = conditions.steady_std_mps2 / mean
     if damping is not None:
         changes[2] = _DAMPING_ERROR * damping.change[:ORDER_COUNT] / mean
+        changes[4] = damping.by_bending[:ORDER_COUNT] / mean
     if conditions.gain_std:
         shape = belt_shape(curvature_orders(signal.real[np.newaxis], offset))
         gravity = gravity_orders(shape)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
         changes[3] = conditions.gain_std * gravity
-    changes[[0, 2, 3], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
+    changes[[0, 2, 3, 4], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     return changes
 
 

@@ -29,9 +29,10 @@ def reasons_by_code(reasons: tuple[Reason, ...]) -> dict[Code, Reason]:
 
 
 def test_half_the_rate_makes_speed_invalid() -> None:
-    results, snapshot = restated(PLAIN, 4.0, SETUP, DEFAULT, rate_factor=0.5)
+    results, snapshot = restated(PLAIN, 4.0, SETUP, (*DEFAULT, "self-calibration"), rate_factor=0.5)
     found = last(results)
     assert found["speed_mps"].status is Status.INVALID
+    assert found["gain"].status is Status.INVALID
     (reason,) = found["speed_mps"].reasons
     assert reason.code is Code.MAY_CHANGE_BY
     assert reason["effect"] == pytest.approx(1.0, abs=0.01)
@@ -136,10 +137,12 @@ def test_wrong_load_is_contradicted_by_the_width(load_n: float) -> None:
     """The width of the belt is that of the new tire, whatever its wear."""
     reference = ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3)
     setup = replace(SETUP, load_n=load_n, tire=TireData(reference=reference))
-    found = last(simulated(PLAIN, 4.0, setup, DEFAULT)[0])
+    found = last(simulated(PLAIN, 4.0, setup, (*DEFAULT, "load"))[0])
     for name in RING_NUMBERS:
         assert found[name].status is Status.PROVISIONAL
         assert codes_of(found[name].reasons) == (Code.WIDTH_CONTRADICTED,)
+    assert found["pressure_number"].status is Status.PROVISIONAL
+    assert Code.WIDTH_CONTRADICTED in codes_of(found["pressure_number"].reasons)
     assert found["Bs/Cw"].status is Status.VALID
 
 
