@@ -6,7 +6,8 @@ _Static_assert((TL_RING_BLOCKS & (TL_RING_BLOCKS - 1u)) == 0, "TL_RING_BLOCKS is
 
 bool tl_ring_put(tl_block_ring *ring, const tl_block *head, const int16_t *counts, size_t words) {
     unsigned written = atomic_load_explicit(&ring->written, memory_order_relaxed);
-    if (words > TL_BLOCK_COUNTS || written - atomic_load_explicit(&ring->read, memory_order_acquire) >= TL_RING_BLOCKS) {
+    unsigned read = atomic_load_explicit(&ring->read, memory_order_acquire);
+    if (words > TL_BLOCK_COUNTS || written - read >= TL_RING_BLOCKS) {
         return false;
     }
     tl_block *block = &ring->blocks[written % TL_RING_BLOCKS];

@@ -26,7 +26,8 @@ static size_t channels_of(uint8_t axes) {
     return (size_t)((axes & 1u) + ((axes >> 1) & 1u) + ((axes >> 2) & 1u));
 }
 
-static bool start_wheel(tl_wheel *wheel, const tl_wheel_config *config, const tl_collector_config *hub,
+/* Starts a wheel; `frame` is room for its first hello, which is encoded to check the configuration. */
+static bool start_wheel(tl_wheel *wheel, uint8_t *frame, const tl_wheel_config *config, const tl_collector_config *hub,
                         uint32_t boot_count, bool signs) {
     tl_hello *hello = &wheel->hello;
     hello->protocol_major = TL_VERSION_MAJOR;
@@ -47,10 +48,11 @@ static bool start_wheel(tl_wheel *wheel, const tl_wheel_config *config, const tl
     hello->saturation_counts = config->saturation_counts;
     const uint8_t *key = signs ? config->key : NULL;
     (void)start_party(&wheel->party, hub->hub, config->wheel, key, config->sensor_id, boot_count);
-    wheel->channels = channels_of(config->axes);
-    if (wheel->channels == 0 || config->axes > 7u) {
+    tl_source probe = wheel->party.source;
+    if (tl_encode_hello(frame, &probe, 0, hello) == 0) {
         return false;
     }
+    wheel->channels = channels_of(config->axes);
     size_t payload = key != NULL ? TL_MAX_SIGNED_PAYLOAD_BYTES : TL_MAX_PAYLOAD_BYTES;
     wheel->samples_per_frame = (payload - SAMPLES_HEADER_BYTES) / (2u * wheel->channels);
     wheel->streaming = true;
@@ -75,7 +77,8 @@ bool tl_collector_start(tl_collector *collector, const tl_collector_config *conf
                       boot_count);
     for (size_t i = 0; i < config->wheel_count; i++) {
         collector->keyed = collector->keyed || config->wheels[i].key != NULL;
-        if (!start_wheel(&collector->wheels[i], &config->wheels[i], config, boot_count, signs)) {
+        if (!start_wheel(&collector->wheels[i], collector->queue.frames[0], &config->wheels[i], config, boot_count,
+                         signs)) {
             return false;
         }
     }
@@ -90,9 +93,13 @@ bool tl_collector_start(tl_collector *collector, const tl_collector_config *conf
 
 void tl_collector_put(tl_collector *collector, size_t place, const int16_t *counts, uint32_t n, uint32_t tick_us) {
     tl_wheel *wheel = &collector->wheels[place];
+    bool accepted = atomic_load(&wheel->accepting);
+    if (accepted && atomic_exchange(&wheel->renumbers, false)) {
+        wheel->taken = 0;
+    }
     tl_block head = {.first_sample = wheel->taken, .tick_us = tick_us, .n = n};
     wheel->taken += n;
-    if (!atomic_load(&wheel->accepting) || !tl_ring_put(&wheel->ring, &head, counts, n * wheel->channels)) {
+    if (!accepted || !tl_ring_put(&wheel->ring, &head, counts, n * wheel->channels)) {
         atomic_fetch_add(&wheel->lost, n);
     }
 }

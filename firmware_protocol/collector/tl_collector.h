@@ -73,6 +73,7 @@ typedef struct {
     uint32_t taken;
     atomic_uint lost;
     atomic_bool accepting;
+    atomic_bool renumbers; /* the next sample has number 0 */
 } tl_wheel;
 
 typedef struct {

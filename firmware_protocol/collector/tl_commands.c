@@ -106,6 +106,7 @@ static uint8_t set_rate(tl_collector *collector, const uint8_t *frame) {
         } else if (rate_hz != wheel->hello.rate_hz) {
             wheel->hello.rate_hz = rate_hz;
             wheel->hello_due = true;
+            atomic_store(&wheel->renumbers, true);
         }
         atomic_store(&wheel->accepting, true);
     }

@@ -147,7 +147,7 @@ def test_simulator_as_a_hub_on_bluetooth(demo: tuple[subprocess.Popen[str], dict
     assert "hub 0 executed the command" in run(environment, "command", "time", uri)
     printed = run(environment, "live", uri, "--config", str(tmp_path / "lab.toml"), "--plain", "--duration", "4")
     assert "Treadlink-W1 at 00:00:5E:00:53:00 (-58 dBm), MTU 247" in printed
-    assert re.search(r"^W1 +\d+ +[\d.]+ 6[45]\.", printed, re.MULTILINE), printed
+    assert re.search(r"^W1 +\d+ +[\d.]+ +6[45]\.", printed, re.MULTILINE), printed
     assert re.search(r"ble:Treadlink-W1: \d+ frames, 0 lost", printed)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     assert process.stdout is not None

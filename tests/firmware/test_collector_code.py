@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
+from gateway.errors import SourceError
 from gateway.simulator.firmware.firmware_build import COLLECTOR, build_host, include_flags, write_protocol
 from tests.firmware.conftest import require
 
@@ -48,6 +49,14 @@ def test_written_collector_compiles_on_its_own(tmp_path: Path) -> None:
     sources = [*tmp_path.glob("*.c"), tmp_path / "ports/bench/bench.c", tmp_path / "ports/host/host.c"]
     command = ["gcc", "-std=c11", "-D_POSIX_C_SOURCE=200809L", f"-I{tmp_path}", f"-I{tmp_path / 'ports/bench'}"]
     subprocess.run([*command, *sources, "-o", tmp_path / "collector"], check=True)
+
+
+def test_missing_programs_are_named_by_their_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.which", lambda program: None)
+    done = CliRunner().invoke(treadlink, ["simulate", "lab", "--firmware"])
+    assert isinstance(done.exception, SourceError)
+    assert str(done.exception) == "the emulated board needs QEMU and a compiler for Arm"
+    assert "apt install qemu-system-arm gcc-arm-none-eabi libnewlib-arm-none-eabi" in done.exception.remedy
 
 
 def test_library_uses_no_heap_and_no_system() -> None:

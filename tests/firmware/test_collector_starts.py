@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from firmware_protocol.messages import SampleBlock
 from gateway.simulator.firmware.bench_records import Counters, Flash, Kind, counters, number, record
 from tests.testkit.collector_bench import (
     BLOCK,
+    HUB,
     SIGNING_HUB,
     SIGNING_WHEEL,
+    WHEEL,
     at,
     block,
     blocks,
@@ -56,6 +59,11 @@ def test_boot_count_survives_a_power_cut_at_every_step(run: Run) -> None:
     assert starts == sorted(set(starts))
     assert len(starts) >= STEPS
     assert starts[-1] >= 16 * (STEPS - 1)
+
+
+@pytest.mark.parametrize("change", [{"axes": 0}, {"axes": 8}, {"rate_hz": 0.0}, {"scale_mps2": (0.0, 0.0, 0.0)}])
+def test_invalid_configuration_does_not_start(run: Run, change: dict[str, object]) -> None:
+    assert run(started(HUB, [WHEEL._replace(**change)]), blocks(0, 5), seconds(1, 3)) == b""  # type: ignore[arg-type]
 
 
 def test_repeated_cuts_in_one_start_lose_nothing(run: Run) -> None:

@@ -98,7 +98,8 @@ int main(int argc, char **argv) {
         memory.keys[0][i] = (uint8_t)number();
         memory.keys[TL_MAX_WHEELS][i] = (uint8_t)number();
     }
-    memory.wheels[0] = (tl_wheel_config){.axes = 7, .sensor_id = 0xA001, .rate_hz = 9600.0f, .saturation_counts = 32767,
+    memory.wheels[0] = (tl_wheel_config){.axes = 7, .sensor_id = 0xA001, .rate_hz = 9600.0f,
+                                         .scale_mps2 = {1.0f, 1.0f, 1.0f}, .saturation_counts = 32767,
                                          .key = memory.keys[0]};
     memory.hub = (tl_collector_config){.hub_id = 77, .key = memory.keys[TL_MAX_WHEELS], .wheels = memory.wheels,
                                        .wheel_count = 1};
@@ -133,7 +134,8 @@ int main(int argc, char **argv) {
             }
             seal(frame, size);
         } else if (kind == CHANGED) {
-            size_t bit = 8u * 5u + number() % (8u * (size - TL_CRC_BYTES - 5u)); /* behind sync, version, type, length */
+            /* Behind sync, version, type and length. */
+            size_t bit = 8u * 5u + number() % (8u * (size - TL_CRC_BYTES - 5u));
             frame[bit / 8u] ^= (uint8_t)(1u << (bit % 8u));
             seal(frame, size);
         } else if (kind == REPLAYED) {

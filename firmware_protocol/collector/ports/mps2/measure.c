@@ -1,5 +1,5 @@
-/* Cost of the collector on a Cortex-M4, in instructions: run with QEMU's -icount shift=0, one instruction a ns. The timer
-   advances every 40 instructions, so each figure is the mean over many repetitions. */
+/* Cost of the collector on a Cortex-M4, in instructions: run with QEMU's -icount shift=0, one instruction a ns. The
+   timer advances every 40 instructions, so each figure is the mean over many repetitions. */
 #include "board.h"
 #include "tl_boot_count.h"
 #include "tl_collector.h"
@@ -151,7 +151,8 @@ static uint32_t each(uint32_t times) {
 static void start(const uint8_t *key, uint8_t axes) {
     static tl_wheel_config wheel;
     static tl_collector_config hub;
-    wheel = (tl_wheel_config){.axes = axes, .sensor_id = 0xA001, .rate_hz = 9600.0f, .saturation_counts = 32767,
+    wheel = (tl_wheel_config){.axes = axes, .sensor_id = 0xA001, .rate_hz = 9600.0f,
+                              .scale_mps2 = {1.0f, 1.0f, 1.0f}, .saturation_counts = 32767,
                               .key = key};
     hub = (tl_collector_config){.hub_id = 1, .key = key, .wheels = &wheel, .wheel_count = 1};
     clock_us = 0;
