@@ -18,6 +18,7 @@ from pathlib import Path
 
 from validity.bench import Order, judge_tire
 from validity.cases import CASES, named
+from validity.independent import agreement_table
 from validity.judging import QUANTITIES, Judged
 from validity.summary import (
     as_json,
@@ -41,6 +42,9 @@ ROLLED_WITHOUT = ("ply-steer",)
 
 def main(arguments: Sequence[str] | None = None) -> None:
     options = _options(arguments)
+    if options.agreement:
+        print(agreement_table(options.rolled).text(markdown=options.markdown))
+        return
     count = 8 if options.quick else options.count
     tires = options.tire if options.tire else range(options.first, options.first + count)
     cases = tuple(named(options.case))
@@ -87,6 +91,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1, help="of everything")
     parser.add_argument("--source", choices=("exact", "fe"), default="exact", help="ring, or independent tire")
     parser.add_argument("--rolled", type=Path, help="with --source fe: folder that tools/independent_tire wrote")
+    parser.add_argument("--agreement", action="store_true", help="with --rolled: compare these tires with the ring")
     parser.add_argument("--quick", action="store_true", help="8 tires")
     parser.add_argument("--worst", type=int, default=20, help="rows of the tables of offenders")
     parser.add_argument("--each", action="store_true", help="print every estimate instead of the tables")
@@ -96,8 +101,8 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--cache", type=Path, help="folder that keeps ring solutions between runs; trust its files")
     options = parser.parse_args(arguments)
-    if options.source == "fe" and options.rolled is None:
-        parser.error("--source fe needs --rolled DIR; see tools/independent_tire")
+    if (options.source == "fe" or options.agreement) and options.rolled is None:
+        parser.error("--source fe and --agreement need --rolled DIR; see tools/independent_tire")
     return options
 
 
