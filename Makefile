@@ -9,7 +9,7 @@ DOCS_STAMP := $(DOCS_VENV)/.installed
 # Of `make nightly`: another one every day.
 SEED ?= $(shell date +%Y%m%d)
 
-.PHONY: demo test nightly lint types bench docs docs-pages docs-serve clean
+.PHONY: demo test nightly lint types bench firmware firmware-packages docs docs-pages docs-serve clean
 
 $(STAMP): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -40,6 +40,17 @@ lint: $(STAMP)
 
 types: $(STAMP)
 	$(BIN)/mypy
+
+# What the emulated board needs, on Debian and Ubuntu; clang and cppcheck check the code.
+FIRMWARE_PACKAGES := qemu-system-arm gcc-arm-none-eabi libnewlib-arm-none-eabi gcc libc6-dev clang cppcheck
+
+firmware-packages:
+	apt-get update -qq && apt-get install -y -qq --no-install-recommends $(FIRMWARE_PACKAGES)
+
+# The reference collector in the loop, and what it costs.
+firmware: $(STAMP)
+	$(BIN)/python -m pytest tests/firmware
+	$(BIN)/python -m tools.bench_firmware
 
 bench: $(STAMP)
 	for bench in tools/bench_*.py; do echo "== $$bench"; $(BIN)/python $$bench || exit 1; done

@@ -102,7 +102,7 @@ static float get_f32(const uint8_t *at) {
 
 SIGNING_DECLARATION: Final = """\
 /* Signer for one sensor, or for the hub itself. Make one from each key after every start. It holds the key: keep it
-   private. Where the chip has AES hardware, use that in place of this AES. */
+   private. Where the chip has AES hardware, define TL_AES_HARDWARE and write tl_port_aes128. */
 typedef struct {
     uint8_t round_keys[176];
     uint8_t whole[16];
@@ -119,11 +119,29 @@ void tl_signer_init(tl_signer *signer, const uint8_t key[16], uint64_t identity,
    and changes nothing when the frame is signed already or its payload is above TL_MAX_SIGNED_PAYLOAD_BYTES. */
 size_t tl_sign(uint8_t *frame, const tl_signer *signer);
 
+/* Verifies an intact signed frame, in a time that does not depend on its tag. Returns 1 when the tag is right, and
+   takes it off, so that the command decoders accept the frame; its CRC is then no longer right. Returns 0 otherwise. */
+int tl_verify(uint8_t *frame, const tl_signer *signer);
+
+#ifdef TL_AES_HARDWARE
+/* Encrypts one block in place with AES-128. You write it. */
+void tl_port_aes128(const uint8_t key[16], uint8_t block[16]);
+#endif
+
 /* AES-128-CMAC (RFC 4493) of `size` bytes. */
 void tl_cmac(const tl_signer *signer, const uint8_t *data, size_t size, uint8_t mac[16]);
 """
 
 _SIGNING_CODE: Final = """\
+#ifdef TL_AES_HARDWARE
+static void aes_expand(uint8_t round_keys[176], const uint8_t key[16]) {{
+    memcpy(round_keys, key, 16);
+}}
+
+static void aes_encrypt(const uint8_t round_keys[176], uint8_t block[16]) {{
+    tl_port_aes128(round_keys, block);
+}}
+#else
 static uint8_t times_x(uint8_t value) {{
     return (uint8_t)((value << 1) ^ ((value >> 7) * 0x1B));
 }}
@@ -151,30 +169,40 @@ static void aes_expand(uint8_t round_keys[176], const uint8_t key[16]) {{
     }}
 }}
 
+static uint32_t rotated(uint32_t word, unsigned bits) {{
+    return word >> bits | word << (32u - bits);
+}}
+
+/* Four bytes times x at once. */
+static uint32_t word_times_x(uint32_t word) {{
+    return ((word & 0x7F7F7F7Fu) << 1) ^ (((word >> 7) & 0x01010101u) * 0x1Bu);
+}}
+
 static void aes_encrypt(const uint8_t round_keys[176], uint8_t block[16]) {{
-    for (size_t k = 0; k < 16; k++) {{
-        block[k] ^= round_keys[k];
+    uint32_t state[4];
+    for (size_t c = 0; c < 4; c++) {{
+        state[c] = get_u32(block + 4 * c) ^ get_u32(round_keys + 4 * c);
     }}
     for (size_t round = 1; round <= 10; round++) {{
-        uint8_t state[16];
-        for (size_t k = 0; k < 16; k++) {{
-            state[k] = s_box[block[(k + 4 * (k % 4)) % 16]];
-        }}
-        if (round < 10) {{
-            for (size_t c = 0; c < 16; c += 4) {{
-                uint8_t first = state[c];
-                uint8_t all = state[c] ^ state[c + 1] ^ state[c + 2] ^ state[c + 3];
-                state[c] ^= all ^ times_x(state[c] ^ state[c + 1]);
-                state[c + 1] ^= all ^ times_x(state[c + 1] ^ state[c + 2]);
-                state[c + 2] ^= all ^ times_x(state[c + 2] ^ state[c + 3]);
-                state[c + 3] ^= all ^ times_x(state[c + 3] ^ first);
+        uint32_t next[4];
+        for (size_t c = 0; c < 4; c++) {{
+            uint32_t word = (uint32_t)s_box[state[c] & 0xFFu] |
+                            (uint32_t)s_box[state[(c + 1) % 4] >> 8 & 0xFFu] << 8 |
+                            (uint32_t)s_box[state[(c + 2) % 4] >> 16 & 0xFFu] << 16 |
+                            (uint32_t)s_box[state[(c + 3) % 4] >> 24] << 24;
+            if (round < 10) {{
+                uint32_t below = rotated(word, 8);
+                word = word_times_x(word ^ below) ^ below ^ rotated(word, 16) ^ rotated(word, 24);
             }}
+            next[c] = word ^ get_u32(round_keys + 16 * round + 4 * c);
         }}
-        for (size_t k = 0; k < 16; k++) {{
-            block[k] = state[k] ^ round_keys[16 * round + k];
-        }}
+        memcpy(state, next, sizeof state);
+    }}
+    for (size_t c = 0; c < 4; c++) {{
+        (void)put_u32(block + 4 * c, state[c]);
     }}
 }}
+#endif
 
 static void doubled(uint8_t out[16], const uint8_t in[16]) {{
     for (size_t k = 0; k < 15; k++) {{
@@ -219,17 +247,40 @@ void tl_cmac(const tl_signer *signer, const uint8_t *data, size_t size, uint8_t 
     cmac(signer, data, 0, data, size, mac);
 }}
 
+static void frame_mac(const tl_signer *signer, const uint8_t *frame, size_t size, uint8_t mac[16]) {{
+    uint8_t head[12];
+    (void)put_u32(put_u64(head, signer->identity), signer->boot_count);
+    cmac(signer, head, sizeof head, frame, size, mac);
+}}
+
+int tl_verify(uint8_t *frame, const tl_signer *signer) {{
+    if (frame[7] != TL_FLAG_SIGNED || frame[4] < TL_TAG_BYTES) {{
+        return 0;
+    }}
+    uint8_t mac[16];
+    uint8_t different = 0;
+    size_t size = TL_HEADER_BYTES + (size_t)frame[4] - TL_TAG_BYTES;
+    frame_mac(signer, frame, size, mac);
+    for (size_t k = 0; k < TL_TAG_BYTES; k++) {{
+        different |= mac[k] ^ frame[size + k];
+    }}
+    if (different != 0) {{
+        return 0;
+    }}
+    frame[4] = (uint8_t)(frame[4] - TL_TAG_BYTES);
+    frame[7] = 0;
+    return 1;
+}}
+
 size_t tl_sign(uint8_t *frame, const tl_signer *signer) {{
     if ((frame[7] & TL_FLAG_SIGNED) != 0 || frame[4] > TL_MAX_SIGNED_PAYLOAD_BYTES) {{
         return 0;
     }}
-    uint8_t head[12];
     uint8_t mac[16];
     size_t size = TL_HEADER_BYTES + (size_t)frame[4];
-    (void)put_u32(put_u64(head, signer->identity), signer->boot_count);
     frame[4] = (uint8_t)(frame[4] + TL_TAG_BYTES);
     frame[7] |= TL_FLAG_SIGNED;
-    cmac(signer, head, sizeof head, frame, size, mac);
+    frame_mac(signer, frame, size, mac);
     memcpy(frame + size, mac, TL_TAG_BYTES);
     size += TL_TAG_BYTES;
     (void)put_u32(frame + size, crc32(frame, size));

@@ -14,7 +14,7 @@ import numpy as np
 
 from firmware_protocol import wire
 from firmware_protocol.declaration import PAYLOADS, WireFrame, build, build_raw
-from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, MessageType
+from firmware_protocol.messages import EVERY_HUB, HUB_ITSELF, MessageType, Outcome
 from firmware_protocol.reference_cmac import aes_cmac
 from firmware_protocol.signing import sign
 
@@ -74,7 +74,53 @@ def signed_vectors() -> dict[str, list[dict[str, Any]]]:
             41,
         ),
     ]
-    return {"macs": macs, "signed": frames}
+    return {"macs": macs, "signed": frames, "commands": _command_vectors()}
+
+
+def _command_vectors() -> list[dict[str, Any]]:
+    """Return commands in the order in which one hub receives them, each with the outcome and counter of its reply.
+
+    The hub and its wheel 1 have keys; it is their start 41. Every party has a counter of its own.
+    """
+    stop = {"running": 0}
+    hub, sensor = (_HUB_KEY, _HUB, 41), (_SENSOR_KEY, _SENSOR, 41)
+
+    def command(seq: int, wheel: int = HUB_ITSELF) -> WireFrame:
+        return WireFrame(MessageType.SET_STREAM, 0, wheel, seq, 0, stop)
+
+    def signed(frame: WireFrame, key: bytes, identity: int, boot_count: int) -> bytes:
+        return sign(build(frame), identity, boot_count, partial(aes_cmac, key))
+
+    first = signed(command(1000), *hub)
+    rate = WireFrame(MessageType.SET_RATE, EVERY_HUB, HUB_ITSELF, 1005, 0, {"rate_hz": 9600.0})
+    unknown = build_raw(b"", WireFrame(63, 0, HUB_ITSELF, 1006, 0, {}))
+    steps: list[tuple[str, bytes, Outcome, int]] = [
+        ("not signed", build(command(1)), Outcome.NOT_VERIFIED, 1),
+        ("signed, any first counter", first, Outcome.DONE, 1000),
+        ("the same again", first, Outcome.REPEATED, 1000),
+        ("a lower counter", signed(command(999), *hub), Outcome.REPEATED, 1000),
+        ("the next counter", signed(command(1001), *hub), Outcome.DONE, 1001),
+        ("a gap", signed(command(1004), *hub), Outcome.DONE, 1004),
+        ("in the gap, thus late", signed(command(1003), *hub), Outcome.REPEATED, 1004),
+        ("to every hub", signed(rate, *hub), Outcome.DONE, 1005),
+        (
+            "unknown command",
+            sign(unknown, _HUB, 41, partial(aes_cmac, _HUB_KEY)),
+            Outcome.UNKNOWN_COMMAND,
+            1006,
+        ),
+        ("of the start before", signed(command(2000), _HUB_KEY, _HUB, 40), Outcome.NOT_VERIFIED, 2000),
+        ("key of the wheel", signed(command(2001), _SENSOR_KEY, _SENSOR, 41), Outcome.NOT_VERIFIED, 2001),
+        ("to the wheel, its key and counter", signed(command(5, 1), *sensor), Outcome.DONE, 5),
+        ("to the wheel, key of the hub", signed(command(6, 1), *hub), Outcome.NOT_VERIFIED, 6),
+        ("to a wheel that is not there", signed(command(7, 9), *sensor), Outcome.NOT_VERIFIED, 7),
+        ("last counter", signed(command(2**32 - 1), *hub), Outcome.DONE, 2**32 - 1),
+        ("counter wrapped", signed(command(0), *hub), Outcome.REPEATED, 2**32 - 1),
+    ]
+    return [
+        {"name": name, "hex": frame.hex(), "outcome": int(outcome), "reply_seq": seq}
+        for name, frame, outcome, seq in steps
+    ]
 
 
 def _signed_frame(name: str, frame: WireFrame, key: bytes, identity: int, boot_count: int) -> dict[str, Any]:

@@ -138,9 +138,9 @@ LOG_TEXT: Final = c.Struct(
 )
 
 COMMAND_RESULT: Final = c.Struct(
-    "seq" / c.Int32ul * "seq of the command's frame",
+    "seq" / c.Int32ul * "seq of the command's frame; with outcome 5, the highest accepted seq",
     "command" / c.Int8ul * "type of the command",
-    "outcome" / c.Int8ul * "0 done, 1 unknown command, 2 value refused, 3 failed",
+    "outcome" / c.Int8ul * "0 done, 1 unknown command, 2 value refused, 3 failed, 4 not verified, 5 repeated",
     c.Terminated,
 )
 

@@ -65,6 +65,8 @@ class Outcome(IntEnum):
     UNKNOWN_COMMAND = 1
     VALUE_REFUSED = 2
     FAILED = 3
+    NOT_VERIFIED = 4
+    REPEATED = 5
 
 
 class Hello(NamedTuple):
@@ -182,7 +184,7 @@ class CommandResult(NamedTuple):
     """The hub's answer to a command; its frame's time stamp is when the hub carried the command out.
 
     Attributes:
-        seq: counter of the command's frame.
+        seq: counter of the command's frame; with REPEATED, the highest counter that the hub has accepted.
         command: type of the command.
         outcome: a value of `Outcome`, or one that a later version defines.
     """
@@ -214,6 +216,14 @@ class SetTime(NamedTuple):
 
 
 Command = SetStream | SetRate | SetTime
+
+COMMAND_TYPES: dict[type, MessageType] = {
+    SetStream: MessageType.SET_STREAM,
+    SetRate: MessageType.SET_RATE,
+    SetTime: MessageType.SET_TIME,
+}
+"""Type byte of a command by its class."""
+
 Message = Hello | SampleBlock | Environment | HubStatus | TimeSync | LogText | CommandResult | Command
 
 

@@ -54,7 +54,7 @@ def _example() -> Iterator[str]:
         f"{data[start:end].hex(' ').upper():<12} {text}"
         for start, end, text in (
             (0, 2, "sync"),
-            (2, 4, f"version {wire.VERSION_MAJOR}.{wire.VERSION_MINOR}, type {MessageType(EXAMPLE.type).name}"),
+            (2, 4, f"version {wire.VERSION_MAJOR}.{wire.LAYOUT_MINOR}, type {MessageType(EXAMPLE.type).name}"),
             (4, 5, f"length {data[4]}"),
             (5, 7, f"hub {EXAMPLE.hub}, wheel {EXAMPLE.wheel}"),
             (7, 8, "flags"),

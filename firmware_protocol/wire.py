@@ -1,12 +1,17 @@
-"""Constants of the wire format other than payload layouts. Protocol 1.0."""
+"""Constants of the wire format other than payload layouts. Protocol 1.1."""
 
 from __future__ import annotations
 
 from typing import Final
 
 VERSION_MAJOR: Final = 1
-VERSION_MINOR: Final = 0
-VERSION_BYTE: Final = VERSION_MAJOR << 4 | VERSION_MINOR
+VERSION_MINOR: Final = 1
+LAYOUT_MINOR: Final = 0
+VERSION_BYTE: Final = VERSION_MAJOR << 4 | LAYOUT_MINOR
+"""Version byte of frames: 1.1 changed no layout, so all frames are those of 1.0."""
+
+SIGNED_COMMANDS_MINOR: Final = 1
+"""Minor version of hubs that verify commands."""
 
 SYNC: Final = b"\xa5\x5a"
 HEADER_BYTES: Final = 16

@@ -224,6 +224,7 @@ class Code(StrEnum):
     NO_FRAMES = "no_frames"
     NO_FRAMES_ANY_MORE = "no_frames_any_more"
     NO_HELLO = "no_hello"
+    OLDER_PROTOCOL = "older_protocol"
     # - Content of a line without frames
     CHECK_SOURCE_ADDRESS = "check_source_address"
     CHOOSE_HUB_PORT = "choose_hub_port"
@@ -265,8 +266,10 @@ class Code(StrEnum):
     # - Sessions and commands
     ASSUMED_NOT_MEASURED = "assumed_not_measured"
     COMMAND_FAILED = "command_failed"
+    COMMAND_NOT_VERIFIED = "command_not_verified"
     COMMAND_OUTCOME = "command_outcome"
     COMMAND_REFUSED = "command_refused"
+    COMMAND_REPEATED = "command_repeated"
     COMMAND_UNKNOWN = "command_unknown"
     COMMAND_VALUE_REFUSED = "command_value_refused"
     DECODING_BEHIND = "decoding_behind"

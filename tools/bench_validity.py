@@ -28,6 +28,7 @@ from validity.summary import (
     from_json,
     invalid_reasons,
     misstatement_table,
+    reference_table,
     well_table,
     worst,
 )
@@ -70,6 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         misstatement_table([one for one in judged if not any(c.well and c.name == one.case for c in CASES)]),
         case_table(judged),
         estimator_table(judged),
+        reference_table(judged),
         worst(judged, options.worst),
         invalid_reasons(judged, options.worst),
     ]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from firmware_protocol.messages import Command, SetRate, SetStream, SetTime
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
+from gateway.cli.options import keys_option
 from gateway.clock import SystemClock
 from gateway.errors import SourceError
 from gateway.io.source import open_source
-from gateway.session.commands import TwoWaySource, execute
+from gateway.security.key_file import command_keys
+from gateway.session.commands import Executed, TwoWaySource, execute
 
 _clock = SystemClock()
 
@@ -18,51 +22,65 @@ _clock = SystemClock()
 def command() -> None:
     """Send a command to a hub and print its reply.
 
-    SOURCE is a hub that accepts commands: ble://NAME-or-ADDRESS. The commands `live` and `record` start their hubs and
-    set their clocks automatically.
+    SOURCE is a hub: serial:PORT, tcp://HOST:PORT or ble://NAME-or-ADDRESS. A hub that signs its frames gets signed
+    commands and needs its key. The commands `live` and `record` start their hubs and set their clocks automatically.
     """
 
 
 @command.command()
 @click.argument("source")
-def start(source: str) -> None:
+@keys_option
+def start(source: str, key_file: Path | None) -> None:
     """Start sending samples."""
-    _send(source, SetStream(True))
+    _send(source, SetStream(True), key_file)
 
 
 @command.command()
 @click.argument("source")
-def stop(source: str) -> None:
+@keys_option
+def stop(source: str, key_file: Path | None) -> None:
     """Stop sending samples until started again or restarted.
 
     The hub continues to send its status.
     """
-    _send(source, SetStream(False))
+    _send(source, SetStream(False), key_file)
 
 
 @command.command()
 @click.argument("source")
 @click.argument("rate_hz", type=click.FloatRange(MIN_RATE_HZ, MAX_RATE_HZ), metavar="HZ")
-def rate(source: str, rate_hz: float) -> None:
+@keys_option
+def rate(source: str, rate_hz: float, key_file: Path | None) -> None:
     """Set the sampling rate to HZ until the hub restarts.
 
     The hub uses the nearest rate that it supports.
     """
-    _send(source, SetRate(rate_hz))
+    _send(source, SetRate(rate_hz), key_file)
 
 
 @command.command()
 @click.argument("source")
-def time(source: str) -> None:
+@keys_option
+def time(source: str, key_file: Path | None) -> None:
     """Set the hub's clock to the time of this computer."""
-    _send(source, SetTime(_clock.now_ns()))
+    _send(source, SetTime(_clock.now_ns()), key_file)
 
 
-def _send(uri: str, what: Command) -> None:
+def _send(uri: str, what: Command, key_file: Path | None) -> None:
     opened = open_source(uri, _clock)
     try:
         if not isinstance(opened, TwoWaySource):
-            raise SourceError(f"'{uri}' does not accept commands", "Give a hub on Bluetooth: ble://NAME.")
-        click.echo(f"hub {execute(opened, what)} executed the command")
+            raise SourceError(f"'{uri}' does not accept commands", "Give serial:PORT, tcp://HOST:PORT or ble://NAME.")
+        keys = command_keys(key_file)
+        done = execute(opened, what, _clock, keys=keys)
+        click.echo(f"hub {done.hub} executed the command{_signature(done, bool(keys))}")
     finally:
         opened.close()
+
+
+def _signature(done: Executed, has_keys: bool) -> str:
+    if done.signed:
+        return ", which was signed"
+    if not has_keys:
+        return ""
+    return f", which was not signed: the hub does not verify commands (protocol {done.protocol})"

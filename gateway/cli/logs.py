@@ -50,6 +50,9 @@ def configure_logging(verbosity: int, log_file: Path | None) -> None:
         OutputError: the file cannot be opened.
     """
     handler = _StderrHandler() if log_file is None else _file_handler(log_file)
+    if log_file is None and verbosity == 0:
+        # What the views show is not repeated beside them.
+        handler.addFilter(lambda record: not getattr(record, "is_shown", False))
     handler.setFormatter(logging.Formatter(_FORMAT))
     root = logging.getLogger()
     # A second command in one process, as in tests, replaces the handler of the first.

@@ -48,6 +48,28 @@ def encoder(out: Path | None, force: bool) -> None:
 
 
 @protocol.command()
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), metavar="DIR", required=True, help="Output folder."
+)
+@force_option
+def collector(out: Path, force: bool) -> None:
+    """Write the reference collector: firmware of a hub in C11, with the header and the encoder.
+
+    Its README describes what to write for a board.
+    """
+    import firmware_protocol
+    from firmware_protocol.cgen import ENCODER_NAME, HEADER_NAME, c_encoder, c_header
+
+    root = Path(firmware_protocol.__file__).parent / "collector"
+    files = {
+        str(path.relative_to(root)): path.read_text("utf-8")
+        for path in sorted(root.rglob("*"))
+        if path.suffix in (".c", ".h", ".ld", ".md")
+    }
+    _write({HEADER_NAME: c_header(), ENCODER_NAME: c_encoder(), **files}, out, force=force)
+
+
+@protocol.command()
 @_OUT
 @force_option
 def vectors(out: Path | None, force: bool) -> None:
@@ -85,7 +107,8 @@ def _write(files: Mapping[str, str], out: Path | None, *, force: bool) -> None:
             f"already exists: {', '.join(there)}", "Choose another folder with --out, or overwrite with --force."
         )
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        for path in targets:
+            path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise TreadlinkError(
             f"cannot write to '{out}': {error.strerror}", "Choose another folder with --out."

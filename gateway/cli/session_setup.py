@@ -24,6 +24,7 @@ from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Notice
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
+from gateway.security.key_file import command_keys
 from gateway.session.commands import with_commands
 from gateway.session.live import LiveSession
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
@@ -97,12 +98,14 @@ def start_session(
     sources: list[Source] = []
     recorder: RecordingWriter | None = None
     try:
-        sources += [with_commands(open_source(uri, clock), clock) for uri in uris]
+        sources += [open_source(uri, clock) for uri in uris]
         vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
         effects = open_effects(effects_paths, vehicle)
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
         remembers = all(is_live(uri) for uri in uris)
         guard = open_guard(vehicle, key_file, remembers=remembers)
+        keys = command_keys(key_file) if guard is not None or key_file is not None else {}
+        sources = [with_commands(source, clock, keys) for source in sources]
         recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
         summary = ResultSummary()
         live = LiveSession(

@@ -1,9 +1,10 @@
-"""`treadlink simulate`: simulate a scenario to a file, a pseudo-terminal or Bluetooth."""
+"""`treadlink simulate`: simulate a scenario to a file, a pseudo-terminal, Bluetooth or emulated firmware."""
 
 from __future__ import annotations
 
 import contextlib
 import shlex
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import quote
@@ -48,6 +49,11 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.option("--pty", is_flag=True, help="Act as a hub on a serial port (pseudo-terminal) until Ctrl-C.")
 @click.option("--ble", is_flag=True, help="Act as Bluetooth LE hubs on a private D-Bus (Linux) until Ctrl-C.")
 @click.option(
+    "--firmware",
+    is_flag=True,
+    help="Feed the samples to the reference firmware, which QEMU emulates; its link is a TCP port until Ctrl-C.",
+)
+@click.option(
     "--fault",
     "faults",
     multiple=True,
@@ -86,6 +92,7 @@ def simulate(
     out: Path | None,
     pty: bool,
     ble: bool,
+    firmware: bool,
     faults: tuple[str, ...],
     seed: int | None,
     duration_s: float | None,
@@ -98,8 +105,10 @@ def simulate(
     The simulated hubs send the same protocol as real ones. To show live estimates of a simulation, use `treadlink live
     sim:SCENARIO`.
     """
-    if (out is not None) + pty + ble != 1:
-        raise click.UsageError("Give one of --out FILE, --pty and --ble.")
+    if (out is not None) + pty + ble + firmware != 1:
+        raise click.UsageError("Give one of --out FILE, --pty, --ble and --firmware.")
+    if firmware and faults:
+        raise click.UsageError("--fault cannot be combined with --firmware, whose link is that of the emulated board.")
     if ble and faults:
         raise click.UsageError("--fault cannot be combined with --ble, which transmits only whole frames.")
     if ble and key_file is not None:
@@ -119,6 +128,8 @@ def simulate(
         uri = f"sim:{quote(scenario)}?seed={used_seed}"
         size = _to_file(source, simulation.duration_s, out, uri, clock)
         click.echo(f"written: {out} ({simulation.duration_s:g} s, {size / 1e6:.2f} MB)")
+    elif firmware:
+        _to_firmware(simulation, parse_speed(speed), clock, vehicle, key_file)
     elif ble:
         _to_ble(SimulatorSource(simulation, link, toml, parse_speed(speed), clock), loaded, vehicle)
     else:
@@ -188,6 +199,34 @@ def _to_pty(source: SimulatorSource, vehicle: Path | None) -> None:
             click.echo("")
     lost = f", {port.dropped} lost because the reader is too slow" if port.dropped else ""
     click.echo(f"{port.sent} bytes read, {port.unread} sent without a reader{lost}")
+
+
+def _to_firmware(
+    simulation: Simulation, speed: float, clock: Clock, vehicle: Path | None, key_file: Path | None
+) -> None:
+    """Run the reference collector on an emulated board until the scenario ends or Ctrl-C.
+
+    Raises:
+        SourceError: QEMU or the compiler is missing, or the scenario does not fit one collector.
+    """
+    from gateway.security.key_file import KeyFile
+    from gateway.simulator.firmware.emulated_board import EmulatedBoard
+    from gateway.simulator.firmware.firmware_build import build_board, require_board_tools
+    from gateway.simulator.firmware.sensor_feed import SensorFeed, play
+
+    require_board_tools()
+    feed = SensorFeed(simulation, KeyFile(key_file).keys if key_file is not None else {})
+    with tempfile.TemporaryDirectory() as folder, EmulatedBoard(build_board(Path(folder))) as board:
+        board.provision(feed.hub, feed.wheels)
+        options = f" --config {shlex.quote(str(vehicle))}" if vehicle is not None else ""
+        options += f" --keys {shlex.quote(str(key_file))}" if key_file is not None else ""
+        with stop_request() as stop:
+            click.echo("The reference firmware runs on an emulated Cortex-M4. In another terminal run\n")
+            click.echo(f"  treadlink live tcp://{board.address}{options}\n\nCtrl-C stops the board.")
+            played = play(feed, board, speed, clock, stop)
+        if stop.is_set():
+            click.echo("")
+    click.echo(f"{played.samples} samples in {played.time_s:.1f} s, at most {played.late_s:.2f} s late")
 
 
 def _to_ble(source: SimulatorSource, scenario: Scenario, vehicle: Path | None) -> None:

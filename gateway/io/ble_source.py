@@ -10,17 +10,16 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from gateway.clock import Clock
-from gateway.errors import LinkLostError, SourceError
+from gateway.errors import SourceError
 from gateway.io.ble_hub import Sighting
 from gateway.io.ble_link import BleLink, BleSettings, find
 from gateway.io.ble_radio import BLE_ERRORS, explain, radio
 from gateway.io.reconnect import Backoff, ReconnectingSource
-from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress
+from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, rate_option
 from gateway.reasons import Code, Reason
 
 _MAX_SCAN_S: Final = 120.0
 _MAX_SILENCE_S: Final = 3600.0
-_RATES_HZ: Final = (2000.0, 25600.0)
 OPTIONS: Final = ("adapter", "scan", "silence", "notify", "rate")
 
 
@@ -28,9 +27,6 @@ class BleSource(ReconnectingSource):
     """A hub on Bluetooth LE; after a loss it is searched for and connected again.
 
     Once connected it stays with that hub: another one of the same name that appears later is not taken for it.
-
-    Attributes:
-        rate_hz: sampling rate to set on the hub, None to leave it.
     """
 
     def __init__(
@@ -39,8 +35,7 @@ class BleSource(ReconnectingSource):
         """Name the hub; nothing is opened yet."""
         self._settings = settings
         self._ble_clock = clock
-        self.rate_hz = rate_hz
-        super().__init__(f"ble:{settings.target}", self._fresh_link, clock, backoff)
+        super().__init__(f"ble:{settings.target}", self._fresh_link, clock, backoff, rate_hz=rate_hz)
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield chunks and events until stopped or closed, then an event that it was disconnected on request.
@@ -54,18 +49,6 @@ class BleSource(ReconnectingSource):
             yield item
         if was_connected:
             yield self._event(LinkEventKind.ENDED, details=(Reason(Code.LINK_DISCONNECTED),))
-
-    def send(self, data: bytes) -> None:
-        """Write a frame to the hub; callable from any thread.
-
-        Raises:
-            LinkLostError: it is not connected, or the write failed.
-            SourceError: the hub takes no data.
-        """
-        link = self._current
-        if not isinstance(link, BleLink):
-            raise LinkLostError(f"{self.link} is not connected")
-        link.write(data)
 
     def look(self) -> Sighting:
         """Return the hub as its advertisement describes it, without connecting.
@@ -129,8 +112,7 @@ def open_ble(address: SourceAddress, clock: Clock) -> Source:
         silence_s=_number(options, "silence", 6.0, 0.0, _MAX_SILENCE_S),
         by_socket=options.get("notify") == "socket",
     )
-    rate_hz = _number(options, "rate", 0.0, *_RATES_HZ) if "rate" in options else None
-    return BleSource(settings, clock, rate_hz=rate_hz)
+    return BleSource(settings, clock, rate_hz=rate_option(options))
 
 
 @dataclass(frozen=True, slots=True)

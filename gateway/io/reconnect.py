@@ -39,6 +39,15 @@ class Link(Protocol):
         """
         ...
 
+    def write(self, data: bytes) -> None:
+        """Write a frame to the hub; callable from any thread.
+
+        Raises:
+            LinkLostError: the connection broke.
+            SourceError: the hub takes no data.
+        """
+        ...
+
     def close(self) -> None:
         """Disconnect; may be called at any time and twice, never raises."""
         ...
@@ -70,11 +79,22 @@ class ReconnectingSource:
     """A source over a link: chunks with arrival times, events of the link, unlimited retries.
 
     Only the first opening may fail: a port that was never there is a mistake, one that disappeared is an event.
+
+    Attributes:
+        rate_hz: sampling rate to set on the hub, None to leave it.
     """
 
     vehicle_toml: str | None = None
 
-    def __init__(self, link: str, make_link: Callable[[], Link], clock: Clock, backoff: Backoff | None = None) -> None:
+    def __init__(
+        self,
+        link: str,
+        make_link: Callable[[], Link],
+        clock: Clock,
+        backoff: Backoff | None = None,
+        *,
+        rate_hz: float | None = None,
+    ) -> None:
         """Name the link; nothing is opened yet.
 
         Args:
@@ -82,7 +102,9 @@ class ReconnectingSource:
             make_link: makes a new connection for every attempt.
             clock: stamps arrivals and paces the attempts.
             backoff: pauses between attempts.
+            rate_hz: sampling rate to set on the hub, None to leave it.
         """
+        self.rate_hz = rate_hz
         self._name = link
         self._make_link = make_link
         self._clock = clock
@@ -145,6 +167,18 @@ class ReconnectingSource:
         finally:
             self._drop()
             self.state = LinkState.CLOSED if self._closed.is_set() else LinkState.IDLE
+
+    def send(self, data: bytes) -> None:
+        """Write a frame to the hub; callable from any thread.
+
+        Raises:
+            LinkLostError: it is not connected, or the write failed.
+            SourceError: the hub takes no data.
+        """
+        link = self._current
+        if link is None:
+            raise LinkLostError(f"{self.link} is not connected")
+        link.write(data)
 
     def close(self) -> None:
         """Release the port. A read or an opening in progress in another thread ends and releases it there."""

@@ -17,7 +17,7 @@ import serial
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.reconnect import ReconnectingSource
-from gateway.io.source import DEFAULT_BAUDRATE, Source, SourceAddress
+from gateway.io.source import DEFAULT_BAUDRATE, Source, SourceAddress, rate_option
 
 if sys.platform == "win32":
     _TERMIOS_ERROR: type[Exception] = OSError
@@ -31,6 +31,7 @@ LINK_ERRORS: Final = (serial.SerialException, OSError, _TERMIOS_ERROR, TypeError
 OSError, and TypeError or ValueError when the descriptor was closed during a read."""
 
 _READ_BYTES: Final = 65536
+_WRITE_TIMEOUT_S: Final = 1.0
 _MAX_BAUDRATE: Final = 20_000_000
 _YES_NO: Final = {"yes": True, "no": False}
 
@@ -69,6 +70,7 @@ class PyserialLink:
         try:
             self._port = self._connect()
             self._port.timeout = 0 if self._selectable(self._port) else 0.02
+            self._port.write_timeout = _WRITE_TIMEOUT_S
         except LINK_ERRORS as error:
             self.close()
             raise self._explain_open(error) from error
@@ -86,6 +88,20 @@ class PyserialLink:
             if port.timeout == 0 and not select.select([port.fileno()], [], [], timeout_s)[0]:
                 return b""
             return bytes(port.read(_READ_BYTES))
+        except LINK_ERRORS as error:
+            raise self._lost(error) from error
+
+    def write(self, data: bytes) -> None:
+        """Write a frame to the hub.
+
+        Raises:
+            LinkLostError: the connection broke.
+        """
+        port = self._port
+        if port is None:
+            raise self._lost(OSError("not open"))
+        try:
+            port.write(data)
         except LINK_ERRORS as error:
             raise self._lost(error) from error
 
@@ -109,12 +125,14 @@ class PyserialLink:
 def open_serial(address: SourceAddress, clock: Clock) -> Source:
     """Make a source of a serial port; it is opened when its items are requested.
 
-    Options: baudrate (default 921600), exclusive=yes|no, parity=none|even|odd, stopbits=1|2, rtscts=yes|no.
+    Options: baudrate (default 921600), exclusive=yes|no, parity=none|even|odd, stopbits=1|2, rtscts=yes|no, rate=9600
+    (Hz, set on the hub).
 
     Raises:
         SourceError: an option is not known or not allowed.
     """
-    settings = serial_settings(address.options)
+    rate_hz = rate_option(address.options)
+    settings = serial_settings({name: text for name, text in address.options.items() if name != "rate"})
     port = address.target
 
     def connect() -> serial.SerialBase:
@@ -127,7 +145,7 @@ def open_serial(address: SourceAddress, clock: Clock) -> Source:
             lambda error: LinkLostError(f"{port} disappeared ({_brief(error)})", "Unplugged? Plug the hub in again."),
         )
 
-    return ReconnectingSource(f"serial:{port}", make_link, clock)
+    return ReconnectingSource(f"serial:{port}", make_link, clock, rate_hz=rate_hz)
 
 
 def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
@@ -148,7 +166,7 @@ def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
         if name not in readers:
             near = difflib.get_close_matches(name, readers, 1)
             hint = f"Did you mean {near[0]}? " if near else ""
-            raise SourceError(f"serial has no option '{name}'", f"{hint}Options are {', '.join(readers)}.")
+            raise SourceError(f"serial has no option '{name}'", f"{hint}Options are {', '.join((*readers, 'rate'))}.")
         settings[name] = readers[name](text)
     return settings
 

@@ -226,6 +226,29 @@ def positive_option(name: str, text: str, *, or_max: bool = False) -> float:
     return value
 
 
+RATES_HZ: Final = (2000.0, 25600.0)
+"""Lowest and highest sampling rate that a hub can be asked for."""
+
+
+def rate_option(options: Mapping[str, str]) -> float | None:
+    """Return the sampling rate in Hz to set on a hub, None without the option `rate`.
+
+    Raises:
+        SourceError: it is no number of the range.
+    """
+    text = options.get("rate")
+    if text is None:
+        return None
+    low, high = RATES_HZ
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise SourceError(f"rate={text} is not allowed", f"Give a number from {low:g} to {high:g}.")
+    return value
+
+
 def open_source(uri: str, clock: Clock) -> Source:
     """Open the source of a URI; its module is imported on first use.
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.reconnect import ReconnectingSource
-from gateway.io.source import Source, SourceAddress
+from gateway.io.source import Source, SourceAddress, rate_option
 
 CONNECT_TIMEOUT_S: Final = 5.0
 
@@ -51,24 +51,27 @@ def parse_place(address: SourceAddress) -> Place:
     """Return host and port of a source's address.
 
     Raises:
-        SourceError: it has none, or has options.
+        SourceError: it has none, or an option is not known.
     """
     match = _TARGET.fullmatch(address.target)
     if match is None or not 1 <= int(match["port"]) <= 65535:
         raise SourceError(f"'{address.uri}' is not an address", "Give tcp://host:port, port 1 to 65535.")
-    if address.options:
-        raise SourceError(f"tcp has no option '{next(iter(address.options))}'", "Give tcp://host:port only.")
+    for name in address.options:
+        if name != "rate":
+            raise SourceError(f"tcp has no option '{name}'", "Give tcp://host:port, or tcp://host:port?rate=9600.")
     return Place(match["host"].strip("[]"), int(match["port"]))
 
 
 def open_tcp(address: SourceAddress, clock: Clock) -> Source:
     """Make a source of a TCP connection; it is opened when its items are requested.
 
+    Option: rate=9600 (Hz, set on the hub).
+
     Raises:
-        SourceError: no host and port, or an option (there are none).
+        SourceError: no host and port, or an option is not known or not allowed.
     """
-    place = parse_place(address)
-    return ReconnectingSource(f"tcp:{place}", lambda: TcpLink(place), clock)
+    place, rate_hz = parse_place(address), rate_option(address.options)
+    return ReconnectingSource(f"tcp:{place}", lambda: TcpLink(place), clock, rate_hz=rate_hz)
 
 
 def connect(place: Place) -> socket.socket:
@@ -148,6 +151,22 @@ class TcpLink:
         if not data:
             raise LinkLostError(f"{self._place} closed the connection", "Is the hub still on?")
         return data
+
+    def write(self, data: bytes) -> None:
+        """Write a frame to the hub.
+
+        Raises:
+            LinkLostError: the connection broke.
+        """
+        connection = self._socket
+        if connection is None:
+            raise LinkLostError(f"{self._place} is not connected")
+        try:
+            connection.sendall(data)
+        except OSError as error:
+            raise LinkLostError(
+                f"{self._place} broke the connection: {_brief(error)}", "Is the hub still on?"
+            ) from error
 
     def close(self) -> None:
         """Disconnect; may be called at any time and twice, never raises."""

@@ -101,7 +101,10 @@ def expected_pressure_change_pa(pressure_pa: float, coldest_degc: float, hottest
 
 
 class SensorHealth:
-    """Monitor of one sensor; `flags` lists its faults. Estimates change only by the error of a frozen pressure."""
+    """Monitor of one sensor; `flags` lists its faults.
+
+    Estimates have the error of a frozen pressure, and those of a loose sensor are provisional.
+    """
 
     def __init__(
         self, columns: Sequence[int], scale_mps2: FloatArray, offset_counts: FloatArray, rate_hz: float, *, is_dc: bool
@@ -191,6 +194,13 @@ class SensorHealth:
             self._pressure_error_pa = expected
         return self._pressure_error_pa
 
+    def doubt(self) -> Reason | None:
+        """Return the fault that makes every shape doubtful, None without one."""
+        if self._ringing is None:
+            return None
+        frequency_hz, share = self._ringing
+        return Reason(Code.SENSOR_LOOSE, frequency_hz=frequency_hz, share=share)
+
     def flags(self) -> tuple[SensorFlag, ...]:
         """Return the present faults."""
         return tuple(self._flags())
@@ -203,9 +213,8 @@ class SensorHealth:
             yield SensorFlag("stuck", Reason(Code.SENSOR_STUCK, duration_s=_WINDOW_S, axes=axes))
         if self._is_dc and not self._still:
             yield from self._mounting()
-        if self._ringing is not None:
-            frequency_hz, share = self._ringing
-            yield SensorFlag("loose", Reason(Code.SENSOR_LOOSE, frequency_hz=frequency_hz, share=share))
+        if (loose := self.doubt()) is not None:
+            yield SensorFlag("loose", loose)
         if self._pressure_error_pa:
             low, high = self._temperatures
             frozen = Reason(Code.PRESSURE_FROZEN, temperature_change_k=high - low, error_pa=self._pressure_error_pa)

@@ -26,6 +26,8 @@ from gateway.types import FloatArray
 _ENVIRONMENT_DEPTH: Final = 64
 # Estimators that known effects, which are locked to the wheel's angle, do not change.
 _UNAFFECTED: Final = frozenset({"kinematic", "asynchronous"})
+# Estimate that rests on the times of contacts alone.
+_SPEED: Final = "speed_mps"
 
 
 class _Series:
@@ -82,14 +84,16 @@ class TireEstimates:
         """Add a pressure and temperature reading with its hub time and the error that sensor health gives it."""
         self._environment.append((tick_us, environment, pressure_error_pa))
 
-    def take(self, revolution: Revolution, end_us: float, host_ns: int) -> RevolutionResult:
-        """Estimate one revolution that ended at hub time `end_us`."""
+    def take(
+        self, revolution: Revolution, end_us: float, host_ns: int, doubt: Reason | None = None
+    ) -> RevolutionResult:
+        """Estimate one revolution that ended at hub time `end_us`; a `doubt` makes all but the speed provisional."""
         uncorrected = revolution.uncorrected is not None
         if uncorrected not in self._series:
             self._series[uncorrected] = _Series(self._names)
         self._current = self._series[uncorrected]
         average = self._take_in(revolution)
-        conditions, estimates = self._estimate(revolution, average, self.conditions(end_us))
+        conditions, estimates = self._estimate(revolution, average, self.conditions(end_us), doubt)
         old_s = old_pressure_s(self._environment, end_us)
         if old_s is not None:
             estimates = rest_on_old_pressure(estimates, old_s)
@@ -97,7 +101,7 @@ class TireEstimates:
         return self.last
 
     def _estimate(
-        self, revolution: Revolution, average: AngleAverage, stated: TireConditions
+        self, revolution: Revolution, average: AngleAverage, stated: TireConditions, doubt: Reason | None
     ) -> tuple[TireConditions, tuple[Estimate, ...]]:
         """Run the estimators in order; each gets the estimates of those before it, and the conditions in use.
 
@@ -122,6 +126,10 @@ class TireEstimates:
             if revolution.uncorrected is not None and estimator.name not in _UNAFFECTED:
                 made = tuple(_doubted(estimate, revolution.uncorrected) for estimate in made)
             made = tuple(evidence.qualified(estimate) for estimate in made)
+            if doubt is not None:
+                made = tuple(
+                    estimate if estimate.name == _SPEED else _provisional(estimate, doubt) for estimate in made
+                )
             found = {estimate.name: estimate for estimate in made}
             given[estimator.name] = found
             for name, estimate in found.items():
@@ -211,8 +219,12 @@ class TireEstimates:
 
 def _doubted(estimate: Estimate, why: Reason) -> Estimate:
     """Return an estimate of a waveform that still contains the known effects."""
+    return _provisional(estimate, Reason(Code.EFFECTS_NOT_SUBTRACTED, why=why))
+
+
+def _provisional(estimate: Estimate, doubt: Reason) -> Estimate:
+    """Return an estimate that is provisional at best, with the reason."""
     status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
-    doubt = Reason(Code.EFFECTS_NOT_SUBTRACTED, why=why)
     if any(doubt in reason for reason in estimate.reasons):
         return replace(estimate, status=status)  # inherited from the estimate that this one is made of
     return replace(estimate, status=status, reasons=(*estimate.reasons, doubt))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from firmware_protocol import wire
-from firmware_protocol.messages import HUB_ITSELF, MessageType
+from firmware_protocol.messages import COMMANDS, HUB_ITSELF, MessageType
 from firmware_protocol.signing import is_of_hub, is_signed
 from gateway.config.vehicle import Policy, VehicleConfig
 from gateway.reasons import Code, Level, Notice, Reason
@@ -239,6 +239,8 @@ class LinkGate:
         source = frame[wire.HUB_OFFSET : wire.WHEEL_OFFSET + 1]
         if not is_signed(frame):
             return Verdict.UNSIGNED
+        if frame[wire.TYPE_OFFSET] in COMMANDS:
+            return Verdict.FORGED  # signed with the same key, but by a gateway: no hub sends commands
         if frame[wire.TYPE_OFFSET] == MessageType.HELLO and not is_of_hub(frame):
             return self._hello(source, frame)
         sender = self._senders.get(source)

@@ -26,6 +26,15 @@ def default_key_file() -> Path:
     return user_data_path("treadlink", appauthor=False) / "keys"
 
 
+def command_keys(key_file: Path | None) -> dict[str, Key]:
+    """Return the keys for commands, by identity: those of a file, or of the user's own.
+
+    Raises:
+        SecurityError: the file cannot be read, or is not private.
+    """
+    return KeyFile(default_key_file() if key_file is None else key_file).keys
+
+
 def counters_file(key_file: Path) -> Path:
     """Return the file with the counters that belong to a key file."""
     return key_file.with_name(key_file.name + ".counters")

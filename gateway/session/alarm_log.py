@@ -108,7 +108,9 @@ class AlarmLog:
         for key in over:
             notices += self._is_over(key, at_s, known.get(key))
         for notice in notices:
-            _logger.info("%s", notice_text(notice))
+            # Every view shows the notice too: standard error needs it in a verbose log only.
+            level = logging.WARNING if notice.level is Level.WARNING else logging.INFO
+            _logger.log(level, "%s", notice_text(notice), extra={"is_shown": True})
         return notices
 
     def _stands(self, key: AlarmKey, alarm: Alarm, at_s: float) -> list[Notice]:

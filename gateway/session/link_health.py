@@ -108,6 +108,10 @@ class LinkHealth:
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
             newer = Reason(Code.NEWER_PROTOCOL, version=version, own=_OWN_VERSION)
             found += self._once(hub_name(frame.hub), newer)
+        elif (hello.protocol_major, hello.protocol_minor) < (wire.VERSION_MAJOR, wire.SIGNED_COMMANDS_MINOR):
+            version = f"{hello.protocol_major}.{hello.protocol_minor}"
+            older = Reason(Code.OLDER_PROTOCOL, version=version, own=_OWN_VERSION)
+            found += self._once(hub_name(frame.hub), older, Level.INFO)
         return found
 
     def tick(self, now_ns: int) -> list[Notice]:
@@ -192,11 +196,11 @@ class LinkHealth:
         self._reported.discard((Code.HUB_RESTARTS_REPEATEDLY, hub_name(hub)))
         return [Notice(hub_name(hub), Reason(Code.HUB_RESTARTED, boot_count=boot_count), Level.WARNING)]
 
-    def _once(self, subject: str, reason: Reason) -> list[Notice]:
+    def _once(self, subject: str, reason: Reason, level: Level = Level.WARNING) -> list[Notice]:
         if (reason.code, subject) in self._reported:
             return []
         self._reported.add((reason.code, subject))
-        return [Notice(subject, reason, Level.WARNING)]
+        return [Notice(subject, reason, level)]
 
     def _is_reported(self, code: Code) -> bool:
         return (code, self._link) in self._reported

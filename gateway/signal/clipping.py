@@ -29,6 +29,10 @@ _FLATNESS: Final = 1.5
 # Range in which the noise is compared, in its standard deviations, and least noise in counts.
 _NOISE_RANGE: Final = 2.0
 _LEAST_NOISE: Final = 1.5
+# Share of the revolution at its extreme count, and least range in counts, from which it is cut: gravity alone moves the
+# steady value by two g.
+_DEEP_SHARE: Final = 0.2
+_DEEP_COUNTS: Final = 50
 # Probability of a pile by chance from which a revolution is clipped.
 _CHANCE: Final = 1e-10
 
@@ -40,10 +44,15 @@ def is_clipped(counts: NDArray[np.integer[Any]]) -> bool:
         counts: (n,) raw values of one revolution, positive inward.
     """
     below_top = int(counts.max()) - counts.astype(np.int64)
-    if _peak_is_cut(below_top):
+    if _is_cut_deeply(below_top) or _peak_is_cut(below_top):
         return True
     noise = _noise_counts(below_top)
     return _noise_is_cut(below_top, noise) or _noise_is_cut(below_top.max() - below_top, noise)
+
+
+def _is_cut_deeply(below_top: NDArray[np.int64]) -> bool:
+    """Return whether a large part of the revolution lies at the top, as when the steady value itself is cut."""
+    return bool(np.count_nonzero(below_top == 0) > _DEEP_SHARE * len(below_top) and below_top.max() > _DEEP_COUNTS)
 
 
 def _peak_is_cut(below_top: NDArray[np.int64]) -> bool:

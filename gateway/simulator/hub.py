@@ -31,9 +31,9 @@ from gateway.simulator.sensor import FULL_SCALE_COUNTS
 from gateway.simulator.simulated_wheel import WheelSimulator
 
 FIRMWARE = (1, 0, 0)
-_HUB_ID = 0x5452_4541_4400_0000
+HUB_ID = 0x5452_4541_4400_0000
 _MASK = 0xFFFF_FFFF
-_SUPPLY_V = 3.0
+SENSOR_SUPPLY_V = 3.0
 
 
 class TimedFrame(NamedTuple):
@@ -62,7 +62,7 @@ class HubSimulator:
         """Take the hub's data, its wheels, its first log text and an optional signer."""
         self._signer = signer
         self._identities = {wheel.plan.wheel: sensor_identity(wheel.plan.sensor_id) for wheel in wheels}
-        self._identities[HUB_ITSELF] = hub_identity(_HUB_ID + hub.hub)
+        self._identities[HUB_ITSELF] = hub_identity(HUB_ID + hub.hub)
         self._hub = hub
         self._wheels = tuple(wheels)
         self._title = title
@@ -75,7 +75,7 @@ class HubSimulator:
     @staticmethod
     def identities(hub: Hub, sensor_ids: Iterable[int]) -> list[str]:
         """Return the identities that sign: the sensors of a hub and the hub itself."""
-        return [*map(sensor_identity, sensor_ids), hub_identity(_HUB_ID + hub.hub)]
+        return [*map(sensor_identity, sensor_ids), hub_identity(HUB_ID + hub.hub)]
 
     def advance(self, until_s: float) -> list[TimedFrame]:
         """Return the frames sent since the last call and before `until_s`, in sending order."""
@@ -114,7 +114,7 @@ class HubSimulator:
         for time_s in _times(begin_s, end_s, wire.ENVIRONMENT_PERIOD_S):
             for wheel in self._wheels:
                 pressure, temperature = wheel.plan.told_pressure_pa(time_s), wheel.plan.temperature_degc.at(time_s)
-                message = Environment(pressure, temperature, _SUPPLY_V)
+                message = Environment(pressure, temperature, SENSOR_SUPPLY_V)
                 yield self._due(time_s, wheel.plan.wheel, MessageType.ENVIRONMENT, message)
         for time_s in _times(begin_s, end_s, wire.HUB_STATUS_PERIOD_S):
             yield self._due(time_s, HUB_ITSELF, MessageType.HUB_STATUS, self._status(time_s))
@@ -128,7 +128,7 @@ class HubSimulator:
         return Hello(
             protocol_major=wire.VERSION_MAJOR,
             protocol_minor=wire.VERSION_MINOR,
-            hub_id=_HUB_ID + self._hub.hub,
+            hub_id=HUB_ID + self._hub.hub,
             sensor_id=wheel.plan.sensor_id,
             firmware=FIRMWARE,
             boot_count=self._hub.boot_count,

@@ -289,7 +289,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LINK_RESTORED: "reconnected",
     Code.LINK_RETRYING: "reconnecting fails",
     Code.MARK: "mark: {text}",
-    Code.MARK_NOT_KEPT: "not kept, because this session is not recorded",
+    Code.MARK_NOT_KEPT: "not kept, nothing is recorded",
     Code.MTU: "MTU {mtu}",
     Code.MTU_TOO_SMALL: "MTU {mtu} is less than the {needed} that frames need: expect losses",
     Code.MTU_UNKNOWN: "MTU unknown (frames need {needed})",
@@ -323,6 +323,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.NEWER_FRAME_LAYOUT: (
         "frames of a layout newer than protocol {own} are skipped and counted: the firmware is newer. Update treadlink"
+    ),
+    Code.OLDER_PROTOCOL: (
+        "its firmware uses protocol {version}, older than treadlink's {own}: commands to it are not signed"
     ),
     Code.NEWER_PROTOCOL: (
         "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
@@ -440,8 +443,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     # - Sessions and commands
     Code.ASSUMED_NOT_MEASURED: "assumed, not measured: {text}",
     Code.COMMAND_FAILED: "the command failed",
+    Code.COMMAND_NOT_VERIFIED: "command not signed, or signed with another key",
     Code.COMMAND_OUTCOME: "outcome {outcome}",
     Code.COMMAND_REFUSED: "did not execute {command}: {outcome}",
+    Code.COMMAND_REPEATED: "command repeated: its counter is not above that of an earlier one",
     Code.COMMAND_UNKNOWN: "unknown command",
     Code.COMMAND_VALUE_REFUSED: "value refused",
     Code.DECODING_BEHIND: (

@@ -31,7 +31,8 @@ from gateway.errors import SourceError
 from gateway.io.ble_source import BleSource
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, Source, open_source
 from gateway.reasons import Code
-from gateway.session.commands import TwoWaySource, command_frame, execute, refusal, with_commands
+from gateway.session.command_signing import command_frame
+from gateway.session.commands import TwoWaySource, execute, refusal, with_commands
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
@@ -129,7 +130,7 @@ def test_commands_are_executed_with_a_reply(bluez: BluezStandIn) -> None:
         def send(command: SetStream | SetRate | SetTime) -> int:
             source = open_source("ble://Treadlink-FR?scan=0.2", SystemClock())
             assert isinstance(source, TwoWaySource)
-            return execute(source, command, TIMEOUT_S)
+            return execute(source, command, SystemClock(), timeout_s=TIMEOUT_S).hub
 
         assert send(SetStream(False)) == 1
         assert send(SetRate(4790.0)) == 1
@@ -195,7 +196,7 @@ def test_missing_reply_is_an_error(bluez: BluezStandIn, hub: Peripheral) -> None
     source = open_source("ble://Treadlink-FL?scan=0.2", SystemClock())
     assert isinstance(source, BleSource)
     with pytest.raises(SourceError, match="did not reply"):
-        execute(source, SetStream(True), timeout_s=0.2)
+        execute(source, SetStream(True), SystemClock(), timeout_s=0.2)
     assert not hub.connected
 
 
@@ -204,11 +205,11 @@ def test_hub_lost_before_its_reply(bluez: BluezStandIn, hub: Peripheral) -> None
     source = open_source("ble://Treadlink-FL?scan=0.2", SystemClock())
     assert isinstance(source, BleSource)
     with pytest.raises(SourceError, match="lost unexpectedly"):
-        execute(source, SetStream(True), TIMEOUT_S)
+        execute(source, SetStream(True), SystemClock(), timeout_s=TIMEOUT_S)
 
 
 def test_read_only_sources_are_not_wrapped() -> None:
-    source = open_source("serial:/dev/ttyNO", ManualClock())
+    source = open_source("sim:lab", ManualClock())
     assert with_commands(source, ManualClock()) is source
 
 

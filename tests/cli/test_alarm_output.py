@@ -61,8 +61,9 @@ def test_live_prints_alarms_as_lines(vehicle: Path) -> None:
     assert has_both(run("live", SOURCE, "--config", vehicle, "--plain"))
 
 
-def test_record_prints_alarms(recorded: tuple[Path, str]) -> None:
+def test_record_prints_alarms_once(recorded: tuple[Path, str]) -> None:
     assert has_both(recorded[1])
+    assert recorded[1].count(LOW) == 1
 
 
 def test_replay_prints_alarms_as_lines(recorded: tuple[Path, str]) -> None:
@@ -80,7 +81,7 @@ def test_recording_keeps_alarms_with_their_values(recorded: tuple[Path, str]) ->
 
 def test_program_log_has_the_alarms(vehicle: Path, tmp_path: Path) -> None:
     log = tmp_path / "log.txt"
-    run("--log", log, "--verbose", "live", SOURCE, "--config", vehicle, "--plain")
+    run("--log", log, "live", SOURCE, "--config", vehicle, "--plain")
     assert LOW in log.read_text()
 
 

@@ -22,6 +22,7 @@ LOST = LinkLostError("X disappeared", "Unplugged?")
 class ScriptedLink:
     def __init__(self, script: list[bytes | Exception], opened: Callable[[], None]) -> None:
         self.script = script
+        self.written: list[bytes] = []
         self.closed = 0
         self._opened = opened
 
@@ -29,6 +30,9 @@ class ScriptedLink:
         self._opened()
         if self.script and isinstance(self.script[0], SourceError):
             raise self.script[0]
+
+    def write(self, data: bytes) -> None:
+        self.written.append(data)
 
     def read(self, timeout_s: float) -> bytes:
         if not self.script:
@@ -154,6 +158,9 @@ def test_stop_does_not_wait_for_a_hanging_opening() -> None:
             assert released.wait(10)
 
         def read(self, timeout_s: float) -> bytes:
+            raise AssertionError("never opened")
+
+        def write(self, data: bytes) -> None:
             raise AssertionError("never opened")
 
         def close(self) -> None:

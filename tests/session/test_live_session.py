@@ -290,4 +290,4 @@ def test_mark_without_a_recording_says_so(demo):
     assert live.wait(TIMEOUT_S)
     live.close()
     (mark,) = [notice for notice in live.notices() if Code.MARK in {inner.code for inner in notice.reason}]
-    assert notice_text(mark) == "mark: bump: not kept, because this session is not recorded"
+    assert notice_text(mark) == "mark: bump: not kept, nothing is recorded"

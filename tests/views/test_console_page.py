@@ -256,8 +256,10 @@ def test_hub_text_cannot_command_the_terminal(made):
 
 def test_paused_view_freezes_wheels_only(made):
     frozen = made.snapshot([made.wheel("FL", result={"speed_kmh": 50.0})])
-    live = made.snapshot(["FL"], elapsed_s=100.0, alarms=(made.alarm(),))
+    marked = (Notice("", quoted("mark: bump")),)
+    live = made.snapshot(["FL"], elapsed_s=100.0, alarms=(made.alarm(),), notices=marked)
     rows = page(frozen, view=ViewState(paused_at_s=83.2), live=live)
+    assert row_with(rows, "mark: bump")
     assert "PAUSED at 0:01:23" in rows[0]
     assert "0:01:40" in rows[0]
     assert "ALARM" in rows[1]

@@ -256,7 +256,7 @@ def read_counters(data: bytes) -> bool:
     with _private(data, "counters.json") as path:
         try:
             ledger = Ledger(path)
-            ledger.counter("sensor 0000a001").take(1 << 40)
+            ledger.counter(sensor_identity(0xA001), "c0ffee").take(1 << 40)
             ledger.save()
             Ledger(path)
         except TreadlinkError as error:
@@ -445,7 +445,9 @@ def _parquets() -> list[bytes]:
 @cache
 def _effects_vehicle() -> VehicleConfig:
     return parse_vehicle(
-        '[tire]\nradius_mm = 320\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\nsensor_id = "a001"\n', "v.toml"
+        '[tire]\nradius_mm = 320\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\nsensor_id = "a001"\n'
+        "[wheel.mounting]\noffset_mm = 3.0\n",
+        "v.toml",
     )
 
 
@@ -459,7 +461,7 @@ def _effects() -> list[bytes]:
         omega_range_radps=(40.0, 60.0),
         load_range_n=(3000.0, 4000.0),
         pressure_range_pa=(2e5, 2.2e5),
-        sensor_offset_m=_effects_vehicle().wheel[0].mounting.offset_m,
+        sensor_offset_m=0.003,
         sensor_id=0xA001,
         sources=("a.mcap",),
     )
@@ -480,7 +482,7 @@ def _counters() -> list[bytes]:
     path.unlink(missing_ok=True)
     ledger = Ledger(path)
     for number in range(3):
-        ledger.counter(sensor_identity(number)).take(number << 32)
+        ledger.counter(sensor_identity(number), "c0ffee").take(number << 32)
     ledger.save()
     return [path.read_bytes()]
 

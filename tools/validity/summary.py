@@ -12,7 +12,7 @@ import numpy as np
 from accuracy.tables import Table
 
 from validity.cases import CASES
-from validity.judging import Judged
+from validity.judging import REFERENCES, Judged
 
 AIM_FALSE: Final = 0.01
 AIM_VALID: Final = 0.95
@@ -185,6 +185,25 @@ def worst(judged: Sequence[Judged], count: int) -> Table:
         )  # fmt: skip
     heads = ("case", "size", "tire", "estimator", "quantity", "times", "value", "std", "truth", "pull")
     return Table("Most often falsely valid", "the largest of each; --tire N --case NAME repeats it", heads, tuple(rows))
+
+
+def reference_table(judged: Sequence[Judged]) -> Table:
+    """Return the errors of the estimators whose models are known to be biased, where all that is stated is true."""
+    well = {case.name for case in CASES if case.well}
+    rows = []
+    groups = _grouped((one for one in judged if one.estimator in REFERENCES), lambda one: (one.estimator, one.quantity))
+    for (estimator, quantity), found in groups.items():
+        last = [one for one in found if one.case in well and one.when == _LAST]
+        errors = np.array([one.value / one.truth - 1.0 for one in last if math.isfinite(one.value)])
+        every = share(found)
+        if len(errors):
+            rows.append(
+                (estimator, quantity, f"{100.0 * math.sqrt(float(np.mean(errors**2))):.0f}",
+                 f"{100.0 * float(errors.mean()):+.0f}", f"{sum(one.valid for one in last)} of {len(last)}",
+                 f"{every.falsely_valid} of {every.valid}")
+            )  # fmt: skip
+    heads = ("estimator", "quantity", "rms error, %", "mean error, %", "valid", "falsely valid, all cases")
+    return Table("Reference estimators", "errors at the end, where all is well", heads, tuple(rows))
 
 
 def each_table(judged: Sequence[Judged]) -> Table:

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import shutil
-import signal
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Final, Self
 
 from gateway.errors import SourceError
+from gateway.simulator.child_process import HELPER
 
 PROGRAM: Final = "dbus-daemon"
 _STOP_TIMEOUT_S: Final = 5.0
-_PR_SET_PDEATHSIG: Final = 1
 # The limits of a system bus stay in force, so that overflows show here too.
 _CONFIGURATION: Final = """\
 <!DOCTYPE busconfig PUBLIC "-//freedesktop//DTD D-Bus Bus Configuration 1.0//EN"
@@ -60,10 +57,7 @@ class PrivateBus:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
-            # Ctrl-C reaches every process of the terminal's group, and the bus must outlive the hubs on it. A session
-            # of its own would do, but is a group of the scheduler too, in which it starves on a busy computer.
-            process_group=0,
-            preexec_fn=_end_with_the_parent if sys.platform == "linux" else None,
+            **HELPER,
         )
         assert self._process.stdout is not None
         self.address = self._process.stdout.readline().strip()
@@ -89,8 +83,3 @@ class PrivateBus:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _end_with_the_parent() -> None:
-    """Ask Linux to end the daemon when its parent is killed."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

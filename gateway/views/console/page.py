@@ -59,7 +59,7 @@ def compose(
         view: settings of the user.
         cells: width of the terminal.
         height: number of its rows.
-        live: the present state while the view is paused: clock, recording and alarms never freeze.
+        live: the present state while the view is paused: clock, recording, alarms and notices never freeze.
     """
     live = live or snapshot
     alarm_rows = 2 if height < 30 else 4
@@ -69,7 +69,7 @@ def compose(
     bottom = [
         *status.links(snapshot.links, cells, link_rows),
         *status.overwritten_samples(snapshot.wheels, cells),
-        *status.notices(snapshot.notices, cells, notice_rows),
+        *status.notices(live.notices, cells, notice_rows),
         status.keys(len(snapshot.wheels), view.zoom, view.paused_at_s is not None, cells),
     ]
     room = max(height - len(top) - len(bottom), 0)

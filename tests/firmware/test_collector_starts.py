@@ -1,0 +1,86 @@
+"""Starts of the reference collector: resets, power cuts, and a flash that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from firmware_protocol.messages import SampleBlock
+from gateway.simulator.firmware.bench_records import Counters, Flash, Kind, counters, number, record
+from tests.testkit.collector_bench import (
+    BLOCK,
+    SIGNING_HUB,
+    SIGNING_WHEEL,
+    at,
+    block,
+    blocks,
+    delivered,
+    rows_of,
+    seconds,
+    started,
+)
+
+Run = Callable[..., bytes]
+STEPS = 256 + 16 + 2
+"""Steps of writing the flash in the longest start: erasing a page, then a record."""
+
+
+def test_reset_in_the_middle_of_a_frame(run: Run) -> None:
+    """After each number of bytes of a frame: that frame is lost, nothing false is read, all that follows is intact."""
+    frame = len(run(started(), blocks(0, 4))) - len(run(started(), blocks(0, 3)))
+    assert frame == 242
+    cuts = [blocks(0, 3) + number(Kind.RESET_AT, cut) + block(108) for cut in range(1, frame + 1)]
+    got = delivered(run(started(), *cuts, blocks(0, 3)))
+    assert got.boot_counts == list(range(1, frame + 2))
+    assert got.samples() == rows_of(0, 144)
+    assert [f.seq for f in got.of(SampleBlock)] == [2, 3, 4] * frame + [5, 2, 3, 4]
+    assert got.counters.bad_payload == got.counters.unknown_type == 0
+    assert got.counters.noise_bytes == sum(range(1, frame))
+
+
+def test_boot_count_survives_power_cuts_at_random_moments(run: Run) -> None:
+    rng = np.random.default_rng(14)
+    cuts = [number(Kind.CUT, int(step)) for step in rng.integers(1, STEPS, 1000)]
+    got = delivered(run(started(), *(cut + at(0.0) for cut in cuts)))
+    starts = got.boot_counts
+    assert len(starts) > 900
+    assert all(later > earlier for earlier, later in zip(starts, starts[1:], strict=False))
+    assert starts[-1] <= 2 * len(cuts) + 2
+
+
+def test_boot_count_survives_a_power_cut_at_every_step(run: Run) -> None:
+    """A page holds 16 records, so 16 starts bring each step to every kind of page: new, part full, full."""
+    cuts = [number(Kind.CUT, step) + at(0.0) + record(Kind.START) * 15 for step in range(1, STEPS)]
+    starts = delivered(run(started(), *cuts, at(0.0))).boot_counts
+    assert starts == sorted(set(starts))
+    assert len(starts) >= STEPS
+    assert starts[-1] >= 16 * (STEPS - 1)
+
+
+def test_repeated_cuts_in_one_start_lose_nothing(run: Run) -> None:
+    data = run(started(), b"".join(number(Kind.CUT, step) for step in range(1, 200)), at(0.0))
+    (count,) = delivered(data).boot_counts[-1:]
+    assert count >= 2
+
+
+def test_hub_with_broken_flash_sends_unsigned_and_reports_it(run: Run) -> None:
+    broken = record(Kind.FLASH, bytes((Flash.BROKEN,)))
+    restart = record(Kind.START)
+    data = run(started(SIGNING_HUB, [SIGNING_WHEEL]), broken, restart, seconds(1, 3), restart, seconds(1, 3))
+    got = delivered(data)
+    assert any("boot count not stored" in line for line in got.log)
+    assert len(set(got.boot_counts)) == len(got.boot_counts) >= 2
+    repaired = delivered(run(started(), broken, restart, record(Kind.FLASH, bytes((Flash.WORKS,))), restart, at(0.0)))
+    assert repaired.boot_counts[-1] == 2
+
+
+def test_signing_hub_restarts_before_its_counter_wraps(run: Run) -> None:
+    """(boot_count, seq) must not repeat under a key."""
+    near = Counters(2**32 - 4100, 0, 0, 0, 0, 0)
+    got = delivered(run(started(SIGNING_HUB, [SIGNING_WHEEL]), counters(near), blocks(0, 12), at(0.1), blocks(0, 6)))
+    assert got.boot_counts == [1, 2]
+    highest = [frame.seq for frame in got.frames if frame.wheel == 0 and frame.seq > 2**31]
+    assert highest
+    assert max(highest) < 2**32 - 1
+    assert [f.seq for f in got.of(SampleBlock)][-1] < BLOCK

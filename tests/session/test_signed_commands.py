@@ -1,0 +1,280 @@
+"""Commands to hubs with keys, to hubs of older protocols, and over serial ports and TCP."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from firmware_protocol import wire
+from firmware_protocol.codec import encode_frame
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import (
+    HUB_ITSELF,
+    Command,
+    CommandResult,
+    Coupling,
+    Frame,
+    Hello,
+    MessageType,
+    Outcome,
+    SetRate,
+    SetStream,
+    SetTime,
+)
+from firmware_protocol.signing import is_signed, sign
+from gateway.clock import ManualClock, SystemClock
+from gateway.errors import SourceError
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
+from gateway.reasons import Code
+from gateway.security.cmac import Key, Verifier, mac
+from gateway.security.freshness import Ledger
+from gateway.security.guard import Guard, Place
+from gateway.security.key_file import hub_identity, sensor_identity
+from gateway.session.command_signing import command_frame
+from gateway.session.commands import CommandedSource, Executed, TwoWaySource, execute
+from gateway.session.core import SessionCore
+from gateway.views.wording import text
+from tests.testkit.hub_ends import TIMEOUT_S, PtyPort, TcpHub
+
+HUB_ID, SENSOR_ID = 0xABCD, 0xA001
+HUB_KEY, SENSOR_KEY = Key(bytes(range(16))), Key(bytes(range(16, 32)))
+KEYS = {hub_identity(HUB_ID): HUB_KEY, sensor_identity(SENSOR_ID): SENSOR_KEY}
+SECONDS = 1_700_000_000
+
+
+def hello_message(boot_count: int, minor: int) -> Hello:
+    present = (1.0, 1.0, 1.0)
+    return Hello(
+        1,
+        minor,
+        HUB_ID,
+        SENSOR_ID,
+        (1, 0, 0),
+        boot_count,
+        9600.0,
+        7,
+        Coupling.DC,
+        0.0,
+        present,
+        present,
+        present,
+        32767,
+    )
+
+
+class Hub:
+    """A hub in memory: a two-way source that greets, carries out commands as the protocol says, and replies."""
+
+    vehicle_toml = None
+    link = "test:hub"
+    rate_hz: float | None = None
+
+    def __init__(self, *, signs: bool = True, minor: int = 1, boot_count: int = 41, highest: int | None = None) -> None:
+        self.signs, self.minor, self.boot_count, self.highest = signs, minor, boot_count, highest
+        self.executed: list[tuple[int, Command]] = []
+        self.received: list[bytes] = []
+        self.replies = self.sign
+        self.waiting: deque[bytes] = deque([self.hello()])
+        self._seq = 0
+
+    def sign(self, frame: bytes) -> bytes:
+        if not self.signs:
+            return frame
+        of_hub = frame[wire.WHEEL_OFFSET] == HUB_ITSELF
+        key, identity = (HUB_KEY, HUB_ID) if of_hub else (SENSOR_KEY, SENSOR_ID)
+        return sign(frame, identity, self.boot_count, lambda data: mac(key, data))
+
+    def hello(self) -> bytes:
+        return self.sign(encode_frame(Frame(MessageType.HELLO, 0, 0, 0, 0, hello_message(self.boot_count, self.minor))))
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        yield LinkEvent(self.link, 0, LinkEventKind.CONNECTED)
+        while self.waiting and not stop.is_set():
+            yield Chunk(self.link, 0, self.waiting.popleft())
+
+    def send(self, data: bytes) -> None:
+        self.received.append(data)
+        (frame,) = FrameDecoder().feed(data)
+        seq, outcome = frame.seq, Outcome.DONE
+        if self.signs and self.minor >= 1:
+            if not is_signed(data) or not Verifier(HUB_KEY, HUB_ID, self.boot_count).is_genuine(data):
+                outcome = Outcome.NOT_VERIFIED
+            elif self.highest is not None and seq <= self.highest:
+                seq, outcome = self.highest, Outcome.REPEATED
+            else:
+                self.highest = seq
+        elif is_signed(data):
+            return
+        if outcome is Outcome.DONE:
+            self.executed.append((frame.seq, frame.message))  # type: ignore[arg-type]
+        result = CommandResult(seq, frame.type, outcome)
+        self._seq += 1
+        self.waiting.append(
+            self.replies(encode_frame(Frame(MessageType.COMMAND_RESULT, 0, HUB_ITSELF, self._seq, 0, result)))
+        )
+
+    def close(self) -> None:
+        self.waiting.clear()
+
+
+def run(hub: Hub, keys: dict[str, Key] = KEYS) -> Executed:
+    return execute(hub, SetStream(False), ManualClock(SECONDS * 10**9), keys=keys, timeout_s=TIMEOUT_S)
+
+
+def test_command_to_signing_hub_is_signed() -> None:
+    hub = Hub()
+    assert run(hub) == Executed(0, True, "1.1")
+    assert hub.executed == [(SECONDS, SetStream(False))]
+
+
+def test_command_continues_behind_the_counter_of_the_hub() -> None:
+    hub = Hub(highest=SECONDS + 1000)
+    assert run(hub).signed
+    assert hub.executed == [(SECONDS + 1001, SetStream(False))]
+    assert len(hub.received) == 2
+
+
+def test_exhausted_counter_is_reported() -> None:
+    hub = Hub(highest=2**32 - 1)
+    with pytest.raises(SourceError, match="command repeated: its counter is not above"):
+        run(hub)
+    assert hub.executed == []
+    assert len(hub.received) == 4
+
+
+def test_reply_that_is_not_genuine_does_not_count() -> None:
+    for forgery in (lambda frame: frame, lambda frame: sign(frame, HUB_ID, 41, lambda data: mac(SENSOR_KEY, data))):
+        hub = Hub()
+        hub.replies = forgery
+        with pytest.raises(SourceError, match="did not reply"):
+            run(hub)
+
+
+def test_older_hub_gets_an_unsigned_command() -> None:
+    hub = Hub(minor=0)
+    assert run(hub) == Executed(0, False, "1.0")
+    assert not is_signed(hub.received[0])
+
+
+def test_hub_without_keys_gets_an_unsigned_command() -> None:
+    assert run(Hub(signs=False)) == Executed(0, False, "1.1")
+    assert run(Hub(signs=False), keys={}).hub == 0
+
+
+def test_signing_hub_refuses_without_keys() -> None:
+    hub = Hub()
+    with pytest.raises(SourceError, match="command not signed, or signed with another key") as refused:
+        run(hub, keys={})
+    assert "--keys" in refused.value.remedy
+    assert hub.executed == []
+
+
+def test_missing_key_of_the_hub_is_named() -> None:
+    with pytest.raises(SourceError, match="there is no key for it") as missing:
+        run(Hub(), keys={sensor_identity(SENSOR_ID): SENSOR_KEY})
+    assert hub_identity(HUB_ID) in missing.value.remedy
+
+
+def commanded(hub: Hub) -> None:
+    source = CommandedSource(hub, ManualClock(SECONDS * 10**9), KEYS)
+    assert len(list(source.items(threading.Event()))) > 2
+
+
+def test_settings_are_signed_after_each_start_of_a_hub() -> None:
+    hub = Hub()
+    hub.rate_hz = 4800.0
+    hub.waiting.append(hub.hello())
+    commanded(hub)
+    wanted = [SetTime(SECONDS * 10**9), SetRate(4800.0), SetStream(True)]
+    assert [command for _, command in hub.executed] == wanted
+    hub.boot_count, hub.highest = 42, None
+    hub.executed.clear()
+    hub.waiting.append(hub.hello())
+    commanded(hub)
+    assert [seq for seq, _ in hub.executed] == [SECONDS, SECONDS + 1, SECONDS + 2]
+
+
+def test_unsigned_hello_does_not_lower_the_protection() -> None:
+    hub = Hub()
+    bare = encode_frame(Frame(MessageType.HELLO, 0, 0, 9, 0, hello_message(99, 0)))
+    hub.waiting.append(bare)
+    commanded(hub)
+    assert all(map(is_signed, hub.received))
+    assert len(hub.executed) == 2
+
+
+def test_older_protocol_is_reported_once() -> None:
+    hub, core = Hub(minor=0, signs=False), SessionCore(None)
+    for _ in range(3):
+        core.take(Chunk("test", 1, hub.hello()))
+    found = [notice.reason for notice in core.take_notices() if notice.reason.code is Code.OLDER_PROTOCOL]
+    assert list(map(text, found)) == [
+        "its firmware uses protocol 1.0, older than treadlink's 1.1: commands to it are not signed"
+    ]
+
+
+def test_reflected_command_is_no_frame_of_the_hub() -> None:
+    """A command is signed with the same key; returned to the gateway it must not use up a counter."""
+    hub = Hub()
+    guard = Guard({(0, 0): Place("FL", sensor_identity(SENSOR_ID))}, KEYS, Ledger(), requires=True)
+    gate = guard.gate("test")
+    assert gate(hub.hello())
+    reflected = hub.sign(command_frame(SetStream(False), 5, 0))
+    assert not gate(reflected)
+    status = encode_frame(Frame(MessageType.COMMAND_RESULT, 0, HUB_ITSELF, 5, 0, CommandResult(5, 32, 0)))
+    assert gate(hub.sign(status))
+
+
+def reply_to(data: bytes) -> bytes:
+    (frame,) = FrameDecoder().feed(data)
+    result = CommandResult(frame.seq, frame.type, Outcome.DONE)
+    return encode_frame(Frame(MessageType.COMMAND_RESULT, 3, HUB_ITSELF, 0, 0, result))
+
+
+@pytest.fixture
+def tcp_hub() -> Iterator[TcpHub]:
+    hub = TcpHub()
+    yield hub
+    hub.close()
+
+
+def test_command_over_tcp(tcp_hub: TcpHub) -> None:
+    def hub() -> None:
+        connection = tcp_hub.accept()
+        with connection:
+            connection.sendall(reply_to(connection.recv(100)))
+            assert connection.recv(1) == b""
+
+    thread = threading.Thread(target=hub)
+    thread.start()
+    source = open_source(f"tcp://127.0.0.1:{tcp_hub.port}", SystemClock())
+    assert isinstance(source, TwoWaySource)
+    assert execute(source, SetTime(5), SystemClock(), timeout_s=TIMEOUT_S).hub == 3
+    thread.join(TIMEOUT_S)
+
+
+def test_command_over_a_serial_port(tmp_path: Path) -> None:
+    port = PtyPort(tmp_path / "tty")
+    held = os.open(port.path, os.O_RDWR | os.O_NOCTTY)  # without a reader the hub's end cannot wait
+    thread = threading.Thread(target=lambda: port.send(reply_to(os.read(port._master, 100))))
+    thread.start()
+    source = open_source(f"serial:{port.path}", SystemClock())
+    assert isinstance(source, TwoWaySource)
+    assert execute(source, SetTime(5), SystemClock(), timeout_s=TIMEOUT_S).hub == 3
+    thread.join(TIMEOUT_S)
+    os.close(held)
+    port.close()
+
+
+@pytest.mark.parametrize("scheme", ["tcp://127.0.0.1:9", "serial:/dev/ttyX"])
+def test_rate_is_an_option_of_every_live_source(scheme: str) -> None:
+    source = open_source(f"{scheme}?rate=4800", ManualClock())
+    assert isinstance(source, TwoWaySource)
+    assert source.rate_hz == 4800.0
+    with pytest.raises(SourceError, match="rate=1 is not allowed"):
+        open_source(f"{scheme}?rate=1", ManualClock())
