@@ -18,14 +18,17 @@ from pathlib import Path
 
 from validity.bench import Order, judge_tire
 from validity.cases import CASES, named
+from validity.independent import agreement_table
 from validity.judging import QUANTITIES, Judged
 from validity.summary import (
     as_json,
+    case_table,
     each_table,
     estimator_table,
+    from_json,
     invalid_reasons,
     misstatement_table,
-    size_table,
+    reference_table,
     well_table,
     worst,
 )
@@ -40,6 +43,9 @@ ROLLED_WITHOUT = ("ply-steer",)
 
 def main(arguments: Sequence[str] | None = None) -> None:
     options = _options(arguments)
+    if options.agreement:
+        print(agreement_table(options.rolled).text(markdown=options.markdown))
+        return
     count = 8 if options.quick else options.count
     tires = options.tire if options.tire else range(options.first, options.first + count)
     cases = tuple(named(options.case))
@@ -47,16 +53,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     usual = DEFAULT if rolled is None else tuple(name for name in DEFAULT if name not in ROLLED_WITHOUT)
     chosen = tuple(options.estimator or usual)
     orders = [Order(options.seed, tire, cases, chosen, options.cache, rolled) for tire in tires]
-    judged = [one for found in _all(orders, options.jobs) for one in found]
+    if options.kept:
+        judged = [one for path in options.kept for one in from_json(json.loads(path.read_text(encoding="utf-8")))]
+    else:
+        judged = [one for found in _all(orders, options.jobs) for one in found]
     judged = [one for one in judged if not options.quantity or one.quantity in options.quantity]
     if options.json:
         options.json.write_text(json.dumps(as_json(judged)), encoding="utf-8")
-    print(f"{len(orders)} tires, seed {options.seed}, {len(cases)} cases, {len(judged)} estimates.\n")
+    valid = [one for one in judged if one.valid]
+    print(
+        f"{len({one.tire for one in judged})} tires, {len({one.case for one in judged})} cases, "
+        f"{len(judged)} estimates: "
+        f"{len(valid)} valid, {sum(one.falsely_valid for one in valid)} of them falsely.\n"
+    )
     tables = [
         well_table([one for one in judged if any(case.well and case.name == one.case for case in CASES)]),
         misstatement_table([one for one in judged if not any(c.well and c.name == one.case for c in CASES)]),
-        size_table(judged),
+        case_table(judged),
         estimator_table(judged),
+        reference_table(judged),
         worst(judged, options.worst),
         invalid_reasons(judged, options.worst),
     ]
@@ -78,16 +93,18 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1, help="of everything")
     parser.add_argument("--source", choices=("exact", "fe"), default="exact", help="ring, or independent tire")
     parser.add_argument("--rolled", type=Path, help="with --source fe: folder that tools/independent_tire wrote")
+    parser.add_argument("--agreement", action="store_true", help="with --rolled: compare these tires with the ring")
     parser.add_argument("--quick", action="store_true", help="8 tires")
     parser.add_argument("--worst", type=int, default=20, help="rows of the tables of offenders")
     parser.add_argument("--each", action="store_true", help="print every estimate instead of the tables")
     parser.add_argument("--json", type=Path, help="write every judged estimate to this file")
+    parser.add_argument("--kept", type=Path, action="append", help="tables of what --json wrote; runs nothing")
     parser.add_argument("--markdown", action="store_true", help="tables to paste into docs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--cache", type=Path, help="folder that keeps ring solutions between runs; trust its files")
     options = parser.parse_args(arguments)
-    if options.source == "fe" and options.rolled is None:
-        parser.error("--source fe needs --rolled DIR; see tools/independent_tire")
+    if (options.source == "fe" or options.agreement) and options.rolled is None:
+        parser.error("--source fe and --agreement need --rolled DIR; see tools/independent_tire")
     return options
 
 

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from accuracy.tables import Table
 from scipy.interpolate import CubicSpline
 
+from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.simulator.tire_table import COLUMNS, LATERAL, TABLE_ANGLES, WaveformTable
 from gateway.simulator.wheel_plan import WheelPlan
 from gateway.types import FloatArray
@@ -20,6 +22,8 @@ from validity.tires import World, draw_world
 _DEEPEST_MM: Final = 12.0
 # Orders that are kept, and those that are not, over the number of elements.
 _MESH: Final = (0.7, 0.95)
+# Orders that are compared with the ring's.
+_COMPARED: Final = 80
 _RATES_HZ: Final = (4800.0, 6400.0, 9600.0)
 
 
@@ -126,3 +130,49 @@ def record_rolled(tire: RolledTire, world: World, seed: tuple[int, ...]) -> Run:
         return RolledTable(wave, (leading, trailing))
 
     return record_wheel(world, world.plan(), waveforms, seed, lateral=False)
+
+
+def agreement_table(folder: Path) -> Table:
+    """Return how far the kept tires agree with the exact ring of the same parameters, load and road.
+
+    The ring has no bending damping and no friction; where the tire has, they differ for that reason too.
+    """
+    rows = []
+    for tire in rolled_tires(folder):
+        about, omega = tire.about, tire.about["speed_mps"] / tire.about["radius_m"]
+        ring = RingParameters.from_numbers(
+            *about["numbers"],
+            radius_m=about["radius_m"],
+            pressure_pa=about["pressure_pa"],
+            mass_kgpm=about["mass_kgpm"],
+            extension_stiffness_n=about["extension_n"],
+            tread_stiffness_npm2=about["tread_npm2"],
+            foundation_damping_nspm2=about["sidewall_damping_nspm2"],
+            tread_damping_nspm2=about["tread_damping_nspm2"],
+        )
+        drum_m = about.get("drum_radius_m", math.inf)
+        solved = solve_rolling_ring(
+            ring, about["load_n"], about["pressure_pa"], omega, nodes=tire.shallow.shape[1], drum_radius_m=drum_m
+        )
+        difference = np.fft.rfft(tire.shallow[0] - solved.sensor.radial_m)[1 : _COMPARED + 1]
+        rms = omega**2 * math.sqrt(0.5 * float(np.sum(np.abs(difference) ** 2))) * 2.0 / tire.shallow.shape[1]
+        special = [
+            f"{about['bending_damping_nm2s']:g} N m^2 s bending damping" * bool(about["bending_damping_nm2s"]),
+            f"{1e-3 * about['tread_damping_nspm2']:g} kN s/m^2 tread damping" * bool(about["tread_damping_nspm2"]),
+            f"friction {about['friction']:g}" * bool(about["friction"]),
+            f"drum {drum_m:g} m" * math.isfinite(drum_m),
+        ]
+        rows.append(
+            (
+                about["name"],
+                ", ".join(filter(None, special)),
+                f"{about['load_n']:.0f}",
+                " ".join(f"{edge:+.4f}" for edge in about["edges_rad"]),
+                f"{solved.leading_edge_rad:+.4f} {solved.trailing_edge_rad:+.4f}",
+                f"{1e3 * about['sinking_m']:.2f}",
+                f"{1e3 * solved.deflection_m:.2f}",
+                f"{rms:.2f} of {omega**2 * float(solved.sensor.radial_m.std()):.0f}",
+            )
+        )
+    heads = ("tire", "with", "load, N", "edges, rad", "ring's", "deflection, mm", "ring's", "difference, m/s^2")
+    return Table("Agreement with the exact ring", f"difference: rms of orders 1 to {_COMPARED}", heads, tuple(rows))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Final
 
 import numpy as np
 from accuracy.tables import Table
 
 from validity.cases import CASES
-from validity.judging import Judged
+from validity.judging import REFERENCES, Judged
 
 AIM_FALSE: Final = 0.01
 AIM_VALID: Final = 0.95
@@ -68,19 +68,22 @@ def _grouped(judged: Iterable[Judged], key: Callable[[Judged], tuple[str, ...]])
 
 
 def well_table(judged: Sequence[Judged]) -> Table:
-    """Return all quantities where everything stated is true."""
-    present = {one.case for one in judged}
-    names = [case.name for case in CASES if case.well and case.name in present]
+    """Return all quantities where everything stated is true, within stated errors and exactly."""
+    kinds = {
+        "within errors": {case.name for case in CASES if case.well and case.name != "known"},
+        "exactly": {"known"},
+    }
+    kinds = {kind: names for kind, names in kinds.items() if any(one.case in names for one in judged)}
     groups = _grouped(judged, lambda one: (one.estimator, one.quantity))
     rows = []
     for (estimator, quantity), found in groups.items():
         row = [estimator, quantity]
-        for name in names:
-            row += _cells(share(one for one in found if one.case == name))
+        for names in kinds.values():
+            row += _cells(share(one for one in found if one.case in names))
         rows.append(tuple(row))
     heads = ["estimator", "quantity"]
-    for name in names:
-        heads += [f"{name}: valid", "rms", "largest", "false"]
+    for kind in kinds:
+        heads += [f"{kind}: valid", "rms", "largest", "false"]
     return Table(
         "Where all that is stated is true",
         "valid: share valid at the end where the data determine the quantity; rms and largest pull of the valid; "
@@ -123,24 +126,25 @@ def misstatement_table(judged: Sequence[Judged]) -> Table:
     )
 
 
-def size_table(judged: Sequence[Judged]) -> Table:
-    """Return the falsely valid by case and size, over all quantities, and the quantities that are hit most."""
+def case_table(judged: Sequence[Judged]) -> Table:
+    """Return the falsely valid by case over all quantities: at which sizes, and the quantities that are hit most."""
     rows = []
     for case in CASES:
-        for size in case.sizes:
-            found = [one for one in judged if one.case == case.name and one.size == size]
-            if not found:
-                continue
-            here = share(found)
-            hit = _grouped((one for one in found if one.falsely_valid), lambda one: (one.estimator, one.quantity))
-            most = sorted(hit, key=lambda key: -len(hit[key]))[:4]
-            shown = ", ".join(f"{e} {q} {len(hit[e, q])}" for e, q in most)
-            rows.append(
-                (case.name, f"{size:g} {case.unit}", str(here.valid), str(here.falsely_valid), _number(here.rms), shown)
-            )
-    return Table(
-        "By case and size", "over all quantities", ("case", "size", "valid", "falsely", "rms", "most"), tuple(rows)
-    )
+        found = [one for one in judged if one.case == case.name]
+        if not found:
+            continue
+        here = share(found)
+        false = [one for one in found if one.falsely_valid]
+        sizes = (f"{size:+g}: {n}" for size in case.sizes if (n := sum(one.size == size for one in false)))
+        hit = _grouped(false, lambda one: (one.estimator, one.quantity))
+        most = sorted(hit, key=lambda key: -len(hit[key]))[:3]
+        unit = f" ({case.unit})" if case.unit else ""
+        rows.append(
+            (case.name + unit, case.about, str(here.valid), str(here.falsely_valid), ", ".join(sizes),
+             ", ".join(f"{quantity} {len(hit[estimator, quantity])}" for estimator, quantity in most))
+        )  # fmt: skip
+    heads = ("case", "what is not as stated", "valid", "falsely", "at size: falsely", "most often")
+    return Table("By case", "over all quantities", heads, tuple(rows))
 
 
 def estimator_table(judged: Sequence[Judged]) -> Table:
@@ -183,6 +187,25 @@ def worst(judged: Sequence[Judged], count: int) -> Table:
     return Table("Most often falsely valid", "the largest of each; --tire N --case NAME repeats it", heads, tuple(rows))
 
 
+def reference_table(judged: Sequence[Judged]) -> Table:
+    """Return the errors of the estimators whose models are known to be biased, where all that is stated is true."""
+    well = {case.name for case in CASES if case.well}
+    rows = []
+    groups = _grouped((one for one in judged if one.estimator in REFERENCES), lambda one: (one.estimator, one.quantity))
+    for (estimator, quantity), found in groups.items():
+        last = [one for one in found if one.case in well and one.when == _LAST]
+        errors = np.array([one.value / one.truth - 1.0 for one in last if math.isfinite(one.value)])
+        every = share(found)
+        if len(errors):
+            rows.append(
+                (estimator, quantity, f"{100.0 * math.sqrt(float(np.mean(errors**2))):.0f}",
+                 f"{100.0 * float(errors.mean()):+.0f}", f"{sum(one.valid for one in last)} of {len(last)}",
+                 f"{every.falsely_valid} of {every.valid}")
+            )  # fmt: skip
+    heads = ("estimator", "quantity", "rms error, %", "mean error, %", "valid", "falsely valid, all cases")
+    return Table("Reference estimators", "errors at the end, where all is well", heads, tuple(rows))
+
+
 def each_table(judged: Sequence[Judged]) -> Table:
     """Return every estimate at the end of its run."""
     rows = []
@@ -212,6 +235,16 @@ def invalid_reasons(judged: Sequence[Judged], count: int) -> Table:
         ("case", "estimator", "quantity", "reasons", "times"),
         tuple((*key, str(times)) for key, times in most),
     )
+
+
+def from_json(entries: Iterable[dict[str, Any]]) -> list[Judged]:
+    """Return the judgements that `as_json` wrote."""
+    names = {field.name for field in fields(Judged)}
+    found = []
+    for entry in entries:
+        kept = {key: math.nan if value is None else value for key, value in entry.items() if key in names}
+        found.append(Judged(**{**kept, "reasons": tuple(entry["reasons"])}))
+    return found
 
 
 def as_json(judged: Sequence[Judged]) -> list[dict[str, Any]]:
