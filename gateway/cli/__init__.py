@@ -86,12 +86,20 @@ def _ended_from_outside(ctx: click.Context) -> Iterator[None]:
     except KeyboardInterrupt as error:
         with suppress(OSError):  # the terminal may be closed
             click.echo("\nAborted!", err=True)
+        try:
+            sys.stdout.flush()
+        except OSError:
+            _discard_output()
         ctx.exit(exit_status.of_signal(error))
     except BrokenPipeError:
-        # The interpreter would complain when it flushes what is left at the end.
-        with suppress(OSError, ValueError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         ctx.exit(exit_status.CLOSED_PIPE)
+
+
+def _discard_output() -> None:
+    """Drop what is left to print; the interpreter would complain, and end with another status, when it flushes it."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

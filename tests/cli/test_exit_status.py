@@ -109,7 +109,7 @@ def run(folder: Path, line: str) -> tuple[int, str]:
         ("protocol header", 0, "#"),
         ("figures --list", 0, "ring-fig"),
         ("keys list --file keys", 0, "no keys"),
-        ("command start tcp://host:1", 1, "does not accept commands"),
+        ("command start tcp://127.0.0.1:1", 1, "cannot connect"),
         ("doctor --config nosuch.toml", 1, "nosuch.toml"),
         ("nosuch", 2, "nosuch"),
     ],

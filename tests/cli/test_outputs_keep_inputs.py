@@ -101,7 +101,7 @@ def test_every_command_with_force_is_covered() -> None:
     """The commands figures, protocol and repair read no file that they could overwrite, or never overwrite."""
     forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
     assert forcing == {line.split()[0] for line in OVERWRITING} | {
-        "figures", "repair", "protocol header", "protocol encoder", "protocol vectors",
+        "figures", "repair", "protocol collector", "protocol header", "protocol encoder", "protocol vectors",
     }  # fmt: skip
 
 

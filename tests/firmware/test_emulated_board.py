@@ -37,7 +37,7 @@ from gateway.session.core import SessionCore
 from gateway.simulator.firmware import bench_records
 from gateway.simulator.firmware.bench_records import Kind, number
 from gateway.simulator.firmware.emulated_board import EmulatedBoard
-from gateway.simulator.firmware.sensor_feed import SensorFeed
+from gateway.simulator.firmware.sensor_feed import Played, SensorFeed, play
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
 from tests.testkit.collector_bench import (
@@ -117,18 +117,13 @@ def test_simulated_tires_arrive_to_the_bit_with_their_estimates(board: EmulatedB
     scenario = load_scenario("lab")
     feed = SensorFeed(simulate(scenario, duration_s=3.0))
     board.provision(feed.hub, feed.wheels)
-    records = list(feed.records())
-
-    def feeding() -> None:
-        for item in records:
-            board.send(item.place, item.data)
-
-    thread = threading.Thread(target=feeding)
+    played: list[Played] = []
+    thread = threading.Thread(target=lambda: played.append(play(feed, board, 1.0, SystemClock(), threading.Event())))
     thread.start()
-    taken = sum(item.samples for item in records)
-    full = taken // 36 * 36
+    full = round(3.0 * feed.wheels[0].rate_hz) // 36 * 36
     got = link.until(lambda _: link.samples >= full)
     thread.join(TIMEOUT_S)
+    assert played[0].samples // 36 * 36 == full
     simulated = b"".join(chunk.data for chunk in simulate(scenario, duration_s=3.0).chunks("x", 0))
     assert got.samples() == delivered(simulated).samples()
     assert len(got.samples()) == full > 28_000

@@ -47,7 +47,6 @@ NOT_OF_LINKS = {
     Code.WHEEL_NOT_IN_CONFIGURATION,
     Code.HUB_LOG,
     # Contradictions within the frames of a wheel, at the end.
-    Code.ONLY_UNREADABLE_FRAMES,
     Code.SAMPLES_WITHOUT_HELLO,
 }
 
@@ -147,7 +146,7 @@ def test_firmware_with_newer_minor_version(hub) -> None:
             newer.append(encode_raw(77, b"new", 0, 200, number // 20, 0, version=0x12))
     core = SessionCore(vehicle)
     (notice,) = of_links(core, paced(b"".join(newer), 20.0))
-    assert notice.reason == Reason(Code.NEWER_FRAME_LAYOUT, own="1.0")
+    assert notice.reason == Reason(Code.NEWER_FRAME_LAYOUT, own="1.1")
     assert core.snapshot(0.0).wheels[0].counters.revolutions > 100, "known frames are read"
     assert core.snapshot(0.0).links[0].skipped > 50
 

@@ -272,7 +272,7 @@ def test_misstatements_change_the_vehicle_file_only() -> None:
     assert run(stated, sensor) == pytest.approx(run("", sensor))
     (setup,) = parse_vehicle(vehicle_toml(scenario_of(stated, sensor)), "test").wheel_setups()
     assert (setup.load_n, setup.pressure_pa, setup.radius_m) == pytest.approx((4500.0, 230e3, 0.316))
-    assert setup.sensor_offset_m == pytest.approx(3e-3)
+    assert setup.sensor.offset_m == pytest.approx(3e-3)
     assert "roll_deg = 0.0" in vehicle_toml(scenario_of(stated, sensor))
     assert "roll_deg = 2.0" in vehicle_toml(scenario_of("", sensor))
 
