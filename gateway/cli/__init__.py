@@ -86,20 +86,22 @@ def _ended_from_outside(ctx: click.Context) -> Iterator[None]:
     except KeyboardInterrupt as error:
         with suppress(OSError):  # the terminal may be closed
             click.echo("\nAborted!", err=True)
-        try:
-            sys.stdout.flush()
-        except OSError:
-            _discard_output()
         ctx.exit(exit_status.of_signal(error))
     except BrokenPipeError:
-        _discard_output()
         ctx.exit(exit_status.CLOSED_PIPE)
 
 
-def _discard_output() -> None:
-    """Drop what is left to print; the interpreter would complain, and end with another status, when it flushes it."""
-    with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _flush_output() -> None:
+    """Print what is left, or drop it where the output is closed.
+
+    The interpreter would complain, and end with another status, when it flushes it.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -136,3 +138,5 @@ def main() -> None:
         if remedy:
             click.echo(f"  {remedy}", err=True)
         raise SystemExit(exit_status.NO_RESULT) from error
+    finally:
+        _flush_output()
