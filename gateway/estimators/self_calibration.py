@@ -57,8 +57,8 @@ _SEPARATED: Final = 0.3
 # mean depends on, are known better from revolution to revolution, and the sensor warms up.
 _MEAN_WITH_SPEED: Final = 4e-5
 _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
-# Relative change of the speed within a revolution up to which gravity is told from it. It is not known, and given as 0,
-# in a first revolution.
+# Relative change of the speed within a revolution up to which gravity is separated from it. In a first revolution it is
+# not known, and given as 0.
 _STEADY_SPEED: Final = 0.03
 _LEAST_REVOLUTIONS: Final = 8
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.

@@ -8,7 +8,7 @@ stated, the measured value is used and its error carried.
 The steady value. The mean of the radial axis over a closed belt is G R Omega^2 (1 - e/R mean(k^2)) + z. So its ratio to
 the value expected is G r f^2 with the relative errors G of the gain, r of the belt radius and f of the sampling rate,
 apart from the zero-g offset z. Gravity, which turns through the sensor's axis once per revolution, gives G alone. z
-is told apart where the speed varies.
+is separated where the speed varies.
 """
 
 from __future__ import annotations

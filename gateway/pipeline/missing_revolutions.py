@@ -37,7 +37,7 @@ _SEARCH_RATE_HZ: Final = 2400.0
 _LOBE_END: Final = 0.2
 _LEAST_CORRELATION: Final = 0.35
 _PEAK_SHARE: Final = 0.85
-# Below this mean, dips cannot be told from gravity, which changes the radial axis by 2 g and gives it at most this
+# Below this mean, dips cannot be separated from gravity, which changes the radial axis by 2 g and gives it at most this
 # standard deviation, with noise.
 _SLOW_MPS2: Final = 12.0
 _GRAVITY_STD_MPS2: Final = 20.0

@@ -187,7 +187,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
     Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
     # Of the lateral axis
-    Code.CONICITY_NOT_SEPARATED: "conicity cannot be told from ply steer and noise here",
+    Code.CONICITY_NOT_SEPARATED: "conicity cannot be separated from ply steer and noise here",
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
     Code.INCLUDES_CONICITY: "ply steer plus conicity",
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
