@@ -16,6 +16,7 @@ from typing import Any, Final
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import open_source, parse_source_uri
 from gateway.views.wording import notice_text
+from gateway.views.wording import text as wording
 
 PYTHON_MIN: Final = (3, 11)
 TERMINAL_MIN_COLUMNS: Final = 80
@@ -93,6 +94,28 @@ def check_packages() -> Iterator[Check]:
             yield Check("package", Level.FAULT, found, f"Run: pip install '{name}>={minimum or 0}'")
     if not missing[""]:
         yield Check("packages", Level.OK, ", ".join(versions))
+
+
+def check_plugins() -> Iterator[Check]:
+    """Check every plug-in of the installed packages: it is imported, and its interface compared with the registry's."""
+    from gateway.closure.effects import catalogue
+    from gateway.estimators import registry
+    from gateway.io import source
+    from gateway.plugins import PluginGroup, statuses
+
+    for group, taken, fault in (
+        (PluginGroup.SOURCES, source.SOURCES, source.plugin_fault),
+        (PluginGroup.ESTIMATORS, registry.ESTIMATORS, registry.plugin_fault),
+        (PluginGroup.EFFECTS, (), catalogue.plugin_fault),
+    ):
+        for plugin, refusal in ((status.plugin, status.refusal) for status in statuses(group, tuple(taken), fault)):
+            name = f"plug-in {plugin.name}"
+            origin = f"{group.removeprefix('treadlink.')} of {plugin.package} {plugin.version}"
+            if refusal is None:
+                yield Check(name, Level.OK, origin)
+            else:
+                remedy = f"Update or remove the package: pip uninstall {plugin.package}"
+                yield Check(name, Level.FAULT, f"{origin} refused: {wording(refusal)}", remedy)
 
 
 def check_ports() -> Iterator[Check]:
