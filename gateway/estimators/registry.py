@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gateway.errors import ConfigError
-from gateway.estimators.estimator import Estimator
+
+if TYPE_CHECKING:
+    from gateway.estimators.estimator import Estimator
 
 # name -> "module:class"; the class is called without arguments, once per wheel. Estimators run in this order: one that
 # uses the estimates of others comes after them.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 
 import numpy as np
@@ -193,16 +192,6 @@ def test_folder_is_not_a_recording(closed, tmp_path):
     message, remedy = refused(tmp_path)
     assert "is a folder" in message
     assert "*.mcap" in remedy
-
-
-def test_terminated_process_is_reported(recording, monkeypatch):
-    def ended(*_arguments, **_options):
-        raise BrokenProcessPool("A process in the process pool was terminated abruptly")
-
-    monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose", ended)
-    message, remedy = refused(recording)
-    assert "terminated from outside" in message
-    assert "--jobs 1" in remedy
 
 
 class TestEffectsFiles:
