@@ -23,14 +23,14 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
     """
     from gateway.cli.inspection_report import inspection_json, inspection_lines
     from gateway.recording.inspection import inspect_recording
-    from gateway.session.contradictions import ContradictionWatch
+    from gateway.session.statement_watch import StatementWatch
     from gateway.views.progress import progress_bar
     from gateway.views.text import clean
 
     without_result = False
     for path in recordings:
         size = max(path.stat().st_size if path.exists() else 0, 1)
-        watch = ContradictionWatch()
+        watch = StatementWatch()
         with progress_bar(path.name) as bar:
             found = inspect_recording(
                 path,

@@ -19,8 +19,8 @@ from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
-from gateway.session.contradictions import ContradictionWatch
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, positions
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables.result_table import RowMaker
@@ -59,7 +59,7 @@ def estimate_recording(
     guard = open_guard(vehicle, order.key_file, remembers=False)
     effects = open_effects(order.effects_paths, vehicle)
     summary, sensors, alarms = ResultSummary(), SensorsHeard(), BatchAlarms(vehicle)
-    watch = ContradictionWatch(positions(vehicle))
+    watch = StatementWatch(positions(vehicle))
     states: list[WheelSnapshot] = []
     name = order.path.name
 
