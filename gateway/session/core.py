@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
+from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType, SampleBlock
 from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import RecordingError
@@ -215,7 +215,15 @@ class SessionCore:
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
         self._statements.frames(name, frames)
+        heard: set[tuple[int, int, int]] = set()
         for frame in frames:
+            message = frame.message
+            if isinstance(message, SampleBlock):
+                # The frames of a chunk arrive at one time, so that the first of a kind says all of them.
+                kind = frame.hub, frame.wheel, message.axes
+                if kind in heard:
+                    continue
+                heard.add(kind)
             if self._pipeline.limit.admits(name, frame.hub, frame.wheel):
                 self._alarms.silence.frame(name, frame, host_ns)
                 if frame.type != MessageType.SAMPLES:
