@@ -1,4 +1,4 @@
-"""Registry of estimators."""
+"""Registry of estimators: those of this package and those of plug-ins."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 from gateway.errors import ConfigError
+from gateway.plugins import Plugin, PluginGroup, load, missing_members, names
+from gateway.reasons import Code, Reason
 
 if TYPE_CHECKING:
     from gateway.estimators.estimator import Estimator
@@ -30,10 +32,15 @@ ESTIMATORS: Final[dict[str, str]] = {
 DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "weak-form", "wear", "ply-steer")
 
 
-def in_order(names: Iterable[str]) -> list[str]:
+def estimator_names() -> list[str]:
+    """Return the names of all estimators in running order; those of plug-ins run last."""
+    return [*ESTIMATORS, *names(PluginGroup.ESTIMATORS, ESTIMATORS)]
+
+
+def in_order(chosen: Iterable[str]) -> list[str]:
     """Return estimator names in running order, unknown ones last."""
-    known = list(ESTIMATORS)
-    return sorted(names, key=lambda name: known.index(name) if name in known else len(known))
+    known = estimator_names()
+    return sorted(chosen, key=lambda name: known.index(name) if name in known else len(known))
 
 
 def make_estimator(name: str) -> Estimator:
@@ -41,9 +48,26 @@ def make_estimator(name: str) -> Estimator:
 
     Raises:
         ConfigError: no estimator of that name.
+        PluginError: it is a plug-in that cannot be used.
     """
-    if name not in ESTIMATORS:
-        raise ConfigError(f"unknown estimator '{name}'", f"Known estimators: {', '.join(ESTIMATORS)}.")
-    module_name, class_name = ESTIMATORS[name].split(":")
-    estimator: Estimator = getattr(importlib.import_module(module_name), class_name)()
-    return estimator
+    if name in ESTIMATORS:
+        module_name, class_name = ESTIMATORS[name].split(":")
+        estimator: Estimator = getattr(importlib.import_module(module_name), class_name)()
+        return estimator
+    found = load(PluginGroup.ESTIMATORS, name, ESTIMATORS, plugin_fault)
+    if not callable(found):
+        raise ConfigError(f"unknown estimator '{name}'", f"Known estimators: {', '.join(estimator_names())}.")
+    from gateway.estimators.plugin_estimator import PluginEstimator
+
+    return PluginEstimator(name, found)
+
+
+def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
+    """Return why the object of a plug-in makes no estimator, None when it does."""
+    if not callable(found):
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a class of estimators")
+    made = found()
+    if fault := missing_members(made, ("update", "reset")):
+        return fault
+    name = getattr(made, "name", "")
+    return None if name == plugin.name else Reason(Code.PLUGIN_NAME_DIFFERS, name=str(name))
