@@ -14,7 +14,7 @@ from typing import Final, TextIO
 import numpy as np
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import BLOCK_ROWS, Block
+from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts
 from gateway.importing.import_map import DELIMITERS, FileLayout
 from gateway.types import FloatArray
 
@@ -45,9 +45,9 @@ class CsvColumns:
         self._names = tuple(cells) if layout.header else tuple(str(k + 1) for k in range(len(cells)))
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def facts(self) -> FileFacts:
         """Columns of the header, or their numbers."""
-        return self._names
+        return FileFacts(self._names)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns; blank lines are skipped."""

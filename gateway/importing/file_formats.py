@@ -9,7 +9,7 @@ from gateway.errors import ImportDataError
 from gateway.importing.columns import ColumnReader
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import SUFFIXES, FileFormat, FileLayout
-from gateway.importing.reader_process import ProcessColumns
+from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
 
 _KNOWN: Final = ", ".join(SUFFIXES)
 _UNPACK: Final = "Unpack the file first, then import what is in it."
@@ -27,14 +27,19 @@ _REMEDIES: Final[dict[str, str]] = {
     ".npy": _NUMPY,
     ".npz": _NPZ,
     **dict.fromkeys((".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz", ".rar"), _UNPACK),
-    **dict.fromkeys((".xls", ".xlsx", ".ods", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5", ".wav", ".bin"), _TO_CSV),
+    **dict.fromkeys((".xls", ".xlsx", ".ods", ".tdms", ".wav", ".bin"), _TO_CSV),
     ".mcap": "This is a recording already. Run: treadlink estimate {name}",
     ".toml": "This is a configuration. Give the measurement as FILE and the map with --map.",
 }
 
 
-def open_columns(path: Path, layout: FileLayout) -> ColumnReader:
+def open_columns(path: Path, layout: FileLayout, processes: ReaderProcesses | None = None) -> ColumnReader:
     """Open a measurement file in the format stated by the map, or else given by the suffix.
+
+    Args:
+        path: measurement.
+        layout: layout of the file.
+        processes: supply of processes for formats that need one; None for a new process.
 
     Raises:
         ImportDataError: there is no such file, its format is unknown or needs a missing package, or it cannot be read.
@@ -49,7 +54,9 @@ def open_columns(path: Path, layout: FileLayout) -> ColumnReader:
         remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
         raise ImportDataError(f"{path}: {found}", remedy.replace("{name}", path.name))
     try:
-        return CsvColumns(path, layout) if file_format is FileFormat.CSV else ProcessColumns(path, file_format)
+        return (
+            CsvColumns(path, layout) if file_format is FileFormat.CSV else ProcessColumns(path, file_format, processes)
+        )
     except OSError as error:
         reason = error.strerror or str(error)
         raise ImportDataError(f"{path} cannot be read: {reason}", "Check its permissions.") from error

@@ -38,7 +38,9 @@ class FileFormat(StrEnum):
     """Supported file formats."""
 
     CSV = "csv"
+    HDF5 = "hdf5"
     MAT = "mat"
+    MF4 = "mf4"
     PARQUET = "parquet"
 
 
@@ -47,7 +49,11 @@ SUFFIXES: Final[dict[str, FileFormat]] = {
     ".txt": FileFormat.CSV,
     ".tsv": FileFormat.CSV,
     ".dat": FileFormat.CSV,
+    ".h5": FileFormat.HDF5,
+    ".hdf5": FileFormat.HDF5,
     ".mat": FileFormat.MAT,
+    ".mdf": FileFormat.MF4,
+    ".mf4": FileFormat.MF4,
     ".parquet": FileFormat.PARQUET,
     ".pq": FileFormat.PARQUET,
 }

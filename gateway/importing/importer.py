@@ -20,6 +20,7 @@ from gateway.importing.data_scan import Scan, scan
 from gateway.importing.file_formats import open_columns
 from gateway.importing.frames import FrameStream, Quantiser
 from gateway.importing.import_map import ImportMap
+from gateway.importing.reader_process import ReaderProcesses
 from gateway.importing.unit_check import unlikely_unit
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Reason
@@ -92,7 +93,11 @@ class ImportReport:
 
 
 def import_file(
-    path: Path, import_map: ImportMap, out: Path, progress: Callable[[float], None] = lambda _: None
+    path: Path,
+    import_map: ImportMap,
+    out: Path,
+    progress: Callable[[float], None] = lambda _: None,
+    processes: ReaderProcesses | None = None,
 ) -> ImportReport:
     """Import `path` into the new recording `out`, reading it twice with constant memory.
 
@@ -101,12 +106,13 @@ def import_file(
         import_map: meaning of its columns.
         out: a new file; or a folder, in which the start time gives the name.
         progress: called with the share done, 0 to 1.
+        processes: supply of reader processes, for many files; None for a new process.
 
     Raises:
         ImportDataError: the measurement does not match the map; nothing was written.
         RecordingError: the recording exists or cannot be written.
     """
-    with contextlib.closing(open_columns(path, import_map.file)) as reader:
+    with contextlib.closing(open_columns(path, import_map.file, processes)) as reader:
         require_columns(reader, path, import_map.columns())
         if out.is_file():
             # The writer would reject it too, but only after the first pass.

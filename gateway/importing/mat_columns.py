@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import BLOCK_ROWS, Block, row_places
+from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, require_equal_lengths, row_places
 
 # A matrix with more columns has its channels in rows.
 _MAX_COLUMNS: Final = 1000
@@ -58,19 +58,14 @@ class MatColumns:
                 self._add(name, value, 0)
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def facts(self) -> FileFacts:
         """Every numeric vector and matrix column."""
-        return tuple(self._columns)
+        return FileFacts(tuple(self._columns))
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns, which must have equal lengths."""
         columns = [self._columns[name] for name in names]
-        lengths = {name: len(column) for name, column in zip(names, columns, strict=True)}
-        if len(set(lengths.values())) > 1:
-            found = ", ".join(f"{name} has {length}" for name, length in lengths.items())
-            raise ImportDataError(
-                f"{self._path}: the columns differ in length: {found}", "Resample them to one rate before importing."
-            )
+        require_equal_lengths(self._path, {name: len(column) for name, column in zip(names, columns, strict=True)})
         count = len(columns[0]) if columns else 0
         for first in range(0, count, BLOCK_ROWS):
             values = np.column_stack([column[first : first + BLOCK_ROWS] for column in columns]).astype(np.float64)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import BLOCK_ROWS, Block, row_places
+from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, row_places
 
 
 class ParquetColumns:
@@ -35,9 +35,9 @@ class ParquetColumns:
             raise ImportDataError(f"{path} is not a Parquet file: {error}", "Check the file and its format.") from error
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def facts(self) -> FileFacts:
         """Columns of the schema."""
-        return tuple(self._types)
+        return FileFacts(tuple(self._types))
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns; an empty cell is NaN."""

@@ -29,8 +29,9 @@ from gateway.clock import ManualClock
 from gateway.config.effects_file import check_effects, effects_notices, effects_text, load_effects, with_effects
 from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
 from gateway.errors import TreadlinkError
-from gateway.importing.import_map import load_map
+from gateway.importing.import_map import ImportMap, load_map, parse_map
 from gateway.importing.importer import import_file
+from gateway.importing.reader_process import ReaderProcesses
 from gateway.io.source import Chunk, open_source
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.recording.compact import compact_recording
@@ -270,6 +271,16 @@ def import_mat(data: bytes) -> bool:
     return _imported(data, "t.mat", _MAP)
 
 
+def import_hdf5(data: bytes) -> bool:
+    """An HDF5 file, also of MATLAB 7.3, that is to be imported with a good map."""
+    return _imported(data, "t.mat" if data.startswith(b"MATLAB") else "t.h5", _MAP)
+
+
+def import_mf4(data: bytes) -> bool:
+    """An MDF file that is to be imported with a good map."""
+    return _imported(data, "t.mf4", _MAP)
+
+
 def import_parquet(data: bytes) -> bool:
     """A Parquet file that is to be imported with a good map."""
     return _imported(data, "t.parquet", _MAP)
@@ -281,15 +292,32 @@ def import_table(data: bytes) -> bool:
     return any([_imported(data, "t.csv", _MAP), _imported(data, "t.csv", by_time)])
 
 
+# One process reads all the files of a kind: starting one costs more than reading a file.
+_PROCESSES = ReaderProcesses(keep=True)
+_crashes = 0
+
+
+def parser_crashes() -> int:
+    """Return how often a parser's process was ended by a signal, which is a message for the user."""
+    return _crashes
+
+
+@cache
+def _map(text: str) -> ImportMap:
+    return parse_map(text, "good.map.toml")
+
+
 def _imported(data: bytes, name: str, map_text: str) -> bool:
-    with _file(data, name) as path, _file(map_text.encode(), "good.map.toml") as map_path:
+    global _crashes
+    with _file(data, name) as path:
         out = _folder() / "imported.mcap"
         try:
-            report = import_file(path, load_map(map_path), out)
+            report = import_file(path, _map(map_text), out, processes=_PROCESSES)
             assert report_lines(report)
             assert any(isinstance(item, Chunk) for item in RecordingReader(out).items())
         except TreadlinkError as error:
             _explained(error)
+            _crashes += "files crashed (SIG" in str(error)
             return False
         finally:
             out.unlink(missing_ok=True)
