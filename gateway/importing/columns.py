@@ -12,6 +12,8 @@ from gateway.errors import ImportDataError
 from gateway.types import FloatArray
 
 BLOCK_ROWS: Final = 65536
+# A matrix with more columns has its channels in rows.
+MAX_MATRIX_COLUMNS: Final = 1000
 _LISTED_COLUMNS: Final = 40
 
 

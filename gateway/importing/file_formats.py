@@ -60,3 +60,10 @@ def open_columns(path: Path, layout: FileLayout, processes: ReaderProcesses | No
     except OSError as error:
         reason = error.strerror or str(error)
         raise ImportDataError(f"{path} cannot be read: {reason}", "Check its permissions.") from error
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Return whether a MATLAB file is one of version 7.3, which is HDF5."""
+    with path.open("rb") as file:
+        start = file.read(520)
+    return start.startswith((b"MATLAB 7.3", b"\x89HDF")) or start[512:] == b"\x89HDF\r\n\x1a\n"

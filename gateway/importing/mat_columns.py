@@ -13,10 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, require_equal_lengths, row_places
+from gateway.importing.columns import (
+    BLOCK_ROWS,
+    MAX_MATRIX_COLUMNS,
+    Block,
+    FileFacts,
+    require_equal_lengths,
+    row_places,
+)
 
-# A matrix with more columns has its channels in rows.
-_MAX_COLUMNS: Final = 1000
 _MAX_DEPTH: Final = 16
 
 
@@ -40,10 +45,6 @@ class MatColumns:
         self._path = path
         if not start:
             raise ImportDataError(f"{path} is empty", "Check the file.")
-        if b"MATLAB 7.3" in start or start.startswith(b"\x89HDF"):
-            raise ImportDataError(
-                f"{path} is a MATLAB 7.3 (HDF5) file, which is not supported", "Save it with save('file.mat', '-v7')."
-            )
         try:
             content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
         except MemoryError:
@@ -83,7 +84,7 @@ class MatColumns:
         elif isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
             if value.ndim == 1:
                 self._columns[name] = value
-            elif value.ndim == 2 and value.shape[1] <= _MAX_COLUMNS:
+            elif value.ndim == 2 and value.shape[1] <= MAX_MATRIX_COLUMNS:
                 self._columns.update({f"{name}(:,{k + 1})": value[:, k] for k in range(value.shape[1])})
             elif value.ndim == 2:
                 raise ImportDataError(
