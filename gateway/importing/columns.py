@@ -43,6 +43,7 @@ class FileFacts:
         units: unit of a column, where the file states one.
         unusable: reason and remedy for a column that cannot be imported.
         start_ns: start of the measurement in ns since 1970 (UTC), None where the file has none.
+        dates: columns of dates with times, read as seconds from the first; its ns since 1970, None without a time zone.
         time_column: column of the file's own time base, None where the file has none.
     """
 
@@ -50,6 +51,7 @@ class FileFacts:
     units: dict[str, str] = field(default_factory=dict)
     unusable: dict[str, Sequence[str]] = field(default_factory=dict)
     start_ns: int | None = None
+    dates: dict[str, int | None] = field(default_factory=dict)
     time_column: str | None = None
 
 

@@ -8,7 +8,8 @@ from typing import Final
 from gateway.errors import ImportDataError
 from gateway.importing.columns import ColumnReader
 from gateway.importing.csv_columns import CsvColumns
-from gateway.importing.import_map import SUFFIXES, FileFormat, FileLayout
+from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
+from gateway.importing.iso_times import IsoTimes
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
 
 _KNOWN: Final = ", ".join(SUFFIXES)
@@ -33,12 +34,12 @@ _REMEDIES: Final[dict[str, str]] = {
 }
 
 
-def open_columns(path: Path, layout: FileLayout, processes: ReaderProcesses | None = None) -> ColumnReader:
+def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses | None = None) -> ColumnReader:
     """Open a measurement file in the format stated by the map, or else given by the suffix.
 
     Args:
         path: measurement.
-        layout: layout of the file.
+        import_map: layout of the file, and its column of ISO times.
         processes: supply of processes for formats that need one; None for a new process.
 
     Raises:
@@ -48,15 +49,20 @@ def open_columns(path: Path, layout: FileLayout, processes: ReaderProcesses | No
         raise ImportDataError(f"{path} is a folder", "Give the measurement file itself.")
     if not path.exists():
         raise ImportDataError(f"{path} does not exist", "Check the path.")
+    layout, sampling = import_map.file, import_map.sampling
     file_format = layout.format or SUFFIXES.get(path.suffix.lower())
     if file_format is None:
         found = f"unknown file format '{path.suffix}'" if path.suffix else "a file name without a suffix"
         remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
         raise ImportDataError(f"{path}: {found}", remedy.replace("{name}", path.name))
     try:
-        return (
-            CsvColumns(path, layout) if file_format is FileFormat.CSV else ProcessColumns(path, file_format, processes)
-        )
+        if file_format is FileFormat.CSV:
+            dated = sampling.time_column is not None and sampling.time_unit == ISO
+            times = IsoTimes(path, sampling.time_column or "", sampling.time_zone) if dated else None
+            return CsvColumns(path, layout, times)
+        if file_format is FileFormat.MAT and _is_hdf5(path):
+            file_format = FileFormat.HDF5
+        return ProcessColumns(path, file_format, processes)
     except OSError as error:
         reason = error.strerror or str(error)
         raise ImportDataError(f"{path} cannot be read: {reason}", "Check its permissions.") from error

@@ -241,7 +241,10 @@ def _serve_file(pipe: Connection, reader_class: Any, path: str, limit_bytes: int
                 for block in reader.blocks(names):
                     if len(block.values):
                         _send(pipe, rows=len(block.values), first=block.first_row, progress=block.progress)
-                        pipe.send_bytes(np.ascontiguousarray(block.values, dtype=np.float64).tobytes())
+                        values = np.array(block.values, dtype=np.float64, order="C")
+                        # A damaged file can contain signalling NaN, on which any calculation warns.
+                        values[np.isnan(values)] = np.nan
+                        pipe.send_bytes(values.tobytes())
                 _send(pipe, rows=0)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         raise

@@ -45,7 +45,7 @@ def test_empty_cells_keep_the_time_of_the_others(tmp_path: Path, empty: str) -> 
     assert set(samples) == set(range(400)) - missing
     step = decoded.hello.scale_mps2[2]
     assert all(abs(value - 9.80665 * k) <= 0.51 * step for k, value in samples.items())
-    assert (report.samples, report.gaps) == (400, 4)
+    assert (report.samples, report.wheels[0].gaps) == (400, 4)
     assert any("4 rows without a value in an axis are gaps" in line for line in report_lines(report))
     first = next(frame for frame in decoded.blocks if frame.message.first_sample == 7)
     assert first.tick_us == 700
