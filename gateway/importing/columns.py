@@ -55,8 +55,8 @@ class FileFacts:
     time_column: str | None = None
 
 
-class ColumnReader(Protocol):
-    """A file with named columns."""
+class BlockReader(Protocol):
+    """A file with named columns, read from the first row to the last."""
 
     @property
     def facts(self) -> FileFacts:
@@ -73,6 +73,18 @@ class ColumnReader(Protocol):
 
     def close(self) -> None:
         """Release the file and what reads it."""
+        ...
+
+
+class ColumnReader(BlockReader, Protocol):
+    """A file with named columns, of which a sample can be read."""
+
+    def sample(self, names: Sequence[str]) -> Block | None:
+        """Return the first block of the named columns, None without rows.
+
+        Raises:
+            ImportDataError: as `blocks`.
+        """
         ...
 
 

@@ -79,6 +79,10 @@ class CsvColumns:
                 yield Block(row, values, lambda k, numbers=numbers: f"line {numbers[k]}", progress)  # type: ignore[misc]
                 row += len(lines)
 
+    def sample(self, names: Sequence[str]) -> Block | None:
+        """Return the first block of the named columns, None without rows."""
+        return next(self.blocks(names), None)
+
     def close(self) -> None:
         """Do nothing: each pass closes the file."""
 

@@ -34,6 +34,11 @@ _REMEDIES: Final[dict[str, str]] = {
 }
 
 
+def suffix_format(path: Path) -> FileFormat | None:
+    """Return the format that a file's suffix stands for, None when it is unknown."""
+    return SUFFIXES.get(path.suffix.lower())
+
+
 def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses | None = None) -> ColumnReader:
     """Open a measurement file in the format stated by the map, or else given by the suffix.
 
@@ -50,7 +55,7 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
     if not path.exists():
         raise ImportDataError(f"{path} does not exist", "Check the path.")
     layout, sampling = import_map.file, import_map.sampling
-    file_format = layout.format or SUFFIXES.get(path.suffix.lower())
+    file_format = layout.format or suffix_format(path)
     if file_format is None:
         found = f"unknown file format '{path.suffix}'" if path.suffix else "a file name without a suffix"
         remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')

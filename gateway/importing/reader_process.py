@@ -8,11 +8,12 @@ pipe.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -24,7 +25,7 @@ from typing import Any, Final
 import numpy as np
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import Block, ColumnReader, FileFacts, row_places
+from gateway.importing.columns import Block, BlockReader, FileFacts, row_places
 from gateway.importing.import_map import FileFormat
 
 
@@ -158,12 +159,23 @@ class ProcessColumns:
         Raises:
             ImportDataError: the columns do not fit together, or the file is damaged.
         """
+        yield from self._blocks(names, None)
+
+    def _blocks(self, names: Sequence[str], most: int | None) -> Iterator[Block]:
         self._in_order = False
-        self._ask(names=list(names))
+        self._ask(names=list(names), most=most)
         while (answer := self._answer())["rows"]:
             values = np.frombuffer(self._received()).reshape(answer["rows"], len(names))
             yield Block(answer["first"], values, row_places(answer["first"]), answer["progress"])
         self._in_order = True
+
+    def sample(self, names: Sequence[str]) -> Block | None:
+        """Return the first block of the named columns, None without rows.
+
+        Raises:
+            ImportDataError: as `blocks`.
+        """
+        return next(iter(list(self._blocks(names, 1))), None)
 
     def close(self) -> None:
         """Release the process."""
@@ -183,10 +195,13 @@ class ProcessColumns:
     def _answer(self) -> dict[str, Any]:
         answer: dict[str, Any] = json.loads(self._received())
         if "error" in answer:
-            # The process has closed the file and expects the next one.
-            assert self._process is not None
-            process, self._process = self._process, None
-            self._processes.give_back(process, in_order=True)
+            if answer.get("is_open"):
+                self._in_order = True
+            else:
+                # The process has closed the file and expects the next one.
+                assert self._process is not None
+                process, self._process = self._process, None
+                self._processes.give_back(process, in_order=True)
             raise ImportDataError(answer["error"], answer["remedy"])
         return answer
 
@@ -231,21 +246,18 @@ def _serve(pipe: Connection, file_format: str) -> None:
 
 def _serve_file(pipe: Connection, reader_class: Any, path: str, limit_bytes: int) -> None:
     """Answer the requests for columns of one file until an empty request or an error."""
-    reader: ColumnReader | None = None
+    reader: BlockReader | None = None
     try:
         with _limited_memory(limit_bytes):
             reader = reader_class(Path(path))
             assert reader is not None
             _send(pipe, facts=asdict(reader.facts))
-            while names := json.loads(pipe.recv_bytes()).get("names"):
-                for block in reader.blocks(names):
-                    if len(block.values):
-                        _send(pipe, rows=len(block.values), first=block.first_row, progress=block.progress)
-                        values = np.array(block.values, dtype=np.float64, order="C")
-                        # A damaged file can contain signalling NaN, on which any calculation warns.
-                        values[np.isnan(values)] = np.nan
-                        pipe.send_bytes(values.tobytes())
-                _send(pipe, rows=0)
+            while names := (request := json.loads(pipe.recv_bytes())).get("names"):
+                try:
+                    _send_blocks(pipe, itertools.islice(reader.blocks(names), request["most"]))
+                except ImportDataError as error:
+                    # Other columns of the file may be in order.
+                    _send(pipe, error=str(error), remedy=error.remedy, is_open=True)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         raise
     except ImportDataError as error:
@@ -261,6 +273,17 @@ def _serve_file(pipe: Connection, reader_class: Any, path: str, limit_bytes: int
     finally:
         if reader is not None:
             reader.close()
+
+
+def _send_blocks(pipe: Connection, blocks: Iterable[Block]) -> None:
+    for block in blocks:
+        if len(block.values):
+            _send(pipe, rows=len(block.values), first=block.first_row, progress=block.progress)
+            values = np.array(block.values, dtype=np.float64, order="C")
+            # A damaged file can contain signalling NaN, on which any calculation warns.
+            values[np.isnan(values)] = np.nan
+            pipe.send_bytes(values.tobytes())
+    _send(pipe, rows=0)
 
 
 def _send(pipe: Connection, **answer: Any) -> None:

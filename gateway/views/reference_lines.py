@@ -20,7 +20,8 @@ def _lines(found: ReferenceComparison) -> list[str]:
         return [f"{head}: fewer than 3 revolutions have a reference; nothing to compare"]
     unit, factor = ("km/h", 3.6) if found.quantity == "speed" else ("Hz", 1.0)
     estimated, measured = (_plain(value * factor) for value in (found.estimated, found.measured))
-    percent = _with_error(100.0 * found.difference / found.measured, 100.0 * found.difference_std / found.measured)
+    share = 100.0 / found.measured if found.measured else math.nan
+    percent = _with_error(found.difference * share, found.difference_std * share)
     difference = _with_error(found.difference * factor, found.difference_std * factor)
     lines = [
         f"{head}: {found.revolutions} revolutions, {estimated} {unit} estimated, {measured} {unit} measured; "
