@@ -237,6 +237,8 @@ def _serve(pipe: Connection, file_format: str) -> None:
     with Path(os.devnull).open("wb") as nothing:
         os.dup2(nothing.fileno(), sys.__stderr__.fileno() if sys.__stderr__ else 2)  # an aborting parser prints there
     parser = _PARSERS[FileFormat(file_format)]
+    # The library itself is not part of what a file may take.
+    import_module(parser.preload)
     reader_class = getattr(import_module(parser.module), parser.reader)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:

@@ -87,7 +87,7 @@ def change(rng: np.random.Generator, data: bytes) -> bytes:
 
 def recording_content(rng: np.random.Generator, data: bytes) -> bytes:
     """Change the records inside a chunk of a recording, and make sizes, compression and checksum right again."""
-    chunks = [(at, end) for opcode, at, end in _records(data) if opcode == 6]
+    chunks = [(at, end) for opcode, at, end in _records(data) if opcode == 6 and end - at >= _RECORD.size + _CHUNK.size]
     if not chunks:
         return change(rng, data)
     at, end = chunks[int(rng.integers(len(chunks)))]
