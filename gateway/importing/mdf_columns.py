@@ -160,10 +160,11 @@ class MdfColumns:
         return times_s, values
 
     def _values(self, name: str, place: _Channel, row: int, rows: int | None) -> FloatArray:
-        samples, invalid = self._mdf.get(
-            group=place.group, index=place.index, samples_only=True, record_offset=row, record_count=rows
+        # Without this option samples that are marked as invalid are left out, and the others move up.
+        signal = self._mdf.get(
+            group=place.group, index=place.index, ignore_invalidation_bits=True, record_offset=row, record_count=rows
         )
-        samples = np.asarray(samples)
+        samples, invalid = np.asarray(signal.samples), signal.invalidation_bits
         if samples.ndim != 1 or samples.dtype.kind not in "iufb":
             kind = {"S": "text", "U": "text", "c": "complex"}.get(samples.dtype.kind, str(samples.dtype))
             found = f"is of {samples.ndim} dimensions" if samples.ndim != 1 else f"is {kind}"
