@@ -23,14 +23,17 @@ from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapsho
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Code, Notice
 from gateway.recording.reader import RecordingReader
+from gateway.recording.reference_topic import ReferenceItems
 from gateway.security.guard import Guard, open_guard
 from gateway.security.key_file import default_key_file
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.contradictions import ContradictionWatch
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.session.reference_check import ReferenceCheck
 from gateway.session.wheel_identity import SensorsHeard, positions
 from gateway.views.output_file import check_outputs, is_stdout
+from gateway.views.reference_lines import reference_lines
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables.result_table import TableFormat, open_table
 from gateway.views.text import clean
@@ -136,6 +139,12 @@ def _estimate_one(
     shown, sensors, alarms = sys.stderr.isatty(), SensorsHeard(), BatchAlarms(vehicle)
     watch = ContradictionWatch(positions(vehicle))
     states: list[WheelSnapshot] = []
+    check = ReferenceCheck(ReferenceItems(reader), vehicle)
+
+    def take_and_check(result: RevolutionResult) -> None:
+        check.add(result)
+        take(result)
+
     bar = click.progressbar(length=reader.info.size_bytes, label=path.name, file=sys.stderr, hidden=not shown)
     with bar as progress:
         done = 0
@@ -150,9 +159,9 @@ def _estimate_one(
             watch.batch(link, batch)
 
         counters = estimate_items(
-            reader,
+            check,
             vehicle,
-            take,
+            take_and_check,
             estimators=estimators,
             on_bytes=on_bytes,
             guard=guard,
@@ -181,7 +190,7 @@ def _estimate_one(
     found = alarms.finish()
     for alarm in found:
         take_alarm(alarm)
-    for line in summary_lines(wheels, alarms=found):
+    for line in (*summary_lines(wheels, alarms=found), *reference_lines(check.comparisons())):
         say(clean(f"  {line}".rstrip()))
     for link, counted in counters.items():
         say(
