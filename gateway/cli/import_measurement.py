@@ -100,6 +100,8 @@ def report_lines(report: ImportReport) -> list[str]:
 
     skipped = f", {report.skipped} earlier rows left out" if report.skipped else ""
     lines = [f"{report.samples} samples{skipped}, {report.duration_s:.6g} s at {_rate(report)}"]
+    if report.left_out:
+        lines.append(f"{report.left_out} samples that the time column skips are gaps between samples")
     for wheel in report.wheels:
         lines.append(f"wheel {wheel.position}; range and quantisation in m/s^2:")
         lines += [
@@ -107,8 +109,9 @@ def report_lines(report: ImportReport) -> list[str]:
             f"   step {axis.step_mps2:.3g}, largest error {axis.error_mps2:.3g}"
             for axis in wheel.axes
         ]
-        if wheel.gaps:
-            lines.append(f"{wheel.gaps} rows without a value in an axis are gaps between samples")
+        gaps = wheel.gaps if report.decimation is not None else wheel.gaps - report.left_out
+        if gaps > 0:
+            lines.append(f"{gaps} rows without a value in an axis are gaps between samples")
         lines += [f"check: {text(finding)}" for finding in wheel.findings]
         if wheel.environment_frames:
             lines.append(f"{wheel.environment_frames} messages with pressure or temperature")

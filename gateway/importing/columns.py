@@ -106,7 +106,7 @@ def require_equal_lengths(path: Path, lengths: Mapping[str, int]) -> None:
         )
 
 
-def require_columns(reader: ColumnReader, path: Path, names: Sequence[str]) -> None:
+def require_columns(reader: BlockReader, path: Path, names: Sequence[str]) -> None:
     """Check that a file has all the named columns.
 
     Raises:

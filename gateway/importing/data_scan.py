@@ -12,7 +12,7 @@ import numpy as np
 from firmware_protocol.messages import Axis
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
 from gateway.errors import ImportDataError
-from gateway.importing.columns import Block, ColumnReader
+from gateway.importing.columns import Block, BlockReader
 from gateway.importing.decimation import Decimation, decimation_factor
 from gateway.importing.import_map import TIME_UNITS_S, ImportedWheel, ImportMap
 from gateway.importing.sample_rows import SampleRows
@@ -75,7 +75,7 @@ class Scan:
 
 
 def scan(
-    path: Path, reader: ColumnReader, import_map: ImportMap, progress: Callable[[float], None] = lambda _: None
+    path: Path, reader: BlockReader, import_map: ImportMap, progress: Callable[[float], None] = lambda _: None
 ) -> Scan:
     """Read the whole file, twice when a time column reveals only at its end that the rate is above the protocol's.
 
@@ -93,7 +93,7 @@ def scan(
 
 
 def _scan(
-    path: Path, reader: ColumnReader, import_map: ImportMap, progress: Callable[[float], None], factor: int | None
+    path: Path, reader: BlockReader, import_map: ImportMap, progress: Callable[[float], None], factor: int | None
 ) -> Scan:
     names = import_map.columns()
     start = _Start(import_map, names)

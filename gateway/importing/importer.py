@@ -16,12 +16,13 @@ import numpy as np
 from firmware_protocol.messages import Axis, Coupling
 from gateway.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.errors import ImportDataError, RecordingError
-from gateway.importing.columns import ColumnReader, FileFacts, require_columns
+from gateway.importing.columns import BlockReader, FileFacts, require_columns
 from gateway.importing.data_scan import Scan, WheelScan, scan
 from gateway.importing.decimation import ATTENUATION_DB, RIPPLE_DB, Decimation
 from gateway.importing.file_formats import open_columns
 from gateway.importing.frames import FrameStream, Quantiser
 from gateway.importing.import_map import ISO, ImportedWheel, ImportMap
+from gateway.importing.missing_rows import GapFilledColumns
 from gateway.importing.reader_process import ReaderProcesses
 from gateway.importing.reference_channels import ReferenceChannel
 from gateway.importing.sample_rows import SampleRows, WheelColumns, kept_rows
@@ -84,6 +85,7 @@ class ImportReport:
         size_bytes: its size.
         samples: number of samples of each wheel.
         skipped: rows left out before the start.
+        left_out: samples that the time column skips, which are gaps too.
         rate_hz: sampling rate of the recording.
         decimation: reduction of the file's rate, None where it is kept.
         rate_std_hz: standard error of the rate where the times are rounded, else None.
@@ -101,6 +103,7 @@ class ImportReport:
     size_bytes: int
     samples: int
     skipped: int
+    left_out: int
     rate_hz: float
     decimation: Decimation | None
     rate_std_hz: float | None
@@ -140,7 +143,7 @@ def import_file(
             raise RecordingError(
                 f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
             )
-        return _import(path, reader, import_map, out, progress)
+        return _import(path, GapFilledColumns(reader, import_map.sampling), import_map, out, progress)
 
 
 class _WheelStream:
@@ -190,7 +193,7 @@ class _WheelStream:
 
 
 def _import(
-    path: Path, reader: ColumnReader, import_map: ImportMap, out: Path, progress: Callable[[float], None]
+    path: Path, reader: GapFilledColumns, import_map: ImportMap, out: Path, progress: Callable[[float], None]
 ) -> ImportReport:
     _check_dates(path, reader, import_map)
     found = scan(path, reader, import_map, lambda share: progress(0.5 * share))
@@ -232,6 +235,7 @@ def _import(
         size_bytes=writer.path.stat().st_size,
         samples=found.samples,
         skipped=found.skipped,
+        left_out=reader.left_out,
         rate_std_hz=found.rate_std_hz,
         rounding_s=found.rounding_s,
         rate_hz=found.rate_hz,
@@ -245,7 +249,7 @@ def _import(
     )
 
 
-def _check_dates(path: Path, reader: ColumnReader, import_map: ImportMap) -> None:
+def _check_dates(path: Path, reader: BlockReader, import_map: ImportMap) -> None:
     """Check that a time column of dates is stated as such, and no other."""
     sampling, dates = import_map.sampling, reader.facts.dates
     name = sampling.time_column
@@ -309,7 +313,7 @@ def _unit_finding(import_map: ImportMap, wheel: ImportedWheel, found: WheelScan,
 
 
 def _selected(
-    reader: ColumnReader, import_map: ImportMap, found: Scan
+    reader: BlockReader, import_map: ImportMap, found: Scan
 ) -> Iterator[tuple[FloatArray, list[WheelColumns], float, bool]]:
     """Yield (rows in physical units, places of the wheels' columns, progress, whether they are the last)."""
     names = import_map.columns()

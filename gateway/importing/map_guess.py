@@ -37,7 +37,17 @@ from gateway.importing.unit_check import contact_depth, fits, revolution_lag
 from gateway.types import FloatArray
 
 _MOST_COLUMNS: Final = 64
-_UNIT_WORD: Final = re.compile(r"(?:^|[^a-z])(rpm|kmh|kph|km/h|mph|deg|kpa|bar|psi)(?:[^a-z]|$)", re.IGNORECASE)
+_UNIT_WORD: Final = re.compile(
+    r"(?:^|[^a-z0-9])(rpm|kmh|kph|km/h|mph|deg|kpa|bar|psi|mps2|m/s2|m/s\^2|mg)(?:[^a-z0-9]|$)", re.IGNORECASE
+)
+_ROLES: Final = {
+    "radial": re.compile(r"radial", re.IGNORECASE),
+    "circumferential": re.compile(r"circumf|tangent|longitud", re.IGNORECASE),
+    "lateral": re.compile(r"lateral|(^|[^a-z])quer", re.IGNORECASE),
+}
+_SLOW_S: Final = 0.005
+_SLOW_ROWS: Final = 50
+_LAG_S: Final = 1.0
 _POSITION: Final = re.compile(r"(?:^|[^a-z0-9])(fl|fr|rl|rr|vl|vr|hl|hr|w\d{1,2})(?:[^a-z0-9]|$)", re.IGNORECASE)
 _GERMAN: Final = {"VL": "FL", "VR": "FR", "HL": "RL", "HR": "RR"}
 _NAMED_UNIT: Final = re.compile(r"[\[(]\s*([^\])]{1,12}?)\s*[\])]\s*$")
@@ -190,9 +200,11 @@ def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) ->
     dates = list(facts.dates) or (sorted(text.dates) if text is not None else [])
     if dates:
         found.time, found.time_unit = dates[0], ISO
-    for column in seen:
-        values = column.values[np.isfinite(column.values)]
-        if found.time is None and _is_time(column, values, found):
+    finite = [(column, column.values[np.isfinite(column.values)]) for column in seen]
+    if found.time is None:
+        next((column for column, values in finite if _is_time(column, values, found)), None)
+    for column, values in finite:
+        if column.name == found.time:
             continue
         kind = _kind(column, values, found)
         if kind is not None:
@@ -229,7 +241,10 @@ def _kind(column: _Seen, values: FloatArray, found: _Found) -> str | None:
     if not spread > 0.0:
         return f"constant, {values[0]:g}"
     unit, name = column.unit, column.name
-    smooth = float(np.abs(np.diff(values)).mean()) < 0.02 * spread
+    # A contact changes an acceleration by its whole size within milliseconds.
+    rows = min(_SLOW_ROWS, len(values) // 100)
+    step = max(1, rows if found.rate_hz is None else round(_SLOW_S * found.rate_hz))
+    smooth = len(values) > step and float(np.abs(values[step:] - values[:-step]).mean()) < 0.05 * spread
     low, high = float(values.min()), float(values.max())
     at_ends = float(np.mean(np.minimum(values - low, high - values) < 0.1 * (high - low)))
     for quantity, pattern in (("speed", _SPEED), ("rotation", _ROTATION)):
@@ -277,7 +292,7 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
     """Return the columns as axes, the most likely radial one first."""
     found = []
     for column in columns:
-        values = np.where(np.isfinite(column.values), column.values, np.nan)
+        values = _liveliest(column.values, rate_hz)
         lag = None if rate_hz is None else revolution_lag(values, rate_hz, ASSUMED_RADIUS_MM * 1e-3)
         steady, depth = float(np.nanmean(values)), 0.0
         if lag is not None:
@@ -291,7 +306,22 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
                 if size > 0.0 and fits(size, expected):
                     unit, why = name, f"by magnitude: V²/R of its revolutions is {expected:.0f} m/s²"
         found.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values))))
-    return sorted(found, key=lambda axis: -max(abs(axis.steady), abs(axis.depth), 1e-3 * axis.swing))
+    named = _ROLES["radial"]
+    return sorted(
+        found,
+        key=lambda axis: (
+            not named.search(axis.seen.name),
+            -max(abs(axis.steady), abs(axis.depth), 1e-3 * axis.swing),
+        ),
+    )
+
+
+def _liveliest(values: FloatArray, rate_hz: float | None) -> FloatArray:
+    """Return the second with the largest scatter: over a longer time the speed may change."""
+    rows = len(values) if rate_hz is None else min(len(values), round(_LAG_S * rate_hz))
+    parts = [values[first : first + rows] for first in range(0, len(values) - rows + 1, rows)]
+    known = [part for part in parts if np.isfinite(part).any()]
+    return max(known, key=lambda part: float(np.nanstd(part)), default=values)
 
 
 def _by_wheel(columns: Sequence[_Seen]) -> dict[str, list[_Seen]]:
@@ -364,7 +394,9 @@ def _file_lines(layout: FileLayout) -> list[str]:
 
 def _axis_lines(prefix: str, group: Sequence[_Axis]) -> list[str]:
     lines = []
-    for name, axis in zip(("radial", "circumferential", "lateral"), _ordered(group), strict=False):
+    ordered = _ordered(group)
+    only_lateral = len(ordered) == 2 and _ROLES["lateral"].search(ordered[1].seen.name)
+    for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
         lines += [f"[{prefix}.{name}]", f"column = {_quoted(axis.seen.name)}{_reason(name, axis)}"]
         unit = axis.unit or group[0].unit
         why = axis.why or ("as the radial axis" if unit else "? neither the file nor the magnitude says it")
@@ -378,6 +410,7 @@ def _axis_lines(prefix: str, group: Sequence[_Axis]) -> list[str]:
     return [*lines, ""]
 
 
+_AXES: Final = ("radial", "circumferential", "lateral")
 _DIRECTIONS: Final = {
     "circumferential": "in the direction in which the sensor travels",
     "lateral": "to the left of the vehicle",
@@ -386,10 +419,13 @@ _DIRECTIONS: Final = {
 
 def _ordered(group: Sequence[_Axis]) -> list[_Axis]:
     """Return the radial axis, then the others by their swing: that of the circumferential one is larger."""
-    return [group[0], *sorted(group[1:3], key=lambda axis: -axis.swing)]
+    sideways = _ROLES["lateral"]
+    return [group[0], *sorted(group[1:3], key=lambda axis: (bool(sideways.search(axis.seen.name)), -axis.swing))]
 
 
 def _reason(name: str, axis: _Axis) -> str:
+    if _ROLES[name].search(axis.seen.name):
+        return "   # by its name"
     if name != "radial":
         return "   # ? by the size of its variation only"
     if axis.depth:

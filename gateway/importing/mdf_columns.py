@@ -21,6 +21,10 @@ from gateway.types import FloatArray
 _MAX_CHANNELS: Final = 20_000
 # A channel of another group is loaded as a whole; a slow quantity has fewer samples.
 _MAX_SLOW_ROWS: Final = 10_000_000
+# A group with a larger share of the samples is no slow one.
+_SLOW_SHARE: Final = 0.5
+# Share of the sample interval by which equal times may differ.
+_SAME_TIME: Final = 1e-3
 TIME: Final = "time"
 
 
@@ -124,7 +128,7 @@ class MdfColumns:
         base = next(iter(places.values())).group
         count = int(self._mdf.groups[base].channel_group.cycles_nr)
         others = {place.group for place in places.values()} - {base}
-        slow = {name: self._whole(name, place) for name, place in places.items() if place.group in others}
+        slow = {name: self._whole(name, place, base) for name, place in places.items() if place.group in others}
         row = 0
         while row < count:
             rows = min(BLOCK_ROWS, count - row)
@@ -145,15 +149,22 @@ class MdfColumns:
             yield Block(row, np.column_stack(columns), row_places(row), min((row + rows) / count, 1.0))
             row += len(times_s)
 
-    def _whole(self, name: str, place: _Channel) -> tuple[FloatArray, FloatArray]:
-        """Return the times and values of a channel of another group."""
-        count = int(self._mdf.groups[place.group].channel_group.cycles_nr)
+    def _whole(self, name: str, place: _Channel, base: int) -> tuple[FloatArray, FloatArray]:
+        """Return the times and values of a channel of another group than `base`."""
+        count, of_base = (int(self._mdf.groups[group].channel_group.cycles_nr) for group in (place.group, base))
+        own = ImportDataError(
+            f"{self._path}: '{name}' has {count} samples at times of its own",
+            "Import such channels one group after the other, each with a map of its own.",
+        )
         if count > _MAX_SLOW_ROWS:
-            raise ImportDataError(
-                f"{self._path}: '{name}' has times of its own and {count} samples",
-                "Resample the channels to the same times before importing.",
-            )
+            raise own
         times_s = np.asarray(self._mdf.get_master(place.group), dtype=np.float64)
+        if count > _SLOW_SHARE * of_base:
+            # Interpolation would change an acceleration.
+            base_s = np.asarray(self._mdf.get_master(base), dtype=np.float64)
+            step_s = float(base_s[-1] - base_s[0]) / max(len(base_s) - 1, 1)
+            if len(times_s) != len(base_s) or float(np.abs(times_s - base_s).max()) > _SAME_TIME * step_s:
+                raise own
         values = self._values(name, place, 0, None)
         if len(values) != len(times_s) or (np.diff(times_s) < 0).any():
             raise ImportDataError(f"{self._path}: the times of '{name}' do not increase", "Write the file again.")

@@ -86,7 +86,7 @@ class ParquetColumns:
             return seconds
         if pa.types.is_boolean(column.type):
             column = column.cast(pa.int8())
-        values: FloatArray = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+        values: FloatArray = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
         return values
 
     def _is_date(self, name: str) -> bool:

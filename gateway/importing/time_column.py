@@ -131,7 +131,7 @@ class TimeColumn:
             )
         self.interval_s = float(np.median(np.diff(times_s) / np.diff(known))) if len(times_s) > 1 else 0.0
         first = slice(min(len(known), _LEARNED_ROWS))
-        grid = _decimal_grid(column[known[first]])
+        grid = decimal_grid(column[known[first]])
         if grid is not None:
             slope_s, residual_s = _line(known[first].astype(np.float64), times_s[first])
             if residual_s <= _ROUNDING_TOLERANCE * grid * self._unit_s:
@@ -192,7 +192,7 @@ def _line(rows: FloatArray, times_s: FloatArray) -> tuple[float, float]:
     return slope_s, float(np.abs(times_s - middle_s - slope_s * centred).max())
 
 
-def _decimal_grid(values: FloatArray) -> float | None:
+def decimal_grid(values: FloatArray) -> float | None:
     """Return the largest decimal step of which all differences of the values are multiples, None without one."""
     if not len(values):
         return None

@@ -94,6 +94,24 @@ def test_missing_sample_among_rounded_times_is_rejected(tmp_path: Path) -> None:
     assert "+- " in caught.value.remedy
 
 
+@pytest.mark.parametrize("block_rows", [65536, 50])
+def test_rows_that_are_left_out_are_gaps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block_rows: int) -> None:
+    monkeypatch.setattr("gateway.importing.csv_columns.BLOCK_ROWS", block_rows)
+    missing = {5, 6, 200, *range(300, 390)}
+    lines = [f"{k / 9600:.7f},{k}" for k in range(400) if k not in missing]
+    report, decoded = imported(tmp_path, lines, 'time_column = "t"')
+    assert set(numbered(decoded)) == set(range(400)) - missing
+    assert (report.samples, report.left_out) == (400, len(missing))
+    assert report.rate_hz == pytest.approx(9600, rel=1e-4)
+    assert any("93 samples that the time column skips are gaps" in line for line in report_lines(report))
+
+
+def test_interruption_of_a_minute_is_rejected(tmp_path: Path) -> None:
+    lines = [f"{k / 10000 + (60.0 if k > 300 else 0.0):.7f},{k % 7}" for k in range(600)]
+    with pytest.raises(ImportDataError, match=r"line 303: the time steps by 6e\+05 sample intervals"):
+        imported(tmp_path, lines, 'time_column = "t"')
+
+
 def test_coarse_rounding_advises_the_rate_with_its_error(tmp_path: Path) -> None:
     times_s = rounded_times(9600, 1e-3, 6000)
     with pytest.raises(ImportDataError, match="rounded to 1 ms, which is more than a sample interval") as caught:

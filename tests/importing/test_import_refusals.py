@@ -114,7 +114,7 @@ TIMES = np.arange(5000) / 5000.0
 @pytest.mark.parametrize(
     ("times", "message"),
     [
-        (np.where(np.arange(5000) > 2000, TIMES + 0.01, TIMES), "line 2003: the time steps by 51 sample intervals"),
+        (np.where(np.arange(5000) > 2000, TIMES + 0.0101, TIMES), "line 2003: the time steps by 51.5 sample intervals"),
         (np.where(np.arange(5000) > 2000, TIMES - 0.01, TIMES), "line 2003: the time steps by -49 sample intervals"),
         (np.round(TIMES, 3), "rounded to 1 ms, which is more than a sample interval"),
         (np.zeros(5000), "the time does not advance"),

@@ -49,7 +49,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 asammdf.Signal(np.array([b"on"] * 8), slow, name="state", encoding="utf-8"),
             ]
         )
-        mdf.append([asammdf.Signal(times[::2], times[::2], name="x")])
+        mdf.append([asammdf.Signal(times, times + 2e-5, name="x")])
         mdf.save(path, overwrite=True, compression=2)
     return path
 
@@ -70,6 +70,8 @@ def test_slow_channel_is_interpolated_to_the_axes(measured: Path, processes: Rea
     found = np.concatenate([block.values for block in reader.blocks(["z", "p"])])
     with pytest.raises(ImportDataError, match="'state' is text"):
         list(reader.blocks(["z", "state"]))
+    with pytest.raises(ImportDataError, match=r"'x \(group 2\)' has 70000 samples at times of its own"):
+        list(reader.blocks(["z", "x (group 2)"]))
     reader.close()
     assert found[25_000, 1] == pytest.approx(222.5)
 
