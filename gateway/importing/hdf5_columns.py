@@ -6,6 +6,7 @@ are never followed.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,6 +100,22 @@ class Hdf5Columns:
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns, which must have equal lengths."""
+        try:
+            yield from self._blocks(names)
+        except (MemoryError, ImportDataError):
+            raise
+        except Exception as error:  # as above
+            raise ImportDataError(
+                f"{self._path} is damaged: {_first_line(error)}", "Copy or write the file again."
+            ) from error
+
+    def close(self) -> None:
+        """Close the file."""
+        self._columns.clear()
+        with contextlib.suppress(Exception):  # a damaged file; nothing was written
+            self._file.close()
+
+    def _blocks(self, names: Sequence[str]) -> Iterator[Block]:
         columns = [self._columns[name] for name in names]
         require_equal_lengths(self._path, {name: column.rows for name, column in zip(names, columns, strict=True)})
         for name, column in zip(names, columns, strict=True):
@@ -106,20 +123,8 @@ class Hdf5Columns:
         count = columns[0].rows if columns else 0
         for first in range(0, count, BLOCK_ROWS):
             end = min(first + BLOCK_ROWS, count)
-            try:
-                values = np.column_stack([_read(column, first, end) for column in columns])
-            except MemoryError:
-                raise
-            except Exception as error:  # as above
-                raise ImportDataError(
-                    f"{self._path} is damaged: {_first_line(error)}", "Copy or write the file again."
-                ) from error
+            values = np.column_stack([_read(column, first, end) for column in columns])
             yield Block(first, values, row_places(first), end / count)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._columns.clear()
-        self._file.close()
 
     def _add_group(self, prefix: str, group: h5py.Group, depth: int, above: frozenset[int]) -> None:
         import h5py

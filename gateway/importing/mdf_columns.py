@@ -5,6 +5,7 @@ A damaged file can make the parser ask for any amount of memory, so `gateway.imp
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -97,7 +98,8 @@ class MdfColumns:
 
     def close(self) -> None:
         """Close the file."""
-        self._mdf.close()
+        with contextlib.suppress(Exception):  # a damaged file; nothing was written
+            self._mdf.close()
 
     def _list(self) -> None:
         found = []

@@ -171,3 +171,14 @@ def test_reader_serves_the_next_file_after_an_error(plain: Path, tmp_path: Path,
     again = processes.take(FileFormat.HDF5)
     assert again is first
     processes.give_back(again, in_order=True)
+
+
+def test_damaged_index_of_chunks_is_an_error(tmp_path: Path, processes: ReaderProcesses) -> None:
+    # Found by fuzzing: asking for the stored size raised an error of another kind than reading.
+    path = tmp_path / "run.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("z", data=np.arange(500.0), chunks=(50,), compression="gzip")
+    data = path.read_bytes()
+    path.write_bytes(data[: data.rindex(b"TREE")] + b"BUSH" + data[data.rindex(b"TREE") + 4 :])
+    with pytest.raises(ImportDataError, match="is damaged"):
+        values(path, processes, "z")
