@@ -97,6 +97,17 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         """,
     ),
     _topic(
+        "treadlink.Reference",
+        r"/wheel/[^/]+/reference/[^/]+",
+        "quantity time_s value",
+        """
+        quantity: s: speed, rotation, angle or pulses
+        time_s: n: hub time
+        value: n: speed in m/s, rotation in turns per second, or turns so far
+        value_std: n: one standard error
+        """,
+    ),
+    _topic(
         "treadlink.Environment",
         r"/wheel/[^/]+/environment",
         "",
