@@ -1,0 +1,1 @@
+"""Interface for programs and notebooks; `import gateway` offers all of it."""
