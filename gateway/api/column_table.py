@@ -29,6 +29,7 @@ _UNITS: Final = {
     "_radps": "rad/s",
     "_mps2": "m/s^2",
     "_mps": "m/s",
+    "_per_degc": "1/K",
     "_degc": "degC",
     "_rad": "rad",
     "_hz": "Hz",

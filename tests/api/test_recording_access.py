@@ -159,17 +159,18 @@ def test_other_estimators_are_chosen_at_the_call(recording):
 
 
 def test_stream_equals_the_tables(recording, rows):
-    streamed = list(recording.stream())
+    streamed = list(recording.stream("kinematic"))
     assert len(streamed) == len(rows)
     for wheel in recording:
         own = [revolution for revolution in streamed if revolution.wheel == wheel]
-        values = [revolution["Bs/Cw"].value for revolution in own]
-        np.testing.assert_array_equal(values, recording[wheel].estimates().select("Bs/Cw").value)
+        values = [revolution["contact_length_m"].value for revolution in own]
+        expected = recording[wheel].estimates("kinematic").select("contact_length_m").value
+        np.testing.assert_array_equal(values, expected)
         assert [revolution.device_start_s for revolution in own] == recording[
             wheel
         ].revolutions().device_start_s.tolist()
-    with pytest.raises(KeyError, match="no estimate 'Bss'"):
-        streamed[0]["Bss"]
+    with pytest.raises(KeyError, match="no estimate 'Bs'"):
+        streamed[0]["Bs"]
 
 
 def test_alarms_equal_those_of_estimate(recorded, tmp_path):
