@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from gateway.api.recording_access import Config, PathLike, chosen_vehicle, estimator_names, paths
+from gateway.api.recording_access import Config, PathLike, chosen_vehicle, paths, several_names
 from gateway.api.revolution_view import Revolution
 from gateway.clock import Clock, SystemClock
 from gateway.config.effects_file import open_effects
@@ -81,7 +81,7 @@ def live(
             patient=[not is_live(uri) for uri in sources],
             summary=summary,
             recorder=recorder,
-            estimators=estimator_names(estimators) or DEFAULT_ESTIMATORS,
+            estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
             guard=guard,
             effects=tables,
         )

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Literal, Self
+from typing import TYPE_CHECKING, Any, Final, Literal, Self
 
+from gateway.api.document_tables import document_text
 from gateway.api.estimate_tables import Alarms, EstimateRows, Estimates
 from gateway.api.revolution_view import Revolution
 from gateway.api.signal_tables import (
@@ -22,7 +23,7 @@ from gateway.api.signal_tables import (
 )
 from gateway.config.effects_file import open_effects
 from gateway.config.validation import nearest
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
@@ -54,10 +55,11 @@ if TYPE_CHECKING:
     from gateway.simulator.truth import WheelTruth
 
 PathLike = Path | str
-Config = VehicleConfig | Path | str
+Config = VehicleConfig | Mapping[str, Any] | Path | str
 Progress = Callable[[float], None]
 Axis = Literal["circumferential", "lateral", "radial", "normalised"]
 
+_CONFIGURATION: Final = "the configuration"
 _AXES: Final = ("circumferential", "lateral", "radial", "normalised")
 # Revolutions that are kept in memory, so that each table of them does not read the file again: about 0.5 GB.
 _KEPT_REVOLUTIONS: Final = 15_000
@@ -139,7 +141,7 @@ def open(
 
     Args:
         path: the file.
-        config: vehicle configuration, as a file or as read; None for the one in the recording.
+        config: vehicle configuration as a TOML file, as its tables, or as read; None for the one in the recording.
         keys: file with the keys of signed frames; None for the key file of `treadlink keys`.
         effects: files of `treadlink diagnose --save-effects`, whose effects are subtracted.
         estimators: names of the estimators for `estimates`; none for the default ones.
@@ -170,7 +172,7 @@ def recording_of(
         vehicle=vehicle,
         effects=open_effects(paths(effects), vehicle),
         keys=None if keys is None else Path(keys),
-        estimators=estimator_names(estimators) or DEFAULT_ESTIMATORS,
+        estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
         progress=progress,
     )
     return Recording(file, settings, truth)
@@ -181,7 +183,7 @@ def paths(given: PathLike | Sequence[PathLike]) -> list[Path]:
     return [Path(one) for one in ([given] if isinstance(given, str | Path) else given)]
 
 
-def estimator_names(given: str | Sequence[str]) -> tuple[str, ...]:
+def several_names(given: str | Sequence[str]) -> tuple[str, ...]:
     """Return one or several names of estimators as a tuple."""
     return (given,) if isinstance(given, str) else tuple(given)
 
@@ -194,6 +196,8 @@ def chosen_vehicle(config: Config | None, provided: Sequence[str | None], origin
     """
     if isinstance(config, VehicleConfig):
         return config
+    if isinstance(config, Mapping):
+        return parse_vehicle(document_text(config, _CONFIGURATION), _CONFIGURATION)
     return choose_vehicle(None if config is None else Path(config), provided, origin)
 
 
@@ -311,7 +315,7 @@ class Recording(Mapping[str, "Wheel"]):
         results = estimated_results(
             self._opened(),
             self.vehicle,
-            estimators=estimator_names(estimators) or self._settings.estimators,
+            estimators=several_names(estimators) or self._settings.estimators,
             effects=self._settings.effects,
             guard=self._guard(),
             on_bytes=self._on_bytes,
@@ -409,7 +413,7 @@ class Recording(Mapping[str, "Wheel"]):
         self._kept = kept
 
     def _results(self, estimators: str | Sequence[str]) -> _Estimated:
-        names = estimator_names(estimators) or self._settings.estimators
+        names = several_names(estimators) or self._settings.estimators
         if names not in self._estimated:
             self._estimated[names] = self._estimate(names)
         return self._estimated[names]

@@ -10,9 +10,9 @@ from typing import Any
 from urllib.parse import quote
 
 from gateway import __version__
+from gateway.api.document_tables import document_text
 from gateway.api.recording_access import Config, PathLike, Recording, recording_of
 from gateway.clock import Clock, SystemClock
-from gateway.config.toml_writer import toml_text
 from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, LinkItem
 from gateway.reasons import Reason
@@ -77,7 +77,7 @@ def _loaded(scenario: str | Path | Mapping[str, Any]) -> tuple[Scenario, str]:
         tables = dict(scenario)
         header = tables.get("scenario")
         named = header.get("name") if isinstance(header, Mapping) else None
-        return parse_scenario(toml_text(tables), _IN_MEMORY), str(named or _IN_MEMORY)
+        return parse_scenario(document_text(tables, _IN_MEMORY), _IN_MEMORY), str(named or _IN_MEMORY)
     return load_scenario(str(scenario)), str(scenario)
 
 

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import traceback
 
 import numpy as np
 import pytest
@@ -189,6 +190,8 @@ def test_alarms_equal_those_of_estimate(recorded, tmp_path):
     assert any("60" in text for text in found.reason.tolist())
     assert opened.vehicle == load_vehicle(config)
     assert gateway.open(recorded, config=load_vehicle(config)).vehicle == opened.vehicle
+    tables = opened.vehicle.model_dump(mode="json")
+    assert gateway.open(recorded, config=tables).vehicle == opened.vehicle
 
 
 def test_angle_average_and_orders_belong_together(recording):
@@ -342,6 +345,12 @@ def correction(position):
         omega_range_radps=(10.0, 100.0),
         sensor_id=0xA001,
     )
+
+
+def test_traceback_shows_the_remedy(tmp_path):
+    with pytest.raises(gateway.Error) as raised:
+        gateway.open(tmp_path / "none.mcap")
+    assert raised.value.remedy in "".join(traceback.format_exception(raised.value))
 
 
 def test_text_forms_state_units(recording):

@@ -43,6 +43,7 @@ def test_seed_duration_and_faults_are_those_of_the_command():
     [
         ("lob", {}, "no scenario 'lob'"),
         ({"wheel": [{"position": "FL", "wheel": 0, "lood_n": 1}]}, {"duration_s": 1.0}, "lood_n"),
+        ({"wheel": [{"position": object(), "wheel": 0}]}, {"duration_s": 1.0}, "cannot express object"),
         (ONE_WHEEL, {}, "is endless"),
         (ONE_WHEEL, {"duration_s": 1.0, "out": "drive.csv"}, "does not end in .mcap"),
         (ONE_WHEEL, {"duration_s": 1.0, "faults": ["magic"]}, "magic"),
@@ -51,6 +52,12 @@ def test_seed_duration_and_faults_are_those_of_the_command():
 def test_wrong_simulation_is_an_error_with_a_remedy(scenario, options, message):
     with pytest.raises(gateway.Error, match=message):
         gateway.simulate(scenario, **options)
+
+
+def test_scenario_takes_numbers_of_numpy():
+    wheel = {"position": "RR", "wheel": np.int64(0), "load_n": np.array([[0, 3000.0], [2, 4000.0]]), "phase_deg": None}
+    recording = gateway.simulate({"wheel": [wheel]}, duration_s=np.float64(1.0))
+    assert recording.truth["RR"].load_n(1.0) == 3500.0
 
 
 def test_existing_recording_is_not_overwritten(tmp_path):
