@@ -71,6 +71,11 @@ _LAZY = {
 }
 
 
+def names() -> tuple[str, ...]:
+    """Return the names that are loaded on first use."""
+    return tuple(_LAZY)
+
+
 def __getattr__(name: str) -> object:
     """Load a name on first use (PEP 562)."""
     if name not in _LAZY:

@@ -22,6 +22,8 @@ TextArray = NDArray[np.object_]
 
 METADATA_KEY: Final = b"treadlink"
 """Key of the metadata of an Arrow schema: the values that belong to the whole table, as JSON."""
+COLUMN: Final = "column"
+"""Key of the metadata of a field that is a column: its description."""
 
 # Suffix of a name -> SI unit, longer suffixes first.
 _UNITS: Final = {
@@ -42,13 +44,12 @@ _UNITS: Final = {
     "_v": "V",
     "_utc": "UTC",
 }
-_COLUMN: Final = "column"
 _SHOWN_DIGITS: Final = 6
 
 
 def column(description: str) -> dict[str, str]:
     """Return the metadata that makes a field of a table a column; its unit is the suffix of its name."""
-    return {_COLUMN: description}
+    return {COLUMN: description}
 
 
 def unit_of(name: str) -> str:
@@ -78,7 +79,7 @@ class ColumnTable:
     @property
     def descriptions(self) -> dict[str, str]:
         """One line of explanation per column."""
-        return {one.name: one.metadata[_COLUMN] for one in fields(self) if _COLUMN in one.metadata}
+        return {one.name: one.metadata[COLUMN] for one in fields(self) if COLUMN in one.metadata}
 
     @property
     def units(self) -> dict[str, str]:
@@ -88,7 +89,7 @@ class ColumnTable:
     @property
     def metadata(self) -> dict[str, Any]:
         """Values that belong to the whole table, such as wheel and sampling rate; NaN and arrays are left out."""
-        values = {one.name: getattr(self, one.name) for one in fields(self) if _COLUMN not in one.metadata}
+        values = {one.name: getattr(self, one.name) for one in fields(self) if COLUMN not in one.metadata}
         return {
             name: value
             for name, value in values.items()

@@ -31,9 +31,9 @@ def test_errors_load_without_numpy():
 
 
 def test_every_name_can_be_loaded():
-    for name in gateway._LAZY:
+    for name in gateway.names():
         assert getattr(gateway, name) is not None
-    assert set(gateway._LAZY) <= set(dir(gateway))
+    assert set(gateway.names()) <= set(dir(gateway))
 
 
 def test_type_checkers_see_the_same_names():
