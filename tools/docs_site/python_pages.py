@@ -41,9 +41,9 @@ _TABLES = """\
 ## Tables
 
 Every column is an attribute, and `table["name"]` is the same array. `columns`, `units` and `descriptions` describe
-them, `metadata` has the values of the whole table. `to_dict()` returns numpy arrays, `to_pandas()` a DataFrame with units in
-`attrs`, `to_arrow()` an Arrow table with units in the metadata of its fields. Complex columns are pairs of real and
-imaginary part in Arrow.
+them, `metadata` has the values of the whole table. `to_dict()` returns numpy arrays, `to_pandas()` a DataFrame with
+units in `attrs`, `to_arrow()` an Arrow table with units in the metadata of its fields. Complex columns are pairs of
+real and imaginary part in Arrow.
 """
 
 
