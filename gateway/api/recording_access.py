@@ -324,6 +324,16 @@ class Recording(Mapping[str, "Wheel"]):
         for result in results:
             yield Revolution(result, has_host_time=self._has_host_time)
 
+    def samples(self, *, start_s: float = -math.inf, stop_s: float = math.inf) -> dict[str, Samples]:
+        """Return the samples of all wheels in one pass, by position; arguments as for `Wheel.samples`."""
+        blocks: dict[str, list[SignalBlock]] = {position: [] for position in self.wheels}
+        for block in self.sample_blocks():
+            blocks[block.wheel].append(block)
+        return {
+            position: Samples.of(own, recording=self.name, wheel=position, start_s=start_s, stop_s=stop_s)
+            for position, own in blocks.items()
+        }
+
     def sample_blocks(self, wheels: Sequence[str] | None = None) -> Iterator[SignalBlock]:
         """Yield the samples of all wheels, or of some, in blocks of some seconds, in constant memory."""
         yield from sample_blocks(

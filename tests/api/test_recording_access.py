@@ -83,6 +83,13 @@ def test_samples_equal_the_blocks_of_the_file(recording, recorded):
     assert len(samples) == recording["FR"].heard.samples
 
 
+def test_samples_of_all_wheels_come_in_one_pass(recording):
+    together = recording.samples(start_s=1.0)
+    assert list(together) == ["FL", "FR"]
+    for wheel, samples in together.items():
+        np.testing.assert_array_equal(samples.axes_mps2, recording[wheel].samples(start_s=1.0).axes_mps2)
+
+
 def test_samples_have_their_gaps(recording):
     samples = recording["FL"].samples()
     assert samples.gaps

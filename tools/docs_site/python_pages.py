@@ -58,8 +58,8 @@ def python_markdown() -> str:
             rows = ((code(f"gateway.{name}"), escaped(_first_line(value))) for name, value in chosen.items())
             lines += table(("Error", "Meaning"), rows)
         else:
-            for value in chosen.values():
-                lines += [f"::: {value.__module__}.{value.__qualname__}", ""]
+            for name, value in chosen.items():
+                lines += [f"::: {value.__module__}.{value.__qualname__}", *_options(name), ""]
     lines.append(_TABLES)
     for kind_of_table, call in TABLES.items():
         lines += [f"### {kind_of_table.__name__}", "", f"`{call}`. {_first_line(kind_of_table)}", ""]
@@ -69,6 +69,11 @@ def python_markdown() -> str:
         rows = ((code(name), escaped(unit_of(name)), escaped(text)) for name, text in _columns(kind_of_table).items())
         lines += table(("Column", "Unit", "Meaning"), rows)
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _options(name: str) -> list[str]:
+    """Return the options of a directive: the name as users write it, without what they do not call."""
+    return ["    options:", f"      heading: gateway.{name}", "      heading_level: 3", '      filters: ["!^_"]']
 
 
 def _is_class(value: object) -> bool:
