@@ -11,10 +11,9 @@ Programs and notebooks use it by these names; the command `treadlink` has the sa
 Everything is loaded when it is first used.
 """
 
-from __future__ import annotations
-
-import importlib
-from typing import TYPE_CHECKING
+# Type checkers and editors take this name for true. It is not imported from `typing`, which takes most of the time of an
+# import that does nothing else.
+TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from gateway.api.diagnosis_report import DiagnosisReport as DiagnosisReport
@@ -80,6 +79,8 @@ def __getattr__(name: str) -> object:
     """Load a name on first use (PEP 562)."""
     if name not in _LAZY:
         raise AttributeError(f"module 'gateway' has no attribute '{name}'")
+    import importlib
+
     module, _, attribute = _LAZY[name].partition(":")
     value: object = getattr(importlib.import_module(module), attribute)
     globals()[name] = value
