@@ -11,8 +11,8 @@ Programs and notebooks use it by these names; the command `treadlink` has the sa
 Everything is loaded when it is first used.
 """
 
-# Type checkers and editors take this name for true. It is not imported from `typing`, which takes most of the time of an
-# import that does nothing else.
+# Type checkers and editors take this name for true. It is not imported from `typing`: that alone would take most of the
+# time of the import.
 TYPE_CHECKING = False
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ if TYPE_CHECKING:
     from gateway.errors import OutputError as OutputError
     from gateway.errors import RecordingError as RecordingError
     from gateway.errors import SourceError as SourceError
-    from gateway.errors import TreadlinkError as Error  # noqa: F401 - exported under another name
+    from gateway.errors import TreadlinkError
+
+    Error = TreadlinkError
 
 __version__ = "0.1.0"
 
