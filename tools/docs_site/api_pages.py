@@ -23,6 +23,7 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.simulator": "simulated tires, hubs and link faults",
     "gateway.importing": "import of foreign measurements",
     "gateway.session": "live, batch and campaign sessions",
+    "gateway.api": "recordings, live estimates, simulation and diagnosis for programs",
 }
 
 _ROOT: Final = Path(__file__).parents[2]
