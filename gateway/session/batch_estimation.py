@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -30,10 +30,9 @@ class Items(Protocol):
         ...
 
 
-def estimate_items(
+def estimated_results(
     source: Items,
     vehicle: VehicleConfig | None,
-    on_result: Callable[[RevolutionResult], None],
     *,
     estimators: Sequence[str] = DEFAULT_ESTIMATORS,
     on_bytes: Callable[[int], None] | None = None,
@@ -42,13 +41,12 @@ def estimate_items(
     on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
     alarms: BatchAlarms | None = None,
-) -> dict[str, LinkCounters]:
-    """Run the estimators on all items of a source.
+) -> Generator[RevolutionResult, None, dict[str, LinkCounters]]:
+    """Run the estimators on all items of a source, and yield the results as they are asked for.
 
     Args:
         source: a recording.
         vehicle: configuration, None for an assumed belt radius.
-        on_result: called for every completed revolution, in order per wheel, wheels interleaved by block.
         estimators: names from the registry.
         guard: verifies every frame first; None when signatures are not checked.
         on_bytes: called with the number of link bytes of each chunk, for a progress bar.
@@ -56,6 +54,9 @@ def estimate_items(
         on_wheels: called once with the last state of every wheel.
         effects: known effects to subtract, one table per wheel.
         alarms: takes frames, events of links and results; every result then has its alarms.
+
+    Yields:
+        the result of every completed revolution, in order per wheel, wheels interleaved by block.
 
     Returns:
         the decoder's counters per link.
@@ -66,17 +67,18 @@ def estimate_items(
     if alarms is not None:
         alarms.begin(pipeline)
 
-    def hand_over(result: RevolutionResult) -> None:
-        on_result(alarms.result(result) if alarms is not None else result)
+    def with_alarms(result: RevolutionResult) -> RevolutionResult:
+        return alarms.result(result) if alarms is not None else result
 
-    def deliver(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
+    def delivered(
+        link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]
+    ) -> Generator[RevolutionResult, None, None]:
         for batch, arrivals_ns in batches:
             if on_batch is not None:
                 on_batch(link, batch, arrivals_ns)
             if alarms is not None:
                 alarms.batch(link, batch, arrivals_ns)
-            for result in pipeline.batch(link, batch, arrivals_ns):
-                hand_over(result)
+            yield from map(with_alarms, pipeline.batch(link, batch, arrivals_ns))
             if alarms is not None:
                 alarms.end_of_block()
 
@@ -91,11 +93,46 @@ def estimate_items(
             blocks = links[item.link] = LinkBlocks(item.link, gate)
         if on_bytes is not None:
             on_bytes(len(item.data))
-        deliver(item.link, blocks.add(item))
+        yield from delivered(item.link, blocks.add(item))
     for name, blocks in links.items():
-        deliver(name, blocks.finish())
-    for result in pipeline.finish():
-        hand_over(result)
+        yield from delivered(name, blocks.finish())
+    yield from map(with_alarms, pipeline.finish())
     if on_wheels is not None:
         on_wheels(pipeline.wheels())
     return {name: blocks.counters for name, blocks in links.items()}
+
+
+def estimate_items(
+    source: Items,
+    vehicle: VehicleConfig | None,
+    on_result: Callable[[RevolutionResult], None],
+    *,
+    estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+    on_bytes: Callable[[int], None] | None = None,
+    guard: Guard | None = None,
+    on_batch: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
+    on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
+    effects: Sequence[CorrectionTable] = (),
+    alarms: BatchAlarms | None = None,
+) -> dict[str, LinkCounters]:
+    """Hand every result of `estimated_results` to `on_result`; return the decoder's counters per link."""
+    results = estimated_results(
+        source,
+        vehicle,
+        estimators=estimators,
+        on_bytes=on_bytes,
+        guard=guard,
+        on_batch=on_batch,
+        on_wheels=on_wheels,
+        effects=effects,
+        alarms=alarms,
+    )
+    counters: dict[str, LinkCounters] = {}
+
+    def counted() -> Iterator[RevolutionResult]:
+        nonlocal counters
+        counters = yield from results
+
+    for result in counted():
+        on_result(result)
+    return counters
