@@ -29,7 +29,7 @@ class ColumnFile:
         self.columns = tuple(columns)
         self.rows = 0
         self.longest_text = {column.name: 0 for column in columns if column.kind is Kind.TEXT}
-        self._file = tempfile.TemporaryFile(dir=folder)
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - open until `close`
         self._pending: list[Block] = []
         self._pending_rows = 0
         # (columns + 1,) offsets of the columns of each stored block

@@ -82,7 +82,7 @@ def check_format(path: Path, name: str, contents: Sequence[str]) -> None:
     """Fail before the work if a file cannot have a format.
 
     Raises:
-        OutputError: a binary format for a terminal, a format that no pipe takes, or several contents in a format of one.
+        OutputError: a binary format for a terminal, a format that no pipe takes, or too many contents for the format.
     """
     chosen = FORMATS[name]
     direct = is_stdout(path) or (path.exists() and not path.is_file())

@@ -9,7 +9,6 @@ from typing import IO, Any, Final
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
-
 from numpy.typing import NDArray
 
 from gateway import __version__

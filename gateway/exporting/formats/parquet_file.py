@@ -8,7 +8,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from gateway.exporting.export_table import WHEEL, Block, Column, ExportWriter, Kind, Target, WheelTable, described, length
+from gateway.exporting.export_table import (
+    WHEEL,
+    Block,
+    Column,
+    ExportWriter,
+    Kind,
+    Target,
+    WheelTable,
+    described,
+    length,
+)
 from gateway.views.tables.table_sinks import require_pyarrow
 
 # Smaller row groups compress badly.

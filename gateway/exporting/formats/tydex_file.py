@@ -1,7 +1,7 @@
 """TYDEX, release 1.3: the tire data exchange format, text with one measuring point a line.
 
-Header, constants and channels stand in fixed columns: key 1 to 10, comment 11 to 40, unit 41 to 50, value or factor from
-51; H.-J. Unrau, J. Zamow: TYDEX-Format, Description and Reference Manual, Release 1.3, 1997.
+Header, constants and channels stand in fixed columns: key 1 to 10, comment 11 to 40, unit 41 to 50, value or factor
+from 51; H.-J. Unrau, J. Zamow: TYDEX-Format, Description and Reference Manual, Release 1.3, 1997.
 """
 
 from __future__ import annotations
@@ -53,9 +53,7 @@ class TydexExport(ExportWriter):
         """
         if len(tables) > 1:
             wheels = ", ".join(table.wheel for table in tables)
-            raise OutputError(
-                f"a TYDEX file holds one wheel, not {len(tables)} ({wheels})", "Choose one with --wheel."
-            )
+            raise OutputError(f"a TYDEX file holds one wheel, not {len(tables)} ({wheels})", "Choose one with --wheel.")
         (self._table,) = tables
         columns = [column for column in self._table.columns if column.kind is not Kind.TEXT]
         self._file = ColumnFile(columns, self._target.scratch)
