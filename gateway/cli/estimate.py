@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from gateway.cli import exit_status
 from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
-from gateway.cli.session_setup import choose_vehicle, open_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.config.effects_file import open_effects
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot

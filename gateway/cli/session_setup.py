@@ -14,13 +14,12 @@ import click
 from gateway.cli import exit_status
 from gateway.cli.stop_signals import StopRequest
 from gateway.clock import Clock, SystemClock
-from gateway.config.effects_file import check_effects, load_effects
-from gateway.config.vehicle import VehicleConfig, load_vehicle, recorded_vehicle
+from gateway.config.effects_file import open_effects
+from gateway.config.vehicle import VehicleConfig, choose_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Source, is_live, open_source
 from gateway.io.time_limit import limited
-from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Notice
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
@@ -57,25 +56,6 @@ class RunningSession:
     def time_is_up(self) -> bool:
         """Return whether the session has run for as long as it may."""
         return self.host_limit_s is not None and self.live.snapshot().elapsed_s >= self.host_limit_s
-
-
-def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
-    """Return the vehicle of --config, else the first one that a source provides, else None."""
-    if config_path is not None:
-        return load_vehicle(config_path)
-    texts = [text for text in provided if text]
-    return recorded_vehicle(texts[0], origin) if texts else None
-
-
-def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:
-    """Return the tables of effects files.
-
-    Raises:
-        ConfigError: a file cannot be read, or does not belong to the vehicle.
-    """
-    tables = tuple(map(load_effects, paths))
-    check_effects(tables, vehicle)
-    return tables
 
 
 def start_session(

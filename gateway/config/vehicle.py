@@ -456,3 +456,20 @@ def recorded_vehicle(text: str, origin: str) -> VehicleConfig:
         raise ConfigError(
             str(error), "Give the configuration with --config VEHICLE.toml; it replaces that of the recording."
         ) from error
+
+
+def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
+    """Return the configuration in a file, else the first of the texts that sources provide, else None.
+
+    Args:
+        config_path: the file, None without one.
+        provided: TOML of each source, None for a source without a configuration.
+        origin: names the sources in messages.
+
+    Raises:
+        ConfigError: the configuration cannot be read, or has faults.
+    """
+    if config_path is not None:
+        return load_vehicle(config_path)
+    texts = [text for text in provided if text]
+    return recorded_vehicle(texts[0], origin) if texts else None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from bisect import insort
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.block_decoder import FrameBatch, SampleGroup
+from firmware_protocol.counters import LinkCounters
 from firmware_protocol.messages import HUB_ITSELF, Axis, Environment, Hello, MessageType
 from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
@@ -29,6 +30,7 @@ from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.security.guard import Guard
 from gateway.session.batch_estimation import Items, estimated_results
+from gateway.session.wheel_identity import positions
 from gateway.types import BoolArray, FloatArray
 
 # Distance of the support points between which times are linear.
@@ -40,6 +42,8 @@ _HOLD_S: Final = 3.0
 # As in the pipeline: longer gaps begin a new segment, with a clock of its own.
 _MAX_GAP_S: Final = 0.25
 _LATE_TOLERANCE_US: Final = 250_000
+# More sensors of one wheel are made up.
+_MOST_SENSORS: Final = 8
 _BEFORE_EPOCH_NS: Final = -(2**62)
 
 
@@ -104,6 +108,94 @@ class EnvironmentReading:
 SignalItem = SignalBlock | EnvironmentReading
 
 
+@dataclass(slots=True)
+class HeardWheel:
+    """What a recording holds of one wheel.
+
+    Attributes:
+        wheel: as in SignalBlock.
+        sensor_ids: serial numbers of its sensors, in the order in which they were heard.
+        rate_hz: stated sampling rate, NaN without a hello.
+        samples: number of samples received.
+    """
+
+    wheel: str
+    sensor_ids: list[int] = field(default_factory=list)
+    rate_hz: float = math.nan
+    samples: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What a recording holds, without its signals.
+
+    Attributes:
+        wheels: by position, configured ones first; only those that were heard.
+        links: counts of the decoder, by link.
+        first_ns: arrival of the first frame, ns since the epoch; 0 when the file contains no arrival times.
+        last_ns: arrival of the last.
+    """
+
+    wheels: Mapping[str, HeardWheel]
+    links: Mapping[str, LinkCounters]
+    first_ns: int
+    last_ns: int
+
+
+def survey(
+    source: Items,
+    vehicle: VehicleConfig | None,
+    *,
+    guard: Guard | None = None,
+    on_bytes: Callable[[int], None] | None = None,
+) -> Survey:
+    """Return what a recording holds; arguments and errors as for `signals`."""
+    names = _Names(vehicle)
+    heard: dict[str, HeardWheel] = {}
+    links: dict[str, LinkBlocks] = {}
+    first_ns = last_ns = 0
+    for link, batch, arrivals_ns in _batches(source, links, guard, on_bytes):
+        first_ns, last_ns = first_ns or int(arrivals_ns[0]), max(last_ns, int(arrivals_ns[-1]))
+        is_used = names.used(link, batch)
+        for hub, number, places in batch.by_source():
+            if number != HUB_ITSELF and is_used[places[0]]:
+                name = names.name(link, hub, number)
+                wheel = heard.setdefault(name, HeardWheel(name))
+                for place in places[batch.type[places] == MessageType.HELLO].tolist():
+                    hello = batch.message(place)
+                    assert isinstance(hello, Hello)
+                    wheel.rate_hz = hello.rate_hz
+                    if hello.sensor_id not in wheel.sensor_ids and len(wheel.sensor_ids) < _MOST_SENSORS:
+                        wheel.sensor_ids.append(hello.sensor_id)
+        for group in batch.sample_groups():
+            if is_used[group.frame_index[0]]:
+                heard[names.name(link, group.hub, group.wheel)].samples += group.counts.shape[0] * group.counts.shape[1]
+    order = {name: place for place, name in enumerate(names.configured.values())}
+    found = sorted(heard.values(), key=lambda wheel: order.get(wheel.wheel, len(order)))
+    counters = {name: blocks.counters for name, blocks in links.items()}
+    return Survey({wheel.wheel: wheel for wheel in found}, counters, first_ns, last_ns)
+
+
+def _batches(
+    source: Items, links: dict[str, LinkBlocks], guard: Guard | None, on_bytes: Callable[[int], None] | None
+) -> Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]:
+    """Yield the frames of all links in blocks, with their arrival times; `links` gets the decoders."""
+    for item in source.items():
+        if not isinstance(item, Chunk):
+            continue
+        blocks = links.get(item.link)
+        if blocks is None:
+            gate = guard.gate(item.link) if guard is not None else None
+            blocks = links[item.link] = LinkBlocks(item.link, gate)
+        if on_bytes is not None:
+            on_bytes(len(item.data))
+        for batch, arrivals_ns in blocks.add(item):
+            yield item.link, batch, arrivals_ns
+    for name, blocks in links.items():
+        for batch, arrivals_ns in blocks.finish():
+            yield name, batch, arrivals_ns
+
+
 def signals(
     source: Items,
     vehicle: VehicleConfig | None,
@@ -127,21 +219,8 @@ def signals(
         RecordingError: the file cannot be read.
     """
     router = _Router(vehicle, wheels)
-    links: dict[str, LinkBlocks] = {}
-    for item in source.items():
-        if not isinstance(item, Chunk):
-            continue
-        blocks = links.get(item.link)
-        if blocks is None:
-            gate = guard.gate(item.link) if guard is not None else None
-            blocks = links[item.link] = LinkBlocks(item.link, gate)
-        if on_bytes is not None:
-            on_bytes(len(item.data))
-        for batch, arrivals_ns in blocks.add(item):
-            yield from router.batch(item.link, batch, arrivals_ns)
-    for name, blocks in links.items():
-        for batch, arrivals_ns in blocks.finish():
-            yield from router.batch(name, batch, arrivals_ns)
+    for link, batch, arrivals_ns in _batches(source, {}, guard, on_bytes):
+        yield from router.batch(link, batch, arrivals_ns)
     yield from router.finish()
 
 
@@ -386,26 +465,42 @@ class _Wheel:
             self._lost, self._end = 0, run.end
 
 
+class _Names:
+    """Admission and names of wheels, as in the pipeline."""
+
+    def __init__(self, vehicle: VehicleConfig | None) -> None:
+        self.configured = positions(vehicle)
+        self._limit = WheelLimit(self.configured)
+        self._claimed: dict[tuple[int, int], str] = {}
+
+    def used(self, link: str, batch: FrameBatch) -> BoolArray:
+        """Return which frames of a batch are of an admitted source, (k,)."""
+        is_used = np.zeros(len(batch), np.bool_)
+        for hub, wheel, places in batch.by_source():
+            is_used[places] = self._limit.admits(link, hub, wheel)
+        return is_used
+
+    def name(self, link: str, hub: int, number: int) -> str:
+        """Return the position of a wheel; a configured one is on the first link that has it."""
+        owner = self._claimed.setdefault((hub, number), link)
+        configured = self.configured.get((hub, number)) if owner == link else None
+        return configured or f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
+
+
 class _Router:
-    """Frames of all links, taken to their wheels; wheels are admitted and named as in the pipeline."""
+    """Frames of all links, taken to their wheels."""
 
     def __init__(self, vehicle: VehicleConfig | None, wheels: Collection[str] | None) -> None:
-        setups = vehicle.wheel_setups() if vehicle is not None else ()
-        self._names = {(setup.hub, setup.wheel): setup.position for setup in setups}
+        self._names = _Names(vehicle)
         self._chosen = wheels
-        self._limit = WheelLimit(self._names)
-        self._claimed: dict[tuple[int, int], str] = {}
         self._hubs: dict[tuple[str, int], _Hub] = {}
         # None for a wheel that is not chosen
         self._wheels: dict[tuple[str, int, int], _Wheel | None] = {}
 
     def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[SignalItem]:
         """Yield what a block of frames of a link completes."""
-        used = {(hub, wheel) for hub, wheel, _ in batch.by_source() if self._limit.admits(link, hub, wheel)}
-        is_used = np.zeros(len(batch), np.bool_)
-        for hub, wheel, places in batch.by_source():
-            is_used[places] = (hub, wheel) in used
-        groups = [group for group in batch.sample_groups() if (group.hub, group.wheel) in used]
+        is_used = self._names.used(link, batch)
+        groups = [group for group in batch.sample_groups() if is_used[group.frame_index[0]]]
         changes = self._changes(link, batch, is_used)
         for begin, stop in pairwise(sorted({0, len(batch), *changes})):
             if begin in changes:
@@ -518,9 +613,7 @@ class _Router:
             return None
         key = (link, hub, number)
         if key not in self._wheels:
-            owner = self._claimed.setdefault((hub, number), link)
-            name = self._names.get((hub, number)) if owner == link else None
-            name = name or f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
+            name = self._names.name(link, hub, number)
             chosen = self._chosen is None or name in self._chosen
             self._wheels[key] = _Wheel(name, self._hubs.setdefault((link, hub), _Hub())) if chosen else None
         return self._wheels[key]
