@@ -35,6 +35,10 @@ ALLOWED: dict[str, set[str]] = {
         "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.io",
         "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.views",
     },
+    "gateway.exporting": {
+        "firmware_protocol", "gateway.config", "gateway.pipeline", "gateway.recording", "gateway.security",
+        "gateway.session", "gateway.signal", "gateway.views",
+    },
     "gateway.papers": {"gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.cli": {"*"},
 }  # fmt: skip

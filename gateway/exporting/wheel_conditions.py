@@ -37,7 +37,7 @@ class _Mean:
 
 
 @dataclass(slots=True)
-class SurveyedWheel:
+class MeasuredWheel:
     """A wheel of a recording.
 
     Attributes:
@@ -81,7 +81,7 @@ class SurveyedWheel:
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
+class FirstPass:
     """Result of the first pass.
 
     Attributes:
@@ -89,18 +89,18 @@ class Survey:
         start_ns: beginning of the recording, ns since the epoch; the zero of its times.
     """
 
-    wheels: tuple[SurveyedWheel, ...]
+    wheels: tuple[MeasuredWheel, ...]
     start_ns: int
 
 
-def survey(
+def first_pass(
     recording: RecordedFile,
     vehicle: VehicleConfig | None,
     *,
     wheels: Collection[str] = (),
     guard: Guard | None = None,
     on_bytes: Callable[[int], None] | None = None,
-) -> Survey:
+) -> FirstPass:
     """Read a recording once.
 
     Args:
@@ -114,9 +114,9 @@ def survey(
         OutputError: it has no samples, or a wheel of `wheels` has none.
     """
     order = {wheel.position: place for place, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
-    found: dict[str, SurveyedWheel] = {}
+    found: dict[str, MeasuredWheel] = {}
     for item in signals(recording, vehicle, guard=guard, on_bytes=on_bytes):
-        wheel = found.setdefault(item.wheel, SurveyedWheel(item.wheel))
+        wheel = found.setdefault(item.wheel, MeasuredWheel(item.wheel))
         if isinstance(item, SignalBlock):
             wheel.take(item)
         else:
@@ -140,17 +140,17 @@ def survey(
     # A wheel that is left out must not move the zero of the times.
     first_ns = min(wheel.start_ns for wheel in heard)
     start_ns = recording.info.start_ns
-    return Survey(chosen, first_ns if start_ns is None or not start_ns <= first_ns else start_ns)
+    return FirstPass(chosen, first_ns if start_ns is None or not start_ns <= first_ns else start_ns)
 
 
 def conditions(
-    wheel: SurveyedWheel, seen: Survey, recording: RecordedFile, vehicle: VehicleConfig | None, *, from_file: bool
+    wheel: MeasuredWheel, seen: FirstPass, recording: RecordedFile, vehicle: VehicleConfig | None, *, from_file: bool
 ) -> tuple[Condition, ...]:
     """Return what is known of a wheel, each entry with its source.
 
     Args:
         wheel: the wheel.
-        seen: the survey that found it.
+        seen: the pass that found it.
         recording: the file.
         vehicle: its configuration.
         from_file: whether the configuration was given, and is not the one in the recording.
@@ -159,7 +159,7 @@ def conditions(
 
 
 def _conditions(
-    wheel: SurveyedWheel, seen: Survey, recording: RecordedFile, vehicle: VehicleConfig | None, *, from_file: bool
+    wheel: MeasuredWheel, seen: FirstPass, recording: RecordedFile, vehicle: VehicleConfig | None, *, from_file: bool
 ) -> Iterator[Condition]:
     by_sensor = text(Reason(Code.FROM_SENSOR))
     stated = text(Reason(Code.FROM_CONFIGURATION if from_file else Code.FROM_RECORDING))
@@ -188,7 +188,7 @@ def _conditions(
 
 
 def _tire(
-    setup: WheelSetup | None, vehicle: VehicleConfig | None, wheel: SurveyedWheel, stated: str
+    setup: WheelSetup | None, vehicle: VehicleConfig | None, wheel: MeasuredWheel, stated: str
 ) -> Iterator[Condition]:
     if setup is None or vehicle is None:
         radius_m = ASSUMED_RADIUS_MM * 1e-3
@@ -209,9 +209,7 @@ def _tire(
         yield Condition("mounting_offset_m", own.mounting.offset_m, "m", stated)
 
 
-def _environment(
-    setup: WheelSetup | None, wheel: SurveyedWheel, stated: str, by_sensor: str
-) -> Iterator[Condition]:
+def _environment(setup: WheelSetup | None, wheel: MeasuredWheel, stated: str, by_sensor: str) -> Iterator[Condition]:
     """Yield pressure and temperature: the mean of what the sensor measured, else what is stated."""
     known = (
         ("pressure_pa", "Pa", wheel.pressure.value, setup.pressure_pa if setup is not None else None),
