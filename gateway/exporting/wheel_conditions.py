@@ -175,7 +175,8 @@ def _conditions(
     yield Condition("wheel", wheel.position)
     if vehicle is not None:
         yield Condition("vehicle", vehicle.name, "", stated)
-        yield Condition("assumed", "; ".join(vehicle.vehicle.assumed), "", stated)
+        if vehicle.vehicle.assumed:
+            yield Condition("assumed", "; ".join(vehicle.vehicle.assumed), "", stated)
     yield Condition("sensor_id", ", ".join(f"{number:08x}" for number in wheel.sensors), "", by_sensor)
     yield Condition("axes", ", ".join(name for name, has in zip(AXIS_NAMES, wheel.axes, strict=True) if has))
     yield Condition("rate_hz", wheel.rate_hz, "Hz", by_sensor)
@@ -204,7 +205,8 @@ def _tire(
         yield Condition("tire_size", tire.size, "", stated)
     if setup.load_n is not None:
         yield Condition("load_n", setup.load_n, "N", stated)
-        yield Condition("load_std_n", setup.load_std_n, "N", stated)
+        if setup.load_std_n > 0.0:
+            yield Condition("load_std_n", setup.load_std_n, "N", stated)
     if own.mounting.offset_m is not None:
         yield Condition("mounting_offset_m", own.mounting.offset_m, "m", stated)
 
