@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from gateway.errors import OutputError
 from gateway.exporting.export_table import Block, Column, Condition, ExportWriter, Kind, Target, WheelTable
 
-START_NS = "start_ns"
+START_NS: Final = "start_ns"
 """Condition with the time of the recording's start, ns since the epoch."""
 
 # Numbers of the standard for the synchronisation of a master channel.
 _SYNC_TIME, _SYNC_ANGLE = 1, 2
+_FRAGMENT_BYTES: Final = 1 << 20
 
 
 class MdfExport(ExportWriter):
@@ -38,6 +39,7 @@ class MdfExport(ExportWriter):
         self._asammdf: Any = asammdf
         self._target = target
         self._mdf: Any = asammdf.MDF(version="4.10", temporary_folder=target.scratch)
+        self._mdf.configure(write_fragment_size=_FRAGMENT_BYTES)
         self._groups: dict[str, int] = {}
 
     def begin(self, tables: Sequence[WheelTable]) -> None:
