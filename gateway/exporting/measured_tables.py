@@ -15,7 +15,7 @@ from firmware_protocol.messages import Axis
 from gateway.constants import AXIS_NAMES
 from gateway.exporting.export_registry import CONTENTS, SAMPLES
 from gateway.exporting.export_table import DTYPES, Block, Column, Kind, WheelTable
-from gateway.exporting.quantities import estimate_columns, result_column, unit_of
+from gateway.exporting.result_columns import estimate_columns, result_column, unit_of
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.revolution_fields import QUANTITIES
 from gateway.session.recorded_signals import SignalBlock

@@ -162,7 +162,7 @@ def test_mcap_of_samples_and_estimates_reads_in_mcap(export, truth, results):
         reader = make_reader(file, validate_crcs=True)
         for _, channel, message in reader.iter_messages():
             row = json.loads(message.data)
-            if channel.topic == "/wheel/W0/estimates":
+            if channel.topic == "/wheel/W0/revolution":
                 speeds.append(row["speed_mps"])
             elif channel.topic.endswith("/samples"):
                 read[channel.topic.split("/")[2]].append((message.log_time, row))

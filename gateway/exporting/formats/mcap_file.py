@@ -20,6 +20,7 @@ CONDITIONS_METADATA: Final = "treadlink.conditions"
 
 _JSON_TYPES: Final = {Kind.REAL: "number", Kind.INTEGER: "integer", Kind.FLAG: "boolean", Kind.TEXT: "string"}
 _PATTERNS: Final = {Kind.REAL: "%.9g", Kind.INTEGER: "%d", Kind.FLAG: "%s", Kind.TEXT: "%s"}
+_TOPICS: Final = {"estimates": "revolution"}
 # Foxglove reads chunk by chunk.
 _CHUNK_BYTES: Final = 4 << 20
 
@@ -43,8 +44,11 @@ class _Counted:
 
 
 def topic(table: WheelTable) -> str:
-    """Return the topic of a table, `/wheel/FL/samples`."""
-    return f"/wheel/{table.wheel}/{table.what}"
+    """Return the topic of a table, `/wheel/FL/samples`.
+
+    That of estimates is the topic of a recording, so that one layout shows both.
+    """
+    return f"/wheel/{table.wheel}/{_TOPICS.get(table.what, table.what)}"
 
 
 def json_schema(table: WheelTable) -> dict[str, Any]:

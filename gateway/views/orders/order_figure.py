@@ -168,9 +168,8 @@ def _share(axes: Axes, found: WheelOrders) -> None:
     for place, text in zip(places.tolist(), share_texts(found), strict=True):
         axes.text(place, 2.0, text, ha="center", fontsize=8.0, bbox={"facecolor": "white", "lw": 0, "pad": 1.5})
     axes.axhline(100.0 * NOISE_SHARE, color="0.4", ls="--", lw=0.8)
-    axes.text(len(AXIS_NAMES) - 0.55, 100.0 * NOISE_SHARE + 1.0, "white noise", fontsize=8.0, ha="right", color="0.3")
     axes.set_xticks(places, AXIS_NAMES)
-    axes.set(ylim=(0, 105), ylabel="%", title="share of the power on integer orders")
+    axes.set(ylim=(0, 105), ylabel="%", title="power on integer orders; dashed: white noise")
 
 
 def _page(wheels: Sequence[WheelOrders], recording: str) -> bytes:
