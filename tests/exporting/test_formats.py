@@ -109,6 +109,7 @@ def test_mat_of_samples_reads_in_scipy(export, truth):
     np.testing.assert_array_equal(np.diff(read["W0"]["Time"]) > 0, True)
     assert read["W0"]["Units"]["radial_mps2"] == "m/s^2"
     assert read["W0"]["Conditions"]["load_n"] == 4200.0
+    assert read["W0"]["Conditions"]["start_ns"] == 1_700_000_000_000_000_000
     assert read["W0"]["Sources"]["load_n"] == "configuration recorded with it"
     assert read["W0"]["Data"]["saturated"].dtype == bool
 
@@ -119,6 +120,11 @@ def test_mat_of_estimates_keeps_texts_as_cells(export, results):
     estimates = [next(one for one in result.estimates if one.name == "Bs/Cw") for result in own]
     np.testing.assert_array_equal(read["Bs_over_Cw"], [one.value for one in estimates])
     assert [str(text) for text in read["Bs_over_Cw_status"]] == [str(one.status) for one in estimates]
+
+
+def test_mat_states_the_length_of_names_as_octave_reads_it(export):
+    # Type and size of the element in one word; Octave skips no padding after a long one.
+    assert b"\x05\x00\x04\x00\x40\x00\x00\x00" in export("mat", "average").read_bytes()
 
 
 def test_mat_names_are_valid_and_distinct():

@@ -13,7 +13,7 @@ from typing import Final
 from gateway import __version__
 from gateway.errors import OutputError
 from gateway.exporting.column_file import ColumnFile
-from gateway.exporting.export_table import DTYPES, Block, Column, ExportWriter, Kind, Target, WheelTable
+from gateway.exporting.export_table import DTYPES, Block, Cell, Column, ExportWriter, Kind, Target, WheelTable
 
 TIME: Final = "time_s"
 """Column that becomes the row times of a timetable."""
@@ -133,13 +133,21 @@ def _text(text: str) -> _Element:
     return _matrix(_CHAR_CLASS, min(length, 1), length, "", [_plain(_UINT16, data)])
 
 
-def _number(value: float) -> _Element:
-    return _matrix(6, 1, 1, "", [_plain(_DOUBLE, struct.pack("<d", value))])
+def _scalar(value: Cell) -> _Element:
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, int):
+        of_class, kind = _NUMBERS[Kind.INTEGER]
+        return _matrix(of_class, 1, 1, "", [_plain(kind, struct.pack("<q", value))])
+    of_class, kind = _NUMBERS[Kind.REAL]
+    return _matrix(of_class, 1, 1, "", [_plain(kind, struct.pack("<d", value))])
 
 
 def _structure(fields: Mapping[str, _Element], name: str = "") -> _Element:
     names = b"".join(field.encode("ascii").ljust(_NAME_BYTES, b"\0") for field in fields)
-    head = [_plain(_INT32, struct.pack("<i", _NAME_BYTES)), _plain(_INT8, names)]
+    # The short form of an element: Octave reads no other one here.
+    length = _Element(8, [struct.pack("<HHi", _INT32, 4, _NAME_BYTES)])
+    head = [length, _plain(_INT8, names)]
     return _matrix(_STRUCT_CLASS, 1, 1, name, [*head, *fields.values()])
 
 
@@ -165,11 +173,6 @@ def _variable(name: str, table: WheelTable, file: ColumnFile) -> _Element:
     fields["Data"] = _structure({names[column.name]: _column(column, file) for column in columns})
     fields["Units"] = _structure({names[column.name]: _text(column.unit) for column in columns})
     fields["Descriptions"] = _structure({names[column.name]: _text(column.description) for column in columns})
-    fields["Conditions"] = _structure(
-        {
-            conditions[entry.name]: _text(entry.value) if isinstance(entry.value, str) else _number(entry.value)
-            for entry in table.conditions
-        }
-    )
+    fields["Conditions"] = _structure({conditions[entry.name]: _scalar(entry.value) for entry in table.conditions})
     fields["Sources"] = _structure({conditions[entry.name]: _text(entry.source) for entry in table.conditions})
     return _structure(fields, name)
