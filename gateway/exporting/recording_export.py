@@ -16,7 +16,7 @@ from gateway.exporting.measured_tables import Source, measured
 from gateway.exporting.wheel_conditions import conditions, first_pass
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Reason
-from gateway.recording.recorded_file import open_recorded_file
+from gateway.recording.recorded_file import RecordedFile, open_recorded_file
 from gateway.security.guard import Guard, open_guard
 from gateway.session.recorded_signals import SignalBlock, revolutions, sample_blocks
 
@@ -81,26 +81,30 @@ def export_recording(
         # A guard remembers the frames that it has seen, so that each pass needs its own.
         return open_guard(vehicle, key_file, remembers=False)
 
-    def on_bytes(_: int) -> None:
-        on_progress((done + recording.position / max(recording.info.size_bytes, 1)) / passes)
+    def progress_of(reader: RecordedFile) -> Callable[[int], None]:
+        size = max(reader.info.size_bytes, 1)
+        return lambda _: on_progress((done + reader.position / size) / passes)
 
-    seen = first_pass(recording, vehicle, wheels=wheels, guard=guard(), on_bytes=on_bytes)
+    seen = first_pass(recording, vehicle, wheels=wheels, guard=guard(), on_bytes=progress_of(recording))
     done = 1
     damage = recording.damage
     positions = [wheel.position for wheel in seen.wheels]
 
     def samples() -> Iterator[SignalBlock]:
-        return sample_blocks(recording, vehicle, wheels=positions, guard=guard(), on_bytes=on_bytes)
+        # A file of its own, since passes may overlap.
+        own = open_recorded_file(path)
+        return sample_blocks(own, vehicle, wheels=positions, guard=guard(), on_bytes=progress_of(own))
 
     def results(with_estimators: bool) -> Iterator[RevolutionResult]:
+        own = open_recorded_file(path)
         return revolutions(
-            recording,
+            own,
             vehicle,
             wheels=positions,
             estimators=tuple(estimators) if with_estimators else (),
             effects=effects,
             guard=guard(),
-            on_bytes=on_bytes,
+            on_bytes=progress_of(own),
         )
 
     source = Source(samples, results, path.name, seen.start_ns, estimators)

@@ -88,8 +88,13 @@ CONDITIONS: Final = {
 }
 """Type, as in `gateway.recording.schemas`, and description of the fields that are no estimates."""
 
-PARTS: Final = {"": "n", "_std": "n", "_status": "s", "_reasons": "[o]"}
-"""Parts of an estimate: suffix of the name, and type."""
+PARTS: Final = {
+    "": ("n", ""),
+    "_std": ("n", "standard error"),
+    "_status": ("s", "validity"),
+    "_reasons": ("[o]", "reasons"),
+}
+"""Parts of an estimate: suffix of the name, type and description."""
 
 
 def estimate_descriptions() -> dict[str, str]:
@@ -107,10 +112,10 @@ def estimate_descriptions() -> dict[str, str]:
 def fields() -> Iterator[tuple[str, str, str]]:
     """Yield name, type and description of every field of a revolution's message.
 
-    Only the value of an estimate has a description, since a recording contains the text twice.
+    Descriptions of the parts are short, since a recording contains the text twice.
     """
     for name, (kind, description) in CONDITIONS.items():
         yield name, kind, description
     for name, description in estimate_descriptions().items():
-        for part, kind in PARTS.items():
-            yield name + part, kind, "" if part else description
+        for part, (kind, meaning) in PARTS.items():
+            yield name + part, kind, meaning or description

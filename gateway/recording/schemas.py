@@ -58,7 +58,7 @@ def _topic(name: str, pattern: str, required: str, fields: str | Iterable[tuple[
     """Declare a topic: `fields` has name, type and description of each, types as in _TYPES."""
     properties: dict[str, Any] = {}
     for field, kind, description in _listed(fields) if isinstance(fields, str) else fields:
-        properties[field] = {**_TYPES[kind], **({"description": description} if description else {})}
+        properties[field] = {**_TYPES[kind], "description": description}
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": name,

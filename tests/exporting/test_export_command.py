@@ -37,7 +37,7 @@ TABLE = WheelTable(
     ),
     (Condition("load_n", 4200.0, "N", "stated"), Condition("start_ns", 10**18, "ns")),
 )
-ROWS = 1000
+ROWS = 400
 
 
 def block(number):
@@ -77,8 +77,8 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, name):
     # What is held at most is less than the shorter of the two files.
     monkeypatch.setattr(parquet_file, "_GROUP_ROWS", 2 * ROWS)
     monkeypatch.setattr(column_file, "_STORED_ROWS", 2 * ROWS)
-    monkeypatch.setattr(mcap_file, "_CHUNK_BYTES", 1 << 16)
-    monkeypatch.setattr(mdf_file, "_FRAGMENT_BYTES", 1 << 16)
+    monkeypatch.setattr(mcap_file, "_CHUNK_BYTES", 1 << 14)
+    monkeypatch.setattr(mdf_file, "_FRAGMENT_BYTES", 1 << 14)
     peak_bytes(tmp_path / "warm", name, 1)  # imports
     short = peak_bytes(tmp_path / "short", name, 10)
     long = peak_bytes(tmp_path / "long", name, 30)

@@ -20,6 +20,8 @@ CONDITIONS_METADATA: Final = "treadlink.conditions"
 
 _JSON_TYPES: Final = {Kind.REAL: "number", Kind.INTEGER: "integer", Kind.FLAG: "boolean", Kind.TEXT: "string"}
 _PATTERNS: Final = {Kind.REAL: "%.9g", Kind.INTEGER: "%d", Kind.FLAG: "%s", Kind.TEXT: "%s"}
+# The log time says it, or no one plots it; a message for every sample is large enough.
+_LEFT_OUT: Final = frozenset({HOST_NS, "time_s", "device_s", "number", "segment"})
 _TOPICS: Final = {"estimates": "revolution"}
 # Foxglove reads chunk by chunk.
 _CHUNK_BYTES: Final = 4 << 20
@@ -63,6 +65,7 @@ def json_schema(table: WheelTable) -> dict[str, Any]:
                 "description": f"{column.description} [{column.unit}]" if column.unit else column.description,
             }
             for column in table.columns
+            if column.name not in _LEFT_OUT
         },
     }
 
@@ -102,7 +105,7 @@ class McapExport(ExportWriter):
         """Append a message for each row."""
         name = topic(table)
         channel, sequence = self._channels[name], self._sequences[name]
-        shown = [column for column in table.columns if column.name != HOST_NS]
+        shown = [column for column in table.columns if column.name not in _LEFT_OUT]
         for host_ns, data in zip(block[HOST_NS].tolist(), _messages(shown, block), strict=True):
             self._writer.add_message(channel, host_ns, data, host_ns, sequence & 0xFFFFFFFF)
             sequence += 1
