@@ -13,7 +13,7 @@ from gateway.exporting.export_file import ExportFile
 from gateway.exporting.export_registry import CONTENTS
 from gateway.exporting.export_table import WheelTable
 from gateway.exporting.measured_tables import Source, measured
-from gateway.exporting.wheel_conditions import conditions, first_pass
+from gateway.exporting.wheel_conditions import conditions, first_pass, on_hub_time
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Reason
 from gateway.recording.recorded_file import RecordedFile, open_recorded_file
@@ -93,11 +93,12 @@ def export_recording(
     def samples() -> Iterator[SignalBlock]:
         # A file of its own, since passes may overlap.
         own = open_recorded_file(path)
-        return sample_blocks(own, vehicle, wheels=positions, guard=guard(), on_bytes=progress_of(own))
+        blocks = sample_blocks(own, vehicle, wheels=positions, guard=guard(), on_bytes=progress_of(own))
+        return blocks if seen.has_arrivals else map(on_hub_time, blocks)
 
     def results(with_estimators: bool) -> Iterator[RevolutionResult]:
         own = open_recorded_file(path)
-        return revolutions(
+        found = revolutions(
             own,
             vehicle,
             wheels=positions,
@@ -106,6 +107,7 @@ def export_recording(
             guard=guard(),
             on_bytes=progress_of(own),
         )
+        return found if seen.has_arrivals else map(_on_hub_time, found)
 
     source = Source(samples, results, path.name, seen.start_ns, estimators)
     stated = {
@@ -132,3 +134,8 @@ def export_recording(
             done += 1
     columns = {content.what: len(content.columns) for content in found}
     return ExportReport(tuple(positions), file.rows, columns, damage)
+
+
+def _on_hub_time(result: RevolutionResult) -> RevolutionResult:
+    revolution = result.revolution
+    return replace(result, host_ns=round((revolution.start_s + revolution.period_s) * 1e9))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from firmware_protocol.messages import Axis
 from gateway import __version__
@@ -15,9 +17,11 @@ from gateway.exporting.export_table import Condition
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
 from gateway.recording.recorded_file import RecordedFile
+from gateway.recording.replay_source import RawDump
 from gateway.security.guard import Guard
 from gateway.session.recorded_signals import SignalBlock, signals
 from gateway.session.wheel_identity import configured
+from gateway.views.text import escaped
 from gateway.views.wording import text
 
 
@@ -87,10 +91,22 @@ class FirstPass:
     Attributes:
         wheels: with samples, in the order of the configuration, others behind in that of the recording.
         start_ns: beginning of the recording, ns since the epoch; the zero of its times.
+        has_arrivals: whether the file contains arrival times; without them, times are those of the hub.
     """
 
     wheels: tuple[MeasuredWheel, ...]
     start_ns: int
+    has_arrivals: bool
+
+
+def has_arrivals(recording: RecordedFile) -> bool:
+    """Return whether a file contains arrival times; the dump of a link does not."""
+    return not isinstance(recording, RawDump)
+
+
+def on_hub_time(block: SignalBlock) -> SignalBlock:
+    """Return samples with the times of the hub instead of those of the computer."""
+    return replace(block, host_time_ns=np.rint(block.hub_time_s * 1e9).astype(np.int64))
 
 
 def first_pass(
@@ -118,7 +134,7 @@ def first_pass(
     for item in signals(recording, vehicle, guard=guard, on_bytes=on_bytes):
         wheel = found.setdefault(item.wheel, MeasuredWheel(item.wheel))
         if isinstance(item, SignalBlock):
-            wheel.take(item)
+            wheel.take(item if has_arrivals(recording) else on_hub_time(item))
         else:
             wheel.pressure.add(item.pressure_pa)
             wheel.temperature.add(item.temperature_degc)
@@ -137,10 +153,13 @@ def first_pass(
             f"It has: {', '.join(wheel.position for wheel in heard)}.",
         )
     chosen = tuple(wheel for wheel in heard if not wheels or wheel.position in wheels)
+    if not has_arrivals(recording):
+        return FirstPass(chosen, 0, has_arrivals=False)
     # A wheel that is left out must not move the zero of the times.
     first_ns = min(wheel.start_ns for wheel in heard)
     start_ns = recording.info.start_ns
-    return FirstPass(chosen, first_ns if start_ns is None or not start_ns <= first_ns else start_ns)
+    start_ns = first_ns if start_ns is None or not start_ns <= first_ns else start_ns
+    return FirstPass(chosen, start_ns, has_arrivals=True)
 
 
 def conditions(
@@ -155,7 +174,11 @@ def conditions(
         vehicle: its configuration.
         from_file: whether the configuration was given, and is not the one in the recording.
     """
-    return tuple(_conditions(wheel, seen, recording, vehicle, from_file=from_file))
+    found = _conditions(wheel, seen, recording, vehicle, from_file=from_file)
+    # Names come from files and hubs, and neither a terminal nor XML takes their control characters.
+    return tuple(
+        replace(entry, value=escaped(entry.value)) if isinstance(entry.value, str) else entry for entry in found
+    )
 
 
 def _conditions(
@@ -172,6 +195,7 @@ def _conditions(
         yield Condition("recorded_by", f"treadlink {info.treadlink}")
     yield Condition("recorded_from", ", ".join(info.sources))
     yield Condition("start_ns", seen.start_ns, "ns")
+    yield Condition("clock", "computer" if seen.has_arrivals else "hub")
     yield Condition("wheel", wheel.position)
     if vehicle is not None:
         yield Condition("vehicle", vehicle.name, "", stated)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
@@ -23,6 +25,8 @@ from gateway.exporting.export_registry import FORMATS, check_format, format_of
 from gateway.exporting.export_table import Column, Condition, Kind, WheelTable
 from gateway.exporting.formats import mat_file, mcap_file, mdf_file, parquet_file
 from gateway.exporting.recording_export import export_recording
+from gateway.io.source import Chunk
+from gateway.recording.reader import RecordingReader
 from tests.testkit.campaign_recordings import write_recording
 
 TABLE = WheelTable(
@@ -99,6 +103,24 @@ def test_full_disk_is_an_error_with_a_remedy(name):
     with pytest.raises(OutputError, match="/dev/full") as caught:
         write(Path("/dev/full"), name, 10)
     assert "space" in caught.value.remedy
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "tydex"])
+def test_wheel_without_rows_is_an_empty_table(tmp_path, name):
+    other = replace(TABLE, wheel="FR")
+    with ExportFile(tmp_path / "out", name) as file:
+        file.begin([TABLE, other])
+        file.write(TABLE, block(0))
+    if name == "npz":
+        with np.load(tmp_path / "out") as archive:
+            assert archive["FR/radial_mps2"].shape == (0,)
+    if name == "mat":
+        assert scipy.io.loadmat(tmp_path / "out", simplify_cells=True)["FR"]["Data"]["radial_mps2"].size == 0
+    if name == "mf4":
+        asammdf = pytest.importorskip("asammdf")
+        with asammdf.MDF((tmp_path / "out").rename(tmp_path / "out.mf4")) as mdf:
+            assert len(mdf.get("FL.radial_mps2").samples) == ROWS
+            assert len(mdf.get("FR.radial_mps2").samples) == 0
 
 
 def test_full_disk_of_mf4_leaves_no_file(tmp_path, monkeypatch):
@@ -209,6 +231,36 @@ def test_recording_without_revolutions_has_no_orders(tmp_path):
     with pytest.raises(OutputError, match="has no orders to export"):
         export_recording(standing, tmp_path / "o.npz", contents=["orders"], format_name="npz", estimators=())
     assert {path.name for path in tmp_path.iterdir()} == {"s.mcap"}
+
+
+def test_control_characters_of_a_vehicle_reach_no_file(tmp_path):
+    recording = write_recording(
+        tmp_path / "r.mcap", "name = 'plain'\n[sensor]\nrate_hz = 3200.0", duration_s=1.0,
+        change=lambda toml: toml.replace('"plain"', '"a\\u001b[2J<b>\\u0007"'),
+    )  # fmt: skip
+    for name in ("csv", "tydex"):
+        out = tmp_path / name
+        export_recording(recording, out, contents=["average"], format_name=name, estimators=())
+        data = out.read_bytes()
+        assert b"\x1b" not in data
+        assert rb"a\x1b[2J<b>\x07" in data
+
+
+def test_dump_without_arrival_times_has_those_of_the_hub(recorded, tmp_path):
+    dump = tmp_path / "dump.bin"
+    items = RecordingReader(recorded).items()
+    dump.write_bytes(b"".join(item.data for item in items if isinstance(item, Chunk)))
+    for content in ("samples", "estimates"):
+        out = tmp_path / content
+        wheels = ["hub0.wheel0"]
+        export_recording(dump, out, contents=[content], format_name="npz", wheels=wheels, estimators=("kinematic",))
+    with np.load(tmp_path / "samples") as samples, np.load(tmp_path / "estimates") as estimates:
+        device_s = samples["hub0.wheel0/device_s"]
+        np.testing.assert_allclose(samples["hub0.wheel0/time_s"], device_s, atol=1e-9)
+        assert np.ptp(device_s) > 2.0
+        ends_s = estimates["hub0.wheel0/device_end_s"]
+        np.testing.assert_allclose(estimates["hub0.wheel0/time_s"], ends_s, atol=1e-9)
+        assert json.loads(str(samples["about"]))["conditions"]["hub0.wheel0"]["clock"]["value"] == "hub"
 
 
 def test_progress_rises_to_the_end(recorded, tmp_path):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gateway.exporting.export_table import WHEEL, Block, Column, ExportWriter, Kind, Target, WheelTable, length, pieces
 from gateway.views.tables.table_sinks import harmless
+from gateway.views.text import escaped
 
 _ROWS: Final = 4096
 
@@ -54,7 +55,7 @@ class CsvExport(ExportWriter):
 
     @staticmethod
     def _comment(text: io.StringIO, line: str) -> None:
-        text.write("# " + " ".join(line.split()) + "\r\n")
+        text.write("# " + escaped(" ".join(line.split())) + "\r\n")
 
 
 def _cells(column: Column, values: NDArray[Any]) -> list[str]:

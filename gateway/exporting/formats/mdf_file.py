@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gateway.errors import OutputError
 from gateway.exporting.export_table import Block, Column, Condition, ExportWriter, Kind, Target, WheelTable
+from gateway.views.text import escaped
 
 START_NS: Final = "start_ns"
 """Condition with the time of the recording's start, ns since the epoch."""
@@ -47,7 +48,7 @@ class MdfExport(ExportWriter):
         for table in tables:
             self._groups[table.wheel] = self._append(table)
             group = self._mdf.groups[self._groups[table.wheel]].channel_group
-            group.comment = _comment("CGcomment", f"{table.what} of wheel {table.wheel}", table.conditions)
+            group.comment = _comment("CGcomment", escaped(f"{table.what} of wheel {table.wheel}"), table.conditions)
         start = next((entry.value for entry in tables[0].conditions if entry.name == START_NS), None)
         if isinstance(start, int):
             self._mdf.header.start_time = datetime.datetime.fromtimestamp(start * 1e-9, datetime.UTC)
