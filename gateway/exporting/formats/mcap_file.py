@@ -20,7 +20,7 @@ CONDITIONS_METADATA: Final = "treadlink.conditions"
 
 _JSON_TYPES: Final = {Kind.REAL: "number", Kind.INTEGER: "integer", Kind.FLAG: "boolean", Kind.TEXT: "string"}
 _PATTERNS: Final = {Kind.REAL: "%.9g", Kind.INTEGER: "%d", Kind.FLAG: "%s", Kind.TEXT: "%s"}
-# The log time says it, or no one plots it; a message for every sample is large enough.
+# Of no use in a plot against the log time; a message for every sample is large enough.
 _LEFT_OUT: Final = frozenset({HOST_NS, "time_s", "device_s", "number", "segment"})
 _TOPICS: Final = {"estimates": "revolution"}
 # Foxglove reads chunk by chunk.
