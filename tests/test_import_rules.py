@@ -34,10 +34,16 @@ ALLOWED: dict[str, set[str]] = {
         "firmware_protocol", "gateway.config", "gateway.io", "gateway.physics", "gateway.security",
     },
     "gateway.importing": {"firmware_protocol", "gateway.config", "gateway.io", "gateway.recording"},
-    "gateway.views": {"firmware_protocol", "gateway.closure", "gateway.estimators", "gateway.pipeline"},
+    "gateway.views": {
+        "firmware_protocol", "gateway.closure", "gateway.estimators", "gateway.pipeline", "gateway.signal",
+    },
     "gateway.session": {
         "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.io",
-        "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.views",
+        "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.signal", "gateway.views",
+    },
+    "gateway.exporting": {
+        "firmware_protocol", "gateway.config", "gateway.pipeline", "gateway.recording", "gateway.security",
+        "gateway.session", "gateway.signal", "gateway.views",
     },
     "gateway.papers": {"gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.api": {

@@ -29,6 +29,8 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "replay": ("gateway.cli.replay:replay", "Replay a recording with live estimates."),
     "inspect": ("gateway.cli.inspect:inspect", "Show the links, losses, rates and time line of recordings."),
     "estimate": ("gateway.cli.estimate:estimate", "Estimate recordings in one pass and write tables."),
+    "export": ("gateway.cli.export:export", "Write measurements to CSV, Parquet, MATLAB, MDF, TYDEX or MCAP files."),
+    "orders": ("gateway.cli.orders:orders", "Show the order spectra and the average of every wheel."),
     "diagnose": ("gateway.cli.diagnose:diagnose", "Identify the physical effects that the model lacks."),
     "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load and reference numbers of a tire."),
     "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT or Parquet measurement to a recording."),

@@ -22,6 +22,7 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.recording": "recordings: writer, reader, replay, repair",
     "gateway.simulator": "simulated tires, hubs and link faults",
     "gateway.importing": "import of foreign measurements",
+    "gateway.exporting": "export of measurements to the files of other programs",
     "gateway.session": "live, batch and campaign sessions",
     "gateway.api": "recordings, live estimates, simulation and diagnosis for programs",
 }
