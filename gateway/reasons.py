@@ -207,6 +207,17 @@ class Code(StrEnum):
     NOTIFICATIONS_DROPPED = "notifications_dropped"
     QUOTED_TEXT = "quoted_text"
     RETRY_INTERVAL = "retry_interval"
+    # - Live outputs
+    SINK_CLOSED = "sink_closed"
+    SINK_CONNECTED = "sink_connected"
+    SINK_CONNECTING = "sink_connecting"
+    SINK_DOWN = "sink_down"
+    SINK_DROPS = "sink_drops"
+    SINK_ENDED = "sink_ended"
+    SINK_FAULT = "sink_fault"
+    SINK_FULL = "sink_full"
+    SINK_LOST = "sink_lost"
+    SINK_STALLED = "sink_stalled"
     # - Health of links
     FIRMWARE_TOO_NEW = "firmware_too_new"
     FIRMWARE_TOO_OLD = "firmware_too_old"

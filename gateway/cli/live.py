@@ -15,8 +15,16 @@ from gateway.cli.options import (
     estimator_option,
     keys_option,
     plain_option,
+    publish_option,
 )
-from gateway.cli.session_setup import RunningSession, ending, is_terminal, run_plain, start_session
+from gateway.cli.session_setup import (
+    RunningSession,
+    ending,
+    is_terminal,
+    run_plain,
+    run_published,
+    start_session,
+)
 from gateway.cli.stop_signals import StopRequest, stop_request
 from gateway.pipeline.results import SessionSnapshot
 from gateway.session.live import LiveSession
@@ -32,6 +40,7 @@ from gateway.session.live import LiveSession
     help="Also record to this new .mcap file, or to a new file in this folder.",
 )
 @plain_option
+@publish_option
 @duration_option
 @keys_option
 @estimator_option
@@ -41,6 +50,7 @@ def live(
     config_path: Path | None,
     record: Path | None,
     plain: bool,
+    publish: tuple[str, ...],
     duration_s: float | None,
     key_file: Path | None,
     estimators: tuple[str, ...],
@@ -68,6 +78,7 @@ def live(
             key_file=key_file,
             effects_paths=effects_paths,
             duration_s=duration_s,
+            publish=publish,
         )
         show_session(session, stop, plain=plain)
 
@@ -75,7 +86,9 @@ def live(
 def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> None:
     """Run the screen, or print lines if there is no terminal, then print the summary."""
     with ending(session, stop):
-        if plain or not is_terminal():
+        if session.publisher is not None and session.publisher.uses_standard_output:
+            run_published(session, stop)
+        elif plain or not is_terminal():
             run_plain(session, stop, click.echo)
         else:
             from gateway.views.console.screen import run_console

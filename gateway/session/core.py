@@ -16,7 +16,15 @@ from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
-from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, SilentPart, WheelSnapshot
+from gateway.pipeline.results import (
+    AlarmChange,
+    LinkSnapshot,
+    RevolutionResult,
+    SessionSnapshot,
+    SilentPart,
+    SinkSnapshot,
+    WheelSnapshot,
+)
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Level, Notice, Reason, codes_of
@@ -79,6 +87,7 @@ class SessionCore:
     Attributes:
         recorder: the recording, None when there is none or it failed.
         recording_fault: why the recording stopped early, None when it did not.
+        newest_ns: time of the newest item, ns since the epoch, 0 before the first.
     """
 
     def __init__(
@@ -108,7 +117,7 @@ class SessionCore:
         self._notices: deque[Notice] = deque(maxlen=_SHOWN_NOTICES)
         self._new_notices: deque[Notice] = deque(maxlen=_WAITING_NOTICES)
         self._links: dict[str, _Link] = {}
-        self._newest_ns = 0
+        self.newest_ns = 0
         self._waveform_due_ns: dict[str, int] = {}
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
@@ -137,6 +146,14 @@ class SessionCore:
         self._new_notices.clear()
         return taken
 
+    def take_alarm_changes(self) -> list[AlarmChange]:
+        """Return the alarms that were raised or are over since the last call."""
+        return self._alarms.log.take_changes()
+
+    def publishes_to(self, sinks: tuple[SinkSnapshot, ...]) -> None:
+        """Set the present state of the live outputs, for alarms and snapshots."""
+        self._alarms.sinks = sinks
+
     def add_link(self, name: str) -> None:
         """Show a link before its first item."""
         self._link(name)
@@ -148,7 +165,7 @@ class SessionCore:
         if isinstance(item, LinkEvent):
             self._event(item)
             return []
-        self._newest_ns = max(self._newest_ns, item.host_ns)
+        self.newest_ns = max(self.newest_ns, item.host_ns)
         self._report(item.link, self._alarms.advance(item.link, item.host_ns), item.host_ns)
         link = self._link(item.link)
         if not link.connected:
@@ -196,7 +213,7 @@ class SessionCore:
         if event.kind is LinkEventKind.MARK:
             self.notify(Notice("", reason))
             return
-        self._newest_ns = max(self._newest_ns, event.host_ns)
+        self.newest_ns = max(self.newest_ns, event.host_ns)
         link = self._link(event.link)
         self._report(event.link, self._alarms.advance(event.link, event.host_ns), event.host_ns)
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
@@ -330,14 +347,14 @@ class SessionCore:
         """End the session: complete the last revolutions and close the recording."""
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
-            results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
+            results += self._decoded(name, link, link.decoder.finish(), self.newest_ns)
             self._contradictions.counters(name, link.decoder.counters)
-            self._report(name, link.hub_log.finish(), self._newest_ns)
+            self._report(name, link.hub_log.finish(), self.newest_ns)
         self.contradictions()
-        self._report("", self._contradictions.new(), self._newest_ns)
-        results += self._deliver(self._pipeline.finish(), self._newest_ns)
-        self._report("", self._alarms.review(), self._newest_ns)
-        self._report("", self._watch.finish(), self._newest_ns)
+        self._report("", self._contradictions.new(), self.newest_ns)
+        results += self._deliver(self._pipeline.finish(), self.newest_ns)
+        self._report("", self._alarms.review(), self.newest_ns)
+        self._report("", self._watch.finish(), self.newest_ns)
         if self.recorder is not None:
             self._record(lambda recorder: recorder.close())
         if self.recorder is not None:
@@ -354,7 +371,8 @@ class SessionCore:
             self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
         found = self._alarms.alarms(wheels, links) if not ended else ()
         notices, records = tuple(self._notices), self._alarms.records()
-        return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records)
+        sinks = self._alarms.sinks
+        return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records, sinks)
 
     def contradictions(self) -> list[Notice]:
         """Return what hubs stated against what they sent, with the present counts, for the summary."""

@@ -21,6 +21,7 @@ from gateway.reasons import Code, Notice, Reason
 from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.core import SessionCore
+from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage
 from gateway.views.session_summary import ResultSummary
 
@@ -61,6 +62,7 @@ class LiveSession:
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
         guard: Guard | None = None,
         effects: Sequence[CorrectionTable] = (),
+        publication: Publication | None = None,
     ) -> None:
         """Build the session; `start` runs it.
 
@@ -74,7 +76,9 @@ class LiveSession:
             estimators: names from the registry.
             guard: verifies every frame; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
+            publication: live outputs; the caller closes them after the session.
         """
+        self._publication = publication
         self._sources = list(sources)
         self._patient = list(patient)
         self._summary = summary
@@ -333,6 +337,8 @@ class LiveSession:
                 self._results_lost += 1
             self._results.append(result)
         self._notices.extend(self.core.take_notices())
+        if self._publication is not None:
+            self._publication.take([*results, *self.core.take_alarm_changes()], self.core.newest_ns)
 
     def _publish(self, now_ns: int, *, ended: bool) -> None:
         # Drops that concern no link in particular are counted with the first.
@@ -344,8 +350,13 @@ class LiveSession:
         for link, stages in self._dropped.items():
             if stages:
                 self.core.dropped(link, dict(stages))
+        if self._publication is not None:
+            self.core.publishes_to(self._publication.sinks())
         self._snapshot = self.core.snapshot(self._elapsed_s(now_ns), ended=ended)
         self._notices.extend(self.core.take_notices())
+        if self._publication is not None:
+            self._publication.take(self.core.take_alarm_changes(), self.core.newest_ns)
+            self._publication.show(self._snapshot, self.core.newest_ns)
 
 
 def _taken(items: deque[_Item]) -> list[_Item]:

@@ -296,6 +296,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NOTIFICATIONS_DROPPED: "{count} notifications dropped because this computer is too slow",
     Code.QUOTED_TEXT: "{text}",
     Code.RETRY_INTERVAL: "trying again every {interval_s:g s} or sooner",
+    # - Live outputs
+    Code.SINK_CLOSED: "finished",
+    Code.SINK_CONNECTED: "publishing",
+    Code.SINK_CONNECTING: "connecting",
+    Code.SINK_DOWN: "is not published, {waiting} items wait: {state}",
+    Code.SINK_DROPS: "items are dropped, {dropped} so far: {state}",
+    Code.SINK_ENDED: "the reader has closed its end",
+    Code.SINK_FAULT: "internal error: {error}",
+    Code.SINK_FULL: "the receiver is slower than the session",
+    Code.SINK_LOST: "{error}; trying again every {interval_s:g s} or sooner",
+    Code.SINK_STALLED: "the receiver takes nothing",
     # - Health of links
     Code.FIRMWARE_TOO_NEW: (
         "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update treadlink"
