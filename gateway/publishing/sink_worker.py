@@ -33,6 +33,8 @@ _MAX_BYTES: Final = MAX_ITEMS * (_ITEM_BYTES + 512)
 # Revolutions leave this share of the buffer to alarms.
 _REVOLUTIONS_SHARE: Final = 0.95
 _IDLE_S: Final = 0.1
+# With a backlog, states come this often; without one, as they are offered.
+_STATE_INTERVAL_NS: Final = 1_000_000_000
 _STALL_NS: Final = 1_000_000_000
 _DROP_SHOWN_NS: Final = 10_000_000_000
 BACKOFF: Final = Backoff(first_ns=250_000_000, cap_ns=10_000_000_000)
@@ -56,6 +58,7 @@ class SinkWorker:
         self._clock = clock
         self._buffer: Buffer[Item] = Buffer(max_items, _MAX_BYTES)
         self._state: PublishedState | None = None
+        self._state_sent_ns = clock.now_ns()
         self._ending = threading.Event()
         self._stop = threading.Event()
         self._lock = threading.Lock()
@@ -162,7 +165,7 @@ class SinkWorker:
                     break
                 except Exception as error:
                     # A fault of an output must end neither the session nor the output; the item may be its cause.
-                    _logger.exception("%s failed", self.name)
+                    _logger.debug("%s failed", self.name, exc_info=error)
                     with self._lock:
                         self._lost += _counts(self._held)
                         self._held = None
@@ -193,8 +196,7 @@ class SinkWorker:
         """Send items until the session ends and nothing waits."""
         while not self._stop.is_set():
             if self._held is None:
-                state, self._state = self._state, None
-                self._held = state or self._buffer.get(0.0 if self._ending.is_set() else _IDLE_S)
+                self._held = self._next()
             item = self._held
             if item is not None:
                 self._send(item)
@@ -204,6 +206,15 @@ class SinkWorker:
                 self._enter(SinkState.UP, Reason(Code.SINK_CLOSED))
                 return
             self._sink.poll()
+
+    def _next(self) -> Item | None:
+        """Return a state when nothing waits before it, or when one is due in spite of that, else the oldest item."""
+        state, now_ns = self._state, self._clock.now_ns()
+        is_due = now_ns - self._state_sent_ns >= _STATE_INTERVAL_NS
+        if state is not None and (not self._buffer or (is_due and not state.snapshot.ended)):
+            self._state, self._state_sent_ns = None, now_ns
+            return state
+        return self._buffer.get(0.0 if self._ending.is_set() else _IDLE_S)
 
     def _send(self, item: Item) -> None:
         with self._lock:
