@@ -21,7 +21,7 @@ from gateway.publishing.mqtt import PASSWORD, USERNAME
 from gateway.publishing.sink import SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from tests.publishing.receivers import TIMEOUT_S, until
-from tests.testkit.mosquitto import PROGRAM, Broker, Listener
+from tools.mqtt_broker import PROGRAM, Broker, Listener
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs mosquitto")
 ROOT = Path(__file__).parents[2]

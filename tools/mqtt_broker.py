@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,6 +24,7 @@ class Broker:
     """Mosquitto with its settings in a folder; it may be stopped, resumed, killed and started again."""
 
     def __init__(self, folder: Path, settings: str = "allow_anonymous true") -> None:
+        """Write the settings to a folder and choose a port."""
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
@@ -45,6 +47,7 @@ class Broker:
         raise AssertionError("".join(lines))
 
     def signal(self, number: int) -> None:
+        """Send a signal, such as SIGSTOP."""
         assert self._process is not None
         self._process.send_signal(number)
 
@@ -60,16 +63,15 @@ class Broker:
 class Listener:
     """A client that collects every message with its topic and whether it was retained."""
 
-    def __init__(self, port: int, topics: str = "#", **credentials: str) -> None:
+    def __init__(self, port: int, topics: str = "#", keep: Callable[[bytes], bytes] = bytes) -> None:
+        """Subscribe to topics; `keep` returns what to keep of a payload."""
         self.messages: list[tuple[str, bool, bytes]] = []
         self._subscribed = threading.Event()
         self._client = paho.Client(CallbackAPIVersion.VERSION2, protocol=paho.MQTTv5)
-        if credentials:
-            self._client.username_pw_set(credentials["username"], credentials["password"])
         self._client.on_connect = lambda client, *_: client.subscribe(topics, 1)
         self._client.on_subscribe = lambda *_: self._subscribed.set()
         self._client.on_message = lambda _, __, message: self.messages.append(
-            (message.topic, message.retain, message.payload)
+            (message.topic, message.retain, keep(message.payload))
         )
         self._client.reconnect_delay_set(1, 1)
         self._client.connect("127.0.0.1", port)
@@ -82,5 +84,6 @@ class Listener:
         return [json.loads(payload) if payload[:1] == b"{" else payload.decode() for payload in found]
 
     def close(self) -> None:
+        """Disconnect."""
         self._client.disconnect()
         self._client.loop_stop()
