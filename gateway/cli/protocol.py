@@ -21,7 +21,7 @@ _OUT = click.option(
 
 @click.group()
 def protocol() -> None:
-    """Generate C code and test vectors for the firmware, and descriptions of the live outputs."""
+    """Generate C code, test vectors and descriptions for other programs."""
 
 
 @protocol.command()
@@ -119,6 +119,19 @@ def dbc(out: Path | None, force: bool, config_path: Path | None, base_id: str) -
 @protocol.command()
 @_OUT
 @force_option
+def kaitai(out: Path | None, force: bool) -> None:
+    """Write a Kaitai Struct description of the frames.
+
+    The Kaitai Struct compiler makes parsers from it for a dozen languages.
+    """
+    from firmware_protocol.kaitai import KAITAI_NAME, kaitai_description
+
+    _write({KAITAI_NAME: kaitai_description()}, out, force=force)
+
+
+@protocol.command()
+@_OUT
+@force_option
 def schema(out: Path | None, force: bool) -> None:
     """Write the JSON schema of the objects that `--publish` sends as JSON lines and to MQTT."""
     import json
@@ -126,6 +139,20 @@ def schema(out: Path | None, force: bool) -> None:
     from gateway.publishing.line_schema import line_schema
 
     _write({"treadlink-live.schema.json": json.dumps(line_schema(), indent=2) + "\n"}, out, force=force)
+
+
+@protocol.command()
+@_OUT
+@force_option
+def wireshark(out: Path | None, force: bool) -> None:
+    """Write a dissector for Wireshark and tshark, in Lua.
+
+    It shows the fields of each frame with their units, checks the CRC and
+    marks bytes between frames.
+    """
+    from firmware_protocol.wireshark import DISSECTOR_NAME, wireshark_dissector
+
+    _write({DISSECTOR_NAME: wireshark_dissector()}, out, force=force)
 
 
 @protocol.command()
