@@ -12,6 +12,8 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from gateway.errors import TreadlinkError
 from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot
+from gateway.plugins import Plugin, PluginGroup, load, names
+from gateway.reasons import Code, Reason
 
 _logger = logging.getLogger(__name__)
 
@@ -151,15 +153,50 @@ class SinkSetting:
     positions: Sequence[str] = ()
 
 
-SINKS: Final[dict[str, str]] = {
-    "jsonl": "gateway.publishing.json_lines:open_json_lines",
-    "mqtt": "gateway.publishing.mqtt:open_mqtt",
-    "mqtts": "gateway.publishing.mqtt:open_mqtt",
-    "foxglove": "gateway.publishing.foxglove_server:open_foxglove",
-    "can": "gateway.publishing.can_bus:open_can",
+@dataclass(frozen=True, slots=True)
+class SinkKind:
+    """Entry of the registry of live outputs.
+
+    Attributes:
+        factory: "module:function" with function(address: SinkAddress, setting: SinkSetting) -> Sink. The function
+            checks address and options and raises SinkError; it does not connect.
+        extra: of this package, that installs what the output needs; empty when nothing is needed.
+    """
+
+    factory: str
+    extra: str = ""
+
+
+SINKS: Final[dict[str, SinkKind]] = {
+    "jsonl": SinkKind("gateway.publishing.json_lines:open_json_lines"),
+    "mqtt": SinkKind("gateway.publishing.mqtt:open_mqtt", "mqtt"),
+    "mqtts": SinkKind("gateway.publishing.mqtt:open_mqtt", "mqtt"),
+    "foxglove": SinkKind("gateway.publishing.foxglove_server:open_foxglove", "foxglove"),
+    "can": SinkKind("gateway.publishing.can_bus:open_can", "can"),
 }
-"""Live outputs by the scheme of their URI: "module:function" with function(address: SinkAddress, setting: SinkSetting)
--> Sink. The function checks address and options and raises SinkError; it does not connect."""
+"""Live outputs of this package by the scheme of their URI; plug-ins add others."""
+
+
+def sink_kind(scheme: str) -> SinkKind | None:
+    """Return the live output of a scheme, None when there is none.
+
+    Raises:
+        PluginError: it is a plug-in that cannot be used.
+    """
+    if scheme in SINKS:
+        return SINKS[scheme]
+    found = load(PluginGroup.SINKS, scheme, SINKS, plugin_fault)
+    return found if isinstance(found, SinkKind) else None
+
+
+def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
+    """Return why the object of a plug-in is no live output, None when it is one."""
+    if not isinstance(found, SinkKind):
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
+    module_name, _, factory_name = found.factory.partition(":")
+    if not callable(getattr(importlib.import_module(module_name), factory_name, None)):
+        return Reason(Code.PLUGIN_LACKS_MEMBERS, members=found.factory)
+    return None
 
 
 def parse_sink_uri(uri: str) -> SinkAddress:
@@ -173,8 +210,8 @@ def parse_sink_uri(uri: str) -> SinkAddress:
     except ValueError as error:
         raise SinkError(f"--publish '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
     scheme = parts.scheme.lower()
-    if scheme not in SINKS:
-        known = ", ".join(f"{name}:" for name in SINKS)
+    if sink_kind(scheme) is None:
+        known = ", ".join(f"{name}:" for name in (*SINKS, *names(PluginGroup.SINKS, SINKS)))
         raise SinkError(f"unknown live output '{uri}'", f"It starts with one of {known}; for example jsonl:-")
     if "@" in parts.netloc:
         raise SinkError(
@@ -194,16 +231,17 @@ def open_sink(uri: str, setting: SinkSetting) -> tuple[str, Sink]:
         SinkError: the URI is wrong, or an optional package is missing.
     """
     address = parse_sink_uri(uri)
-    factory = SINKS[address.scheme]
-    _logger.debug("opening %s with %s", address.name, factory)
-    module_name, factory_name = factory.split(":")
+    kind = sink_kind(address.scheme)
+    assert kind is not None  # parsing refuses other schemes
+    _logger.debug("opening %s with %s", address.name, kind.factory)
+    module_name, factory_name = kind.factory.split(":")
     try:
         sink: Sink = getattr(importlib.import_module(module_name), factory_name)(address, setting)
     except ModuleNotFoundError as error:
-        extra = {"mqtts": "mqtt"}.get(address.scheme, address.scheme)
+        package = (error.name or "?").partition(".")[0]
         raise SinkError(
-            f"'{address.name}' needs the package '{error.name}', which is not installed",
-            f"Install it with: pip install 'treadlink[{extra}]'",
+            f"'{address.name}' needs the package '{package}', which is not installed",
+            f"Install it with: pip install 'treadlink[{kind.extra}]'" if kind.extra else f"Install it: {error}",
         ) from error
     return address.name, sink
 
