@@ -308,7 +308,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SINK_CLOSED: "finished",
     Code.SINK_CONNECTED: "publishing",
     Code.SINK_CONNECTING: "connecting",
-    Code.SINK_DOWN: "is not published, {waiting} items wait: {state}",
+    Code.SINK_DOWN: "nothing is published, {waiting} items wait: {state}",
     Code.SINK_DROPS: "items are dropped, {dropped} so far: {state}",
     Code.SINK_ENDED: "the reader has closed its end",
     Code.SINK_FAULT: "internal error: {error}",
