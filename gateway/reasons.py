@@ -71,6 +71,7 @@ class Code(StrEnum):
     NOT_SETTLED = "not_settled"
     REVOLUTION_NOT_USED = "revolution_not_used"
     SAMPLES_LOST_SHARE = "samples_lost_share"
+    SIGNAL_MISSING = "signal_missing"
     SPEED_OR_RADIUS_UNKNOWN = "speed_or_radius_unknown"
     TOO_FEW_ORDERS = "too_few_orders"
     # Of what the signal says against what is stated
@@ -87,6 +88,8 @@ class Code(StrEnum):
     STEADY_VALUE_CONTRADICTED = "steady_value_contradicted"
     UNIT_IS_G = "unit_is_g"
     UNIT_IS_MPS2 = "unit_is_mps2"
+    VEHICLE_SPEED_CONTRADICTED = "vehicle_speed_contradicted"
+    WHEEL_SPEED_CONTRADICTED = "wheel_speed_contradicted"
     WIDTH_CONTRADICTED = "width_contradicted"
     ZERO_CONTRADICTED = "zero_contradicted"
     ZERO_WOULD_FIT = "zero_would_fit"

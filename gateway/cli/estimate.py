@@ -29,6 +29,7 @@ from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.contradictions import ContradictionWatch
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.session.signal_decoding import SignalDecoder, open_decoder
 from gateway.session.wheel_identity import SensorsHeard, positions
 from gateway.views.output_file import check_outputs, is_stdout
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
@@ -101,8 +102,18 @@ def estimate(
 
             guard = open_guard(vehicle, key_file, remembers=False)
             effects = open_effects(effects_paths, vehicle)
+            signals = open_decoder(vehicle, config_path, (), [reader.dbc_text])
             for notice in _estimate_one(
-                reader, vehicle, take, take_alarm, estimators or DEFAULT_ESTIMATORS, summary, guard, effects, say
+                reader,
+                vehicle,
+                take,
+                take_alarm,
+                estimators or DEFAULT_ESTIMATORS,
+                summary,
+                guard,
+                effects,
+                signals,
+                say,
             ):
                 missing += 1
                 say(f"  {clean(notice_text(notice))}")
@@ -129,6 +140,7 @@ def _estimate_one(
     summary: ResultSummary,
     guard: Guard | None,
     effects: tuple[CorrectionTable, ...],
+    signals: SignalDecoder | None,
     say: Callable[[str], None],
 ) -> tuple[Notice, ...]:
     """Estimate one recording and print its summary; return the warnings of what gave no result."""
@@ -160,6 +172,7 @@ def _estimate_one(
             on_wheels=states.extend,
             effects=effects,
             alarms=alarms,
+            signals=signals,
         )
     say(
         f"{path}"

@@ -18,7 +18,7 @@ from gateway.config.effects_file import check_effects, load_effects
 from gateway.config.vehicle import VehicleConfig, load_vehicle, recorded_vehicle
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import Source, is_live, open_source
+from gateway.io.source import Source, is_live, open_source, parse_source_uri
 from gateway.io.time_limit import limited
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.publishing.publisher import Publisher, open_publisher
@@ -30,6 +30,7 @@ from gateway.security.key_file import command_keys
 from gateway.session.commands import with_commands
 from gateway.session.live import LiveSession
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.session.signal_decoding import open_decoder
 from gateway.views.plain import PlainView
 from gateway.views.session_summary import ResultSummary, summary_lines
 from gateway.views.text import clean
@@ -115,8 +116,13 @@ def start_session(
         remembers = all(is_live(uri) for uri in uris)
         guard = open_guard(vehicle, key_file, remembers=remembers)
         keys = command_keys(key_file) if guard is not None or key_file is not None else {}
+        texts = [getattr(source, "dbc_text", None) for source in sources]
+        is_replay = [parse_source_uri(uri).scheme == "replay" for uri in uris]
+        given = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
+        signals = open_decoder(vehicle, config_path, given, [text for text in texts if text not in given])
+        dbc_text = signals.dbc_text if signals is not None else next(filter(None, texts), None)
         sources = [with_commands(source, clock, keys) for source in sources]
-        recorder = _open_recorder(record, clock, vehicle, uris) if record is not None else None
+        recorder = _open_recorder(record, clock, vehicle, uris, dbc_text) if record is not None else None
         positions = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
         publisher = open_publisher(publish, SinkSetting(positions), clock)
         summary = ResultSummary()
@@ -131,6 +137,7 @@ def start_session(
             guard=guard,
             effects=effects,
             publication=publisher,
+            signals=signals,
         )
         live.start()
     except BaseException:
@@ -144,7 +151,9 @@ def start_session(
     return RunningSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None, publisher)
 
 
-def _open_recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, uris: Sequence[str]) -> RecordingWriter:
+def _open_recorder(
+    path: Path, clock: Clock, vehicle: VehicleConfig | None, uris: Sequence[str], dbc_text: str | None
+) -> RecordingWriter:
     if path.suffix != ".mcap":
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -153,7 +162,7 @@ def _open_recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, uris
                 f"cannot record to '{path}': {error.strerror}", "Give another folder, or a new .mcap file."
             ) from error
     toml = vehicle.to_toml() if vehicle is not None else None
-    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=uris)
+    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=uris, dbc_text=dbc_text)
 
 
 def run_plain(session: RunningSession, stop: StopRequest, write: Callable[[str], None]) -> None:

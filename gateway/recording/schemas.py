@@ -3,7 +3,8 @@
 Only plain types are used (no unions, no null): Foxglove refuses schemas with more. A number that is not known is left
 out of the message. Fields beyond the listed ones are allowed; those of a revolution are the estimates, each as
 `<name>`, `<name>_std`, `<name>_status` and, where there are any, `<name>_reasons`; and `fault_reasons`. A reason is an
-object with `code`, `values` (SI units) and `text`. A link event may have `details`, a list of codes with their values,
+object with `code`, `values` (SI units) and `text`. The fields of the vehicle's signals are those of the configuration,
+numbers in SI units. A link event may have `details`, a list of codes with their values,
 and a line of the log the `values` of its code.
 """
 
@@ -15,6 +16,9 @@ from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 from gateway.recording.mcap_layout import (
+    BUS_ENCODING,
+    BUS_SCHEMA_NAME,
+    BUS_SCHEMA_TEXT,
     MARKS_TOPIC,
     RAW_ENCODING,
     RAW_SCHEMA_ENCODING,
@@ -143,6 +147,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         saturation_counts: i: counts at or above which a sample is saturated
         """,
     ),
+    _topic("treadlink.VehicleSignals", r"/vehicle/signals", "", ""),
     _topic(
         "treadlink.LinkEvent",
         r"/link/.+/event",
@@ -205,6 +210,8 @@ def stored_schema(channel: ChannelInfo) -> StoredSchema:
     """Return the schema record that a channel points to; topics of other versions get one that allows anything."""
     if channel.encoding == RAW_ENCODING:
         return StoredSchema(RAW_SCHEMA_NAME, RAW_SCHEMA_ENCODING, RAW_SCHEMA_TEXT.encode())
+    if channel.encoding == BUS_ENCODING:
+        return StoredSchema(BUS_SCHEMA_NAME, RAW_SCHEMA_ENCODING, BUS_SCHEMA_TEXT.encode())
     try:
         schema = schema_of(channel.topic)
     except ValueError:

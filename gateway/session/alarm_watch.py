@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -37,6 +37,7 @@ class AlarmWatch:
         silence: takes the frames.
         log: history of the alarms.
         sinks: present state of the live outputs.
+        witnesses: returns the alarms of what the vehicle's signals contradict.
     """
 
     def __init__(self, vehicle: VehicleConfig | None, position_of: PositionOf, state: Callable[[], State]) -> None:
@@ -52,6 +53,7 @@ class AlarmWatch:
         self.silence = SilenceWatch(position_of, configured, self.thresholds.silent_after_s)
         self.log = AlarmLog()
         self.sinks: tuple[SinkSnapshot, ...] = ()
+        self.witnesses: Callable[[], Iterable[Alarm]] = tuple
         self._state = state
         self._sensor_ids = sensor_ids(vehicle)
         self._review_due_ns: dict[str, int] = {}
@@ -87,7 +89,7 @@ class AlarmWatch:
             silent_hubs=self.silence.silent_hubs(),
             standing=self.log.standing(),
         )
-        return (*found, *sink_alarms(self.sinks))
+        return (*found, *self.witnesses(), *sink_alarms(self.sinks))
 
     def records(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm."""

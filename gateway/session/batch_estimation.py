@@ -13,13 +13,15 @@ from firmware_protocol.counters import LinkCounters
 from gateway.config.effects_file import with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import Chunk, LinkItem
+from gateway.io.source import BusFrames, LinkEvent, LinkItem
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.security.guard import Guard
 from gateway.session.batch_alarms import BatchAlarms
+from gateway.session.signal_decoding import SignalDecoder
 
 
 class Items(Protocol):
@@ -42,6 +44,7 @@ def estimate_items(
     on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
     alarms: BatchAlarms | None = None,
+    signals: SignalDecoder | None = None,
 ) -> dict[str, LinkCounters]:
     """Run the estimators on all items of a source.
 
@@ -56,6 +59,7 @@ def estimate_items(
         on_wheels: called once with the last state of every wheel.
         effects: known effects to subtract, one table per wheel.
         alarms: takes frames, events of links and results; every result then has its alarms.
+        signals: decodes the vehicle's bus; every result then has its signals.
 
     Returns:
         the decoder's counters per link.
@@ -66,7 +70,10 @@ def estimate_items(
     if alarms is not None:
         alarms.begin(pipeline)
 
+    join = VehicleJoin(signals.history) if signals is not None else None
+
     def hand_over(result: RevolutionResult) -> None:
+        result = join.joined(result) if join is not None else result
         on_result(alarms.result(result) if alarms is not None else result)
 
     def deliver(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
@@ -81,7 +88,11 @@ def estimate_items(
                 alarms.end_of_block()
 
     for item in source.items():
-        if not isinstance(item, Chunk):
+        if isinstance(item, BusFrames):
+            if signals is not None:
+                signals.take(item)
+            continue
+        if isinstance(item, LinkEvent):
             if alarms is not None:
                 alarms.event(item)
             continue

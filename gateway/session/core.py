@@ -15,7 +15,8 @@ from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
+from gateway.io.bus_frames import unpack
+from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.results import (
     AlarmChange,
     LinkSnapshot,
@@ -25,6 +26,7 @@ from gateway.pipeline.results import (
     SinkSnapshot,
     WheelSnapshot,
 )
+from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Level, Notice, Reason, codes_of
@@ -37,6 +39,7 @@ from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.missing_results import long_missing
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
+from gateway.session.signal_decoding import SignalDecoder
 from gateway.session.wheel_identity import positions, unconfigured_wheel
 from gateway.views.recording_topics import (
     log_level,
@@ -72,6 +75,7 @@ class _Link:
     connected: bool = False
     note: Reason = field(default_factory=lambda: Reason(Code.LINK_NOT_OPEN))
     bytes_received: int = 0
+    bus_frames: int | None = None
     newest_ns: int = 0
     status: HubStatus | None = None
     connected_rssi_dbm: int | None = None
@@ -99,6 +103,7 @@ class SessionCore:
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
         guard: Guard | None = None,
         effects: Sequence[CorrectionTable] = (),
+        signals: SignalDecoder | None = None,
     ) -> None:
         """Build the session.
 
@@ -109,6 +114,7 @@ class SessionCore:
             estimators: names from the registry.
             guard: verifies every frame first; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
+            signals: decodes the vehicle's bus; None to record its frames only.
         """
         self._watch = SecurityWatch(guard)
         self.recorder = recorder
@@ -122,6 +128,8 @@ class SessionCore:
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators)
+        self._signals = signals
+        self._join = VehicleJoin(signals.history) if signals is not None else None
         self._vehicle = vehicle
         self._unconfigured: set[str] = set()
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
@@ -129,6 +137,8 @@ class SessionCore:
         self._contradictions = ContradictionWatch(positions(vehicle), self._pipeline.limit)
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._alarms = AlarmWatch(vehicle, self._pipeline.position, self._state)
+        if self._join is not None:
+            self._alarms.witnesses = self._join.alarms
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
         for notice in (*effects_notices(effects), *self._watch.take_notices()):
@@ -172,12 +182,22 @@ class SessionCore:
             link.connected, link.note = True, Reason(Code.LINK_CONNECTED)
         link.bytes_received += len(item.data)
         link.newest_ns = item.host_ns
+        if isinstance(item, BusFrames):
+            self._bus_frames(link, item)
+            return []
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         self._log_resync(item.link, link)
         self._report(item.link, self._contradictions.new(), item.host_ns)
         self._report(item.link, self._watch.take_notices(), item.host_ns)
         self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
+
+    def _bus_frames(self, link: _Link, item: BusFrames) -> None:
+        """Decode frames of the vehicle's bus, and record the values."""
+        link.bus_frames = (link.bus_frames or 0) + sum(1 for _ in unpack(item.data, item.host_ns))
+        values = self._signals.take(item) if self._signals is not None else {}
+        if values:
+            self._record(lambda recorder: recorder.write_topic("/vehicle/signals", item.host_ns, values))
 
     def _link(self, name: str) -> _Link:
         link = self._links.get(name)
@@ -266,6 +286,8 @@ class SessionCore:
         return hub_name(hub) if len(self._links) == 1 else f"{link}, {hub_name(hub)}"
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
+        if self._join is not None:
+            results = [self._join.joined(result) for result in results]
         for result in results:
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)
@@ -320,7 +342,7 @@ class SessionCore:
             # An item may carry a later time than the tick that follows it.
             link_ns = max(link_ns, link.newest_ns)
             self._report(name, self._alarms.advance(name, link_ns), now_ns)
-            if link.connected:
+            if link.connected and link.bus_frames is None:
                 self._report(name, link.health.tick(link_ns), now_ns)
             self._contradictions.counters(name, link.decoder.counters)
             self._report(name, link.hub_log.tick(link_ns), now_ns)
@@ -397,7 +419,7 @@ class SessionCore:
             connected=link.connected,
             note=link.note,
             bytes_received=link.bytes_received,
-            frames=counters.frames,
+            frames=counters.frames if link.bus_frames is None else link.bus_frames,
             crc_errors=counters.crc_errors,
             noise_bytes=counters.noise_bytes,
             frames_lost=counters.lost,

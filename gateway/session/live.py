@@ -14,7 +14,7 @@ from gateway.config.vehicle import VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.playback import Playback, PlayedSource
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Code, Notice, Reason
@@ -23,6 +23,7 @@ from gateway.session.bounded_buffer import Buffer
 from gateway.session.core import SessionCore
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage
+from gateway.session.signal_decoding import SignalDecoder
 from gateway.views.session_summary import ResultSummary
 
 _logger = logging.getLogger(__name__)
@@ -63,6 +64,7 @@ class LiveSession:
         guard: Guard | None = None,
         effects: Sequence[CorrectionTable] = (),
         publication: Publication | None = None,
+        signals: SignalDecoder | None = None,
     ) -> None:
         """Build the session; `start` runs it.
 
@@ -77,6 +79,7 @@ class LiveSession:
             guard: verifies every frame; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
             publication: live outputs; the caller closes them after the session.
+            signals: decodes the vehicle's bus; None to record its frames only.
         """
         self._publication = publication
         self._sources = list(sources)
@@ -108,6 +111,7 @@ class LiveSession:
             estimators=estimators,
             guard=guard,
             effects=effects,
+            signals=signals,
         )
         for source in self._sources:
             self.core.add_link(source.link)
@@ -250,8 +254,8 @@ class LiveSession:
 
     def _offer(self, item: LinkItem, patient: bool, dropped: Counter[Stage]) -> None:
         """Hand an item to the recording, then to the core; anything but a chunk of a device may wait for room."""
-        is_chunk = isinstance(item, Chunk)
-        size = len(item.data) if isinstance(item, Chunk) else len(item.text)
+        is_chunk = not isinstance(item, LinkEvent)
+        size = len(item.text) if isinstance(item, LinkEvent) else len(item.data)
         recording = self._recording
         if recording is not None and not self._hand_over(
             lambda timeout_s: recording.offer(item, timeout_s=timeout_s), patient or not is_chunk
