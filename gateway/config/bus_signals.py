@@ -39,6 +39,9 @@ class VehicleSignals(Section):
     dbc: str | None = Field(
         default=None, description="DBC file, relative to this file; default: that of the source or the recording"
     )
+    j1939: bool = Field(
+        default=False, description="compare identifiers of 29 bits without priority and source address, as in J1939"
+    )
     max_age_s: float = Field(
         default=1.0, gt=0, le=60, description="a signal that was not received for longer is unknown, in s"
     )

@@ -66,6 +66,7 @@ class SinkWorker:
         self._note = Reason(Code.SINK_CONNECTING)
         self._since_ns = clock.now_ns()
         self._sending_since_ns: int | None = None
+        self._blocked_since_ns: int | None = None
         self._published = 0
         self._lost = 0
         self._seen_dropped = 0
@@ -217,10 +218,14 @@ class SinkWorker:
         return self._buffer.get(0.0 if self._ending.is_set() else _IDLE_S)
 
     def _send(self, item: Item) -> None:
+        began_ns = self._clock.now_ns()
         with self._lock:
-            self._sending_since_ns = self._clock.now_ns()
+            self._sending_since_ns = began_ns
         try:
             self._sink.send(item, self._stop)
+        except SinkDownError:
+            self._blocked_since_ns = began_ns
+            raise
         finally:
             with self._lock:
                 self._sending_since_ns = None
@@ -241,8 +246,10 @@ class SinkWorker:
 
     def _enter(self, phase: SinkState, note: Reason) -> None:
         with self._lock:
-            if phase is not self._phase:
-                self._since_ns = self._clock.now_ns()
+            if self._phase is SinkState.UP and phase is not SinkState.UP:
+                # A receiver that stalled before it was lost has been away since then.
+                self._since_ns = self._blocked_since_ns or self._clock.now_ns()
+            self._blocked_since_ns = None
             self._phase, self._note = phase, note
 
 

@@ -16,6 +16,9 @@ from gateway.pipeline.vehicle_signals import SUFFIXES, UNITS, SignalHistory, Sig
 _logger = logging.getLogger(__name__)
 
 _LISTED: Final = 12
+# SAE J1939-21: bits 8 to 25 are the parameter group, below is the source address, above the priority.
+_J1939_GROUP: Final = 0x03FFFF00
+_WHOLE_ID: Final = 0x1FFFFFFF
 
 
 class _Wanted(NamedTuple):
@@ -36,8 +39,17 @@ class SignalDecoder:
         undecodable: frames of known messages that do not fit them.
     """
 
-    def __init__(self, setups: Sequence[SignalSetup], max_age_s: float, dbc_text: str, origin: str) -> None:
+    def __init__(
+        self, setups: Sequence[SignalSetup], max_age_s: float, dbc_text: str, origin: str, *, is_j1939: bool = False
+    ) -> None:
         """Find the signals in a DBC file.
+
+        Args:
+            setups: the signals.
+            max_age_s: a signal that was not received for longer is unknown.
+            dbc_text: the file.
+            origin: names it in messages.
+            is_j1939: compare extended identifiers without priority and source address.
 
         Raises:
             ConfigError: the file cannot be read, or lacks a message, a signal or a unit; the message lists all faults.
@@ -45,6 +57,7 @@ class SignalDecoder:
         self.dbc_text = dbc_text
         self.frames = self.undecodable = 0
         database = _database(dbc_text, origin)
+        self._extended_mask = _J1939_GROUP if is_j1939 else _WHOLE_ID
         self._messages: dict[tuple[int, bool], tuple[Any, list[_Wanted]]] = {}
         signals: list[VehicleSignal] = []
         faults: list[str] = []
@@ -62,7 +75,7 @@ class SignalDecoder:
         """Decode a block of frames into the history; return the latest value of each signal in it."""
         latest: dict[str, float] = {}
         for frame in unpack(item.data, item.host_ns):
-            known = self._messages.get((frame.can_id, frame.is_extended))
+            known = self._messages.get(self._key(frame.can_id, frame.is_extended))
             if known is None or frame.is_error or frame.is_remote:
                 continue
             message, wanted = known
@@ -81,6 +94,9 @@ class SignalDecoder:
                     self.history.add(one.key, frame.host_ns, value)
                     latest[one.key] = value
         return latest
+
+    def _key(self, can_id: int, is_extended: bool) -> tuple[int, bool]:
+        return can_id & self._extended_mask if is_extended else can_id, is_extended
 
     def _find(self, database: Any, setup: SignalSetup) -> VehicleSignal | str:
         """Register a signal; return it, or what is wrong."""
@@ -101,7 +117,7 @@ class SignalDecoder:
         found = VehicleSignal(
             signal_name(setup, unit.suffix), setup.quantity, unit.suffix, setup.wheel, setup.relative_std
         )
-        key = message.frame_id, message.is_extended_frame
+        key = self._key(message.frame_id, message.is_extended_frame)
         wanted = self._messages.setdefault(key, (message, []))[1]
         wanted.append(_Wanted(setup.signal, found.key, unit.factor * setup.factor))
         return found
@@ -139,7 +155,7 @@ def open_decoder(
         text, origin = next((text for text in recorded if text), None), "the DBC file in the recording"
     if text is None:
         return None
-    return SignalDecoder(mapping.setups(), mapping.max_age_s, text, origin)
+    return SignalDecoder(mapping.setups(), mapping.max_age_s, text, origin, is_j1939=mapping.j1939)
 
 
 def _database(text: str, origin: str) -> Any:

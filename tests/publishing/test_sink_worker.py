@@ -79,6 +79,23 @@ def test_lost_receiver_is_reached_again_with_the_same_item(items) -> None:
     assert worker.snapshot().dropped == 0
 
 
+def test_stall_that_ends_in_a_loss_is_one_absence(items) -> None:
+    receiver, clock = Receiver(), ManualClock()
+    receiver.gate.clear()
+    worker = begin(receiver, clock=clock)
+    worker.offer(items[0])
+    assert receiver.entered.wait(TIMEOUT_S)
+    clock.advance_ns(5_000_000_000)
+    receiver.present.clear()
+    receiver.gate.set()
+    until(lambda: worker.snapshot().state is SinkState.DOWN)
+    assert worker.snapshot().since_s == pytest.approx(5.0, abs=0.01)
+    receiver.present.set()
+    until(lambda: worker.snapshot().state is SinkState.UP)
+    assert worker.snapshot().since_s == 0.0
+    worker.abandon()
+
+
 def test_fault_of_an_output_costs_one_item_only(items) -> None:
     receiver = Receiver()
     receiver.poison = items[1]

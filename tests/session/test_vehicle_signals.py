@@ -325,14 +325,18 @@ def test_faults_of_the_mapping_are_named(wheel, old: str, new: str, message: str
         parse_vehicle(toml + text, "car.toml")
 
 
-def test_standard_j1939_file_decodes_its_vehicle_speed() -> None:
+def test_published_j1939_file_gives_wheel_speeds() -> None:
     canmatrix = pytest.importorskip("canmatrix")
     text = (Path(canmatrix.__file__).parent / "j1939.dbc").read_text("utf-8", errors="replace")
-    if "CCVS1" not in text:
-        pytest.skip("this version has another file")
-    setup = SignalSetup(Quantity.VEHICLE_SPEED, "CCVS1", "WheelBasedVehicleSpeed")
-    found = SignalDecoder([setup], 1.0, text, "j1939.dbc")
-    assert found.history.signals[0].name == "vehicle_speed_mps"
+    # This file states neither scale nor unit; SPN 904 has 1/256 km/h.
+    setup = SignalSetup(
+        Quantity.WHEEL_SPEED, "HRW", "Front_Axle__Left_Wheel_Speed", wheel="FL", unit="km/h", factor=1.0 / 256.0
+    )
+    found = SignalDecoder([setup], 1.0, text, "j1939.dbc", is_j1939=True)
+    data = round(65.0 * 256).to_bytes(2, "little") + bytes(6)
+    for source, expected in ((0x18FE6E0B, {"FL.car_wheel_speed_mps": 65.0 / 3.6}), (0x18FE6F0B, {})):
+        item = BusFrames("can:x", 0, pack([BusFrame(0, source, True, data)], 0))
+        assert found.take(item) == pytest.approx(expected)
 
 
 def test_history_interpolates_within_what_is_known() -> None:
