@@ -65,6 +65,7 @@ def live(
       ble://NAME-or-ADDRESS                   a hub on Bluetooth LE (treadlink scan lists them)
       sim:demo                                a simulated vehicle (treadlink simulate --list)
       replay:FILE?speed=1                     a recording; speed=10, speed=max
+      can:INTERFACE:CHANNEL?dbc=FILE          signals of the vehicle, beside the wheels; can:FILE.blf a log of them
 
     Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, ? shows
     help, q quits. A summary is printed at the end.

@@ -125,6 +125,11 @@ class VehicleSignal:
     relative_std: float | None
 
     @property
+    def age_name(self) -> str:
+        """Name of its age."""
+        return f"{self.name.removesuffix(f'_{self.suffix}') if self.suffix else self.name}_age_s"
+
+    @property
     def key(self) -> str:
         """Name that is unique in a vehicle."""
         return self.name if self.wheel is None else f"{self.wheel}.{self.name}"

@@ -59,7 +59,7 @@ class VehicleJoin:
     def joined(self, result: RevolutionResult) -> RevolutionResult:
         """Return a result with the signals at the middle of its revolution as further estimates.
 
-        Each signal gives `NAME` and `NAME_age_s`: the time since the last value received before.
+        Each signal gives `NAME` and the name without its unit with `_age_s`: the time since the last value received before.
         """
         revolution = result.revolution
         at_ns = result.host_ns - round(0.5e9 * revolution.period_s)
@@ -67,7 +67,7 @@ class VehicleJoin:
         added: list[Estimate] = []
         for signal in self.history.of_wheel(result.position):
             reading = self.history.at(signal.key, at_ns, result.host_ns)
-            age_name = f"{signal.name}_age_s"
+            age_name = signal.age_name
             if reading is None:
                 missing = Reason(Code.SIGNAL_MISSING)
                 added += [Estimate.invalid(signal.name, missing), Estimate.invalid(age_name, missing)]
