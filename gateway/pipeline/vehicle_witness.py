@@ -59,7 +59,7 @@ class VehicleJoin:
     def joined(self, result: RevolutionResult) -> RevolutionResult:
         """Return a result with the signals at the middle of its revolution as further estimates.
 
-        Each signal gives `NAME` and the name without its unit with `_age_s`: the time since the last value received before.
+        Each signal gives its value and its age, the time since the last value received before.
         """
         revolution = result.revolution
         at_ns = result.host_ns - round(0.5e9 * revolution.period_s)

@@ -177,6 +177,22 @@ def test_recording_keeps_frames_and_dbc_for_estimate(recording, wheel, tmp_path)
     assert json.loads(run.output)["links"][vehicle_bus.LINK]["bus_frames"] > 300
 
 
+def test_repair_and_compact_keep_the_frames_of_the_bus(recording, tmp_path) -> None:
+    kept = [item for item in RecordingReader(recording).items() if isinstance(item, BusFrames)]
+    cut, whole, small = tmp_path / "cut.mcap", tmp_path / "whole.mcap", tmp_path / "small.mcap"
+    data = recording.read_bytes()
+    cut.write_bytes(data[: len(data) * 9 // 10])
+    for line in (f"repair {cut} --out {whole}", f"compact {recording} --out {small}"):
+        run = CliRunner().invoke(treadlink, line)
+        assert run.exit_code == 0, run.output
+    repaired = [item for item in RecordingReader(whole).items() if isinstance(item, BusFrames)]
+    assert len(repaired) > 0.8 * len(kept)
+    assert repaired == kept[: len(repaired)]
+    assert RecordingReader(whole).dbc_text == DBC.read_text()
+    assert [item for item in RecordingReader(small).items() if isinstance(item, BusFrames)] == kept
+    assert RecordingReader(small).dbc_text == DBC.read_text()
+
+
 def test_another_dbc_can_be_applied_later(recording, tmp_path) -> None:
     other = DBC.read_text().replace("(0.1,-30)", "(0.2,-30)")
     (tmp_path / "other.dbc").write_text(other)
