@@ -45,6 +45,9 @@ ALLOWED: dict[str, set[str]] = {
         "firmware_protocol", "gateway.config", "gateway.pipeline", "gateway.recording", "gateway.security",
         "gateway.session", "gateway.signal", "gateway.views",
     },
+    "gateway.publishing": {
+        "gateway.estimators", "gateway.io", "gateway.pipeline", "gateway.recording", "gateway.session", "gateway.views",
+    },
     "gateway.papers": {"gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.api": {
         "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.io",

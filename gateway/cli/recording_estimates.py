@@ -22,6 +22,7 @@ from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.session.reference_check import ReferenceCheck
+from gateway.session.signal_decoding import open_decoder
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, positions
 from gateway.views.reference_lines import reference_lines
@@ -88,6 +89,7 @@ def estimate_recording(
         on_wheels=states.extend,
         effects=effects,
         alarms=alarms,
+        signals=open_decoder(vehicle, order.config_path, (), [reader.dbc_text]),
     )
     on_position(reader.info.size_bytes)
     assumed = "" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)"

@@ -2,7 +2,8 @@
 
 Only plain types are used (no unions, no null): Foxglove refuses schemas with more. A number that is not known is left
 out of the message. Fields beyond the listed ones are allowed, such as the estimates of a later version. A reason is an
-object with `code`, `values` (SI units, their names depend on the code) and `text`.
+object with `code`, `values` (SI units, their names depend on the code) and `text`. The fields of the vehicle's signals
+are those of the configuration, numbers in SI units.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from typing import Any, Final, NamedTuple
 
 from gateway.recording import revolution_fields
 from gateway.recording.mcap_layout import (
+    BUS_ENCODING,
+    BUS_SCHEMA_NAME,
+    BUS_SCHEMA_TEXT,
     MARKS_TOPIC,
     RAW_ENCODING,
     RAW_SCHEMA_ENCODING,
@@ -145,6 +149,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         saturation_counts: i: counts at or above which a sample is saturated
         """,
     ),
+    _topic("treadlink.VehicleSignals", r"/vehicle/signals", "", ""),
     _topic(
         "treadlink.LinkEvent",
         r"/link/.+/event",
@@ -209,6 +214,8 @@ def stored_schema(channel: ChannelInfo) -> StoredSchema:
     """Return the schema record that a channel points to; topics of other versions get one that allows anything."""
     if channel.encoding == RAW_ENCODING:
         return StoredSchema(RAW_SCHEMA_NAME, RAW_SCHEMA_ENCODING, RAW_SCHEMA_TEXT.encode())
+    if channel.encoding == BUS_ENCODING:
+        return StoredSchema(BUS_SCHEMA_NAME, RAW_SCHEMA_ENCODING, BUS_SCHEMA_TEXT.encode())
     try:
         schema = schema_of(channel.topic)
     except ValueError:
