@@ -291,6 +291,14 @@ class Code(StrEnum):
     RECORDING_WITHOUT_DATA = "recording_without_data"
     ABOUT_RECORDING = "about_recording"
     SEVERAL_SENSORS = "several_sensors"
+    # - Recordings of a dataset
+    ESTIMATION_FAILED = "estimation_failed"
+    RECORDING_CHANGED = "recording_changed"
+    RECORDING_NOT_READ = "recording_not_read"
+    RECORDING_NOT_USED = "recording_not_used"
+    WORKER_ENDED = "worker_ended"
+    WORKER_MEMORY_ABOVE_LIMIT = "worker_memory_above_limit"
+    WORKER_MEMORY_FULL = "worker_memory_full"
     # - Provenance of conditions
     ASSUMED_LOAD = "assumed_load"
     ASSUMED_PRESSURE = "assumed_pressure"

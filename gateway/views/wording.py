@@ -475,6 +475,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RECORDING_WITHOUT_DATA: "contains nothing that can be used",
     Code.ABOUT_RECORDING: "{recording}: {reason}",
     Code.SEVERAL_SENSORS: "several",
+    # - Recordings of a dataset
+    Code.ESTIMATION_FAILED: "a fault of treadlink, {kind}: {message}",
+    Code.RECORDING_CHANGED: "the file changed while it was read",
+    Code.RECORDING_NOT_READ: "{message}",
+    Code.RECORDING_NOT_USED: "{message}",
+    Code.WORKER_ENDED: "its worker process ended each time that it was tried: killed or crashed",
+    Code.WORKER_MEMORY_ABOVE_LIMIT: (
+        "its worker process was ended each time that it was tried: it used more than its limit of "
+        "{limit_bytes:.0f MB} of memory"
+    ),
+    Code.WORKER_MEMORY_FULL: "its worker process had no memory left",
     # - Provenance of conditions
     Code.ASSUMED_LOAD: "load {load_n:.0f N} (not stated)",
     Code.ASSUMED_PRESSURE: "pressure {pressure_pa:.0f kPa} (neither stated nor measured)",
