@@ -200,11 +200,16 @@ def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
         printed, _ = process.communicate()
     wall_s, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    sizes = {name: [one.stat().st_size for one in (dataset / name).rglob("*.parquet")] for name in ("recordings", "revolutions")}
+    sizes = {
+        name: [one.stat().st_size for one in (dataset / name).rglob("*.parquet")]
+        for name in ("recordings", "revolutions")
+    }
     count = len(sizes["recordings"])
     print(f"--jobs {jobs}: exit status {process.returncode}")
     print("\n".join(f"  {line}" for line in printed.splitlines()))
-    print(f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU; coordinator {after.ru_maxrss / 1e3:.0f} MB or less")
+    print(
+        f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU; coordinator {after.ru_maxrss / 1e3:.0f} MB or less"
+    )
     for name, found in sizes.items():
         print(f"  {name}: {sum(found) / 1e6:.1f} MB, {sum(found) / max(count, 1) / 1e3:.1f} kB a recording")
 
@@ -222,7 +227,9 @@ def main() -> None:
     parser.add_argument("--limit", type=float, metavar="SECONDS", help="stop each campaign after this time")
     parser.add_argument("--check", type=int, metavar="JOBS", help="compare the trends of this dataset with the truth")
     arguments = parser.parse_args()
-    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} processors, Python {platform.python_version()}")
+    print(
+        f"{platform.processor() or platform.machine()}, {os.cpu_count()} processors, Python {platform.python_version()}"
+    )
     if arguments.make:
         make(arguments.folder, arguments.make, os.cpu_count() or 1)
     for jobs in arguments.jobs:

@@ -76,7 +76,9 @@ _GB: Final = 1e9
     metavar="GB",
     help="Memory of a worker process of this machine, at which it is ended.",
 )
-@click.option("--scheduler", metavar="ADDRESS", help="Use the workers of a dask scheduler, such as tcp://10.0.0.5:8786.")
+@click.option(
+    "--scheduler", metavar="ADDRESS", help="Use the workers of a dask scheduler, such as tcp://10.0.0.5:8786."
+)
 @click.option("--retry", is_flag=True, help="Try recordings again that failed before and have not changed.")
 @keys_option
 @effects_option

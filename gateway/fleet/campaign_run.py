@@ -364,7 +364,8 @@ def find_recordings(paths: Sequence[Path]) -> list[Path]:
             raise RecordingError(f"'{path}' does not exist", "Check the path.")
     if not found:
         raise RecordingError(
-            f"no recording in {', '.join(map(repr, map(str, paths)))}", "Recordings in folders are found by their ending, .mcap."
+            f"no recording in {', '.join(map(repr, map(str, paths)))}",
+            "Recordings in folders are found by their ending, .mcap.",
         )
     return list(found)
 

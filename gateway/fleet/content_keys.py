@@ -76,7 +76,9 @@ def read_content(
                     on_bytes(len(block))
             found = path.stat()
     except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror}", "Check the path and its permissions.") from error
+        raise RecordingError(
+            f"'{path}' cannot be read: {error.strerror}", "Check the path and its permissions."
+        ) from error
     return FileContent(path, digest.hexdigest()[:ID_DIGITS], found.st_size, found.st_mtime_ns)
 
 

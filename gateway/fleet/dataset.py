@@ -349,7 +349,8 @@ def read_description(root: Path) -> Description:
         )
     except FileNotFoundError as error:
         raise OutputError(
-            f"'{root}' is not a dataset: it has no file {DESCRIPTION}", "Make one: treadlink campaign PATH... --out DATASET"
+            f"'{root}' is not a dataset: it has no file {DESCRIPTION}",
+            "Make one: treadlink campaign PATH... --out DATASET",
         ) from error
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise OutputError(f"'{path}' cannot be read: {error}", "Restore it, or choose a new folder.") from error

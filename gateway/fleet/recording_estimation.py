@@ -340,7 +340,9 @@ def _recording_rows(
     start_ns = reader.info.start_ns if reader.info.start_ns else first_ns
     states = {state.position: state for state in collected.snapshots}
     # A wheel that is configured and sent nothing has no row: its silence is an alarm of the recording.
-    heard = [state.position for state in collected.snapshots if state.counters.samples or state.position in collected.wheels]
+    heard = [
+        state.position for state in collected.snapshots if state.counters.samples or state.position in collected.wheels
+    ]
     own = dict.fromkeys([*collected.wheels, *heard])
     of_links = [alarm for alarm in alarms if alarm.position not in own]
     sensors = {position: _sensor_text(collected.sensors.at(vehicle, position)) for position in own}

@@ -97,7 +97,8 @@ def scheduler_workers(address: str) -> Iterator[Workers]:
         client = Client(address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise TreadlinkError(
-            f"no dask scheduler answers at '{address}'", "Start one with `dask scheduler`, and workers with `dask worker`."
+            f"no dask scheduler answers at '{address}'",
+            "Start one with `dask scheduler`, and workers with `dask worker`.",
         ) from error
     try:
         yield Workers(client, None)
