@@ -318,7 +318,6 @@ class Code(StrEnum):
     STATED_ROLL = "stated_roll"
 
     # Trends of a dataset
-    TREND_LOAD_NOT_MEASURED = "trend_load_not_measured"
     TREND_LOAD_STATED = "trend_load_stated"
     TREND_LOAD_STEPS = "trend_load_steps"
     TREND_LOSES_PRESSURE = "trend_loses_pressure"
@@ -340,7 +339,7 @@ class Code(StrEnum):
     TREND_UNDETERMINED = "trend_undetermined"
     TREND_UNREADABLE_FILE = "trend_unreadable_file"
     TREND_VEHICLE_WITHOUT_ODOMETER = "trend_vehicle_without_odometer"
-    TREND_WEARS = "trend_wears"
+    TREND_WEARS_FAST = "trend_wears_fast"
 
     # Security
     COUNTERS_NOT_SAVED = "counters_not_saved"

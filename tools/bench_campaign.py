@@ -4,8 +4,8 @@
     python -m tools.bench_campaign FOLDER --jobs 1 --jobs 2     # estimate them, a dataset for each number of workers
     python -m tools.bench_campaign FOLDER --check 2             # compare the trends of that dataset with the truth
 
-The fleet has eight vehicles with one instrumented wheel each, recorded for 30 s now and then while they roll 10,000 km in
-250 days. Temperature, load and speed vary from recording to recording; pressure and stiffness follow the
+The fleet has eight vehicles with one instrumented wheel each, recorded for 30 s now and then while they roll 10,000 km
+in 250 days. Temperature, load and speed vary from recording to recording; pressure and stiffness follow the
 temperature. One vehicle wears by 0.5 mm in 10,000 km, one loses 3 kPa a month, one gets a new tire, one has a sensor
 that becomes noisy, and one in 100 recordings of another has a wrong load: true outliers. The others have no trend but
 the normal wear of 0.2 mm in 10,000 km.
@@ -157,7 +157,8 @@ def write(plan: Planned) -> int:
     toml = toml.replace('name = ""', f'name = "{plan.vehicle}"').replace(f"Bs = {softened:.9g}", f"Bs = {BENDING}")
     toml = toml.replace("[wheel.tire.reference]", "[wheel.tire.reference]\ntemperature_degc = 25.0")
     toml = toml.replace(f"load_n = {LOAD_N}", f"load_n = {LOAD_N}\nload_std_n = {0.01 * LOAD_N}")
-    assert f"Bs = {BENDING}" in toml and "load_std_n" in toml, toml
+    assert f"Bs = {BENDING}" in toml
+    assert "load_std_n" in toml
     part = path.with_suffix(".part")
     part.unlink(missing_ok=True)
     writer = RecordingWriter(part, start_ns=plan.start_ns, vehicle_toml=toml, sources=("sim",))
@@ -207,9 +208,8 @@ def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
     count = len(sizes["recordings"])
     print(f"--jobs {jobs}: exit status {process.returncode}")
     print("\n".join(f"  {line}" for line in printed.splitlines()))
-    print(
-        f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU; coordinator {after.ru_maxrss / 1e3:.0f} MB or less"
-    )
+    memory = f"coordinator or worker {after.ru_maxrss / 1e3:.0f} MB at most"
+    print(f"  {count} recordings in the dataset; {wall_s:.0f} s, {cpu_s:.0f} s of CPU; {memory}")
     for name, found in sizes.items():
         print(f"  {name}: {sum(found) / 1e6:.1f} MB, {sum(found) / max(count, 1) / 1e3:.1f} kB a recording")
 

@@ -23,7 +23,6 @@ from gateway.views.wording import text
 if TYPE_CHECKING:
     from gateway.fleet.campaign_run import CampaignProgress
     from gateway.fleet.recording_estimation import Failure
-    from gateway.fleet.worker_cluster import Workers
 
 CAMPAIGN_ESTIMATORS: Final = tuple(in_order({*DEFAULT_ESTIMATORS, "self-calibration", "load"}))
 """What trends of a fleet need beyond the defaults: errors of the sensors and measured loads."""
@@ -122,7 +121,9 @@ def campaign(
     from gateway.fleet.content_keys import estimators_version
     from gateway.fleet.dataset import Description, opened
     from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names
+    from gateway.fleet.tire_diagnoses import DiagnosisCounts, diagnose_tires
     from gateway.fleet.worker_cluster import local_workers, scheduler_workers
+    from gateway.fleet.worker_tasks import WorkerTasks
 
     found = find_recordings(paths)
     chosen = tuple(in_order(estimators or CAMPAIGN_ESTIMATORS))
@@ -139,6 +140,7 @@ def campaign(
     clock = SystemClock()
     memory_bytes = int(memory_gb * _GB)
     failures: list[tuple[Path, Failure]] = []
+    counts = DiagnosisCounts()
     with stop_request() as stop, ExitStack() as stack:
         try:
             dataset = stack.enter_context(opened(root, description, _waiting(clock, stop, root)))
@@ -146,10 +148,17 @@ def campaign(
             _stopped(stop)
             return
 
-        def connect() -> Workers:
-            if scheduler is not None:
-                return stack.enter_context(scheduler_workers(scheduler))
-            return stack.enter_context(local_workers(jobs or os.cpu_count() or 1, memory_bytes))
+        pool: WorkerTasks | None = None
+
+        def connect() -> WorkerTasks:
+            nonlocal pool
+            if pool is None:
+                if scheduler is not None:
+                    pool = WorkerTasks(stack.enter_context(scheduler_workers(scheduler)))
+                else:
+                    count = jobs or os.cpu_count() or 1
+                    pool = WorkerTasks(stack.enter_context(local_workers(count, memory_bytes)), memory_bytes)
+            return pool
 
         with _shown_progress(clock) as show:
             run = CampaignRun(
@@ -160,17 +169,26 @@ def campaign(
                 stop=stop,
                 on_progress=show,
                 on_failure=lambda path, failure: failures.append((path, failure)),
-                memory_bytes=memory_bytes if scheduler is None else 0,
                 retries_failed=retry,
             )
             progress = run.run(found)
         if diagnose and not stop.is_set():
-            raise NotImplementedError
+            counts = diagnose_tires(
+                dataset,
+                connect,
+                found,
+                config=settings.vehicle,
+                key_file=key_file,
+                stop=stop,
+                on_tire=lambda done, every: click.echo(f"diagnosed {done} of {every} tires", err=True),
+            )
     _report(progress, failures, root)
+    if diagnose:
+        click.echo(f"tires: {counts.made} diagnosed, {counts.known} done before, {counts.failed} without a diagnosis")
     if stop.is_set():
         click.echo("stopped: run the same command to continue", err=True)
         _stopped(stop)
-    if progress.failed or progress.failed_before:
+    if progress.failed or progress.failed_before or counts.failed:
         raise SystemExit(exit_status.NO_RESULT)
 
 

@@ -19,7 +19,7 @@ from gateway.views.output_file import check_outputs, is_stdout, write_whole
     "odometer_path",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="CSV file with the columns vehicle, utc and km: distances between the recordings, which wear per 1,000 km needs.",
+    help="CSV file with the columns vehicle, utc and km: the distance driven, which wear per 1,000 km needs.",
 )
 @click.option(
     "--html",
@@ -51,9 +51,9 @@ def trends(
 
     Per tire and wheel: wear per 1,000 km, pressure loss per month at one temperature, load and its changes, stiffness
     with age and temperature, and noise, losses, clipping, offset and gain of the sensor; per axle, ply steer and slip
-    of left against right. Each number has a standard error from the scatter between the recordings. What the recordings do not determine
-    has no value, but a reason. Another sensor, or a fall of the wear, begins a new tire. Recordings that do not fit
-    the trend of their tire are named; the probability of a single false one in the whole report is 1 %.
+    of left against right. Each number has a standard error from the scatter between the recordings. What they do not
+    determine has no value, but a reason. Another sensor, or a fall of the wear, begins a new tire. Recordings that do
+    not fit the trend of their tire are named; the probability of a single false one in the whole report is 1 %.
 
     \b
       treadlink trends fleet.dataset --odometer odometer.csv --html fleet.html

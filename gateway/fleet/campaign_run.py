@@ -5,9 +5,9 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from gateway.clock import Clock
 from gateway.errors import OutputError, RecordingError, TreadlinkError
@@ -20,16 +20,11 @@ from gateway.fleet.recording_estimation import (
     Failure,
     estimate_recording,
 )
-from gateway.fleet.worker_cluster import Workers
+from gateway.fleet.worker_tasks import ATTEMPTS, TaskPosition, TaskResult, WorkerTasks, position_reporter
 from gateway.reasons import Code, Reason
-
-ATTEMPTS: Final = 2
-"""Times that a recording is tried when its worker ends."""
 
 _POLL_S: Final = 0.1
 _READ_AHEAD: Final = 64
-_REPORT_NS: Final = 500_000_000
-_TOPIC: Final = "treadlink-campaign"
 
 
 @dataclass(slots=True)
@@ -39,7 +34,7 @@ class CampaignProgress:
     Attributes:
         files: found.
         files_left: neither estimated nor known to need no estimate.
-        total_bytes: of the files that need an estimate, as far as it is known: a file counts until it is known to be done.
+        total_bytes: of the files that need an estimate; a file counts until it is known to be done.
         done_bytes: estimated of these.
         elapsed_s: since the first recording was given to a worker; 0 before.
         estimated: recordings added now.
@@ -79,25 +74,13 @@ class CampaignProgress:
 @dataclass(slots=True)
 class _Job:
     content: FileContent
-    attempts: int = 0
     read_bytes: int = 0
-    ended_before: int = 0
-    future: Any = None
 
 
 class _Hashed(NamedTuple):
     path: Path
     content: FileContent | None
     error: RecordingError | None
-
-
-class _Finished(NamedTuple):
-    future: Any
-
-
-class _Read(NamedTuple):
-    token: str
-    position: int
 
 
 @dataclass(slots=True)
@@ -107,35 +90,31 @@ class CampaignRun:
     Attributes:
         dataset: to add to.
         settings: of the estimation.
-        connect: returns the workers; called when the first recording needs one.
+        connect: returns the tasks of the workers; called when the first recording needs one.
         clock: reads the time.
         stop: event that asks to stop.
         on_progress: called often.
         on_failure: called with each recording that failed now.
         work: estimates one recording in a worker.
-        memory_bytes: limit of a worker, for reasons; 0 when it is not known.
         retries_failed: whether recordings are tried again that are known to fail.
         progress: the state.
     """
 
     dataset: Dataset
     settings: EstimationSettings
-    connect: Callable[[], Workers]
+    connect: Callable[[], WorkerTasks]
     clock: Clock
     stop: threading.Event
     on_progress: Callable[[CampaignProgress], None] = lambda _: None
     on_failure: Callable[[Path, Failure], None] = lambda _, __: None
     work: Callable[..., Estimated] = estimate_recording
-    memory_bytes: int = 0
     retries_failed: bool = False
     progress: CampaignProgress = field(default_factory=CampaignProgress)
-    _events: queue.SimpleQueue[Any] = field(default_factory=queue.SimpleQueue)
     _jobs: dict[str, _Job] = field(default_factory=dict)
     _seen: dict[str, FileContent] = field(default_factory=dict)
     _sizes: dict[Path, int] = field(default_factory=dict)
-    _workers: Workers | None = None
+    _tasks: WorkerTasks | None = None
     _begin_ns: int = 0
-    _number: int = 0
     _done_bytes: int = 0
 
     def run(self, paths: Sequence[Path]) -> CampaignProgress:
@@ -157,8 +136,8 @@ class CampaignRun:
             self._loop(key, waiting)
         finally:
             end.set()
-            if self._workers is not None and self._jobs:
-                self._workers.client.cancel([job.future for job in self._jobs.values()], force=True)
+            if self._tasks is not None:
+                self._tasks.cancel()
         if not self.stop.is_set():
             self._follow_renamed(paths)
         return self.progress
@@ -166,7 +145,7 @@ class CampaignRun:
     def _loop(self, key: str, waiting: queue.Queue[_Hashed | None]) -> None:
         all_read = False
         while not self.stop.is_set() and not (all_read and not self._jobs):
-            self.progress.workers = self._workers.count() if self._workers is not None else 0
+            self.progress.workers = self._tasks.places() if self._tasks is not None else 0
             while not all_read and len(self._jobs) < max(self.progress.workers, 1):
                 try:
                     hashed = waiting.get(timeout=0.0 if self._jobs else _POLL_S)
@@ -177,15 +156,12 @@ class CampaignRun:
                 else:
                     self._consider(hashed, key)
             self._report()
-            if self._jobs:
-                try:
-                    event = self._events.get(timeout=_POLL_S)
-                except queue.Empty:
-                    continue
-                if isinstance(event, _Finished):
-                    self._finished(event.future, key)
-                elif event.token in self._jobs:
+            if self._tasks is not None and self._jobs:
+                event = self._tasks.wait(_POLL_S)
+                if isinstance(event, TaskPosition):
                     self._jobs[event.token].read_bytes = event.position
+                elif event is not None:
+                    self._finished(event, key)
         self._report()
 
     def _consider(self, hashed: _Hashed, key: str) -> None:
@@ -218,72 +194,42 @@ class CampaignRun:
             self._submit(_Job(content))
 
     def _submit(self, job: _Job) -> None:
-        if self._workers is None:
-            self._workers = self.connect()
-            self._workers.client.subscribe_topic(_TOPIC, self._take_position)
+        if self._tasks is None:
+            self._tasks = self.connect()
             self._begin_ns = self.clock.now_ns()
-        job.attempts += 1
-        job.read_bytes = 0
-        job.ended_before = self._workers.ended_for_memory()
-        self._number += 1
-        token = f"{job.content.recording_id}-{self._number}"
+        token = job.content.recording_id
         self._jobs[token] = job
         order = EstimationOrder(job.content, self.settings, self.dataset.incoming, token)
-        future = self._workers.client.submit(
-            run_order, self.work, order, key=f"treadlink-{token}", pure=False, retries=0
-        )
-        job.future = future
-        future.add_done_callback(lambda done: self._events.put(_Finished(done)))
+        self._tasks.submit(token, run_order, self.work, order)
 
-    def _finished(self, future: Any, key: str) -> None:
-        from distributed import KilledWorker
-
-        token = future.key.removeprefix("treadlink-")
-        job = self._jobs.pop(token)
-        try:
-            outcome: Estimated = future.result()
-        except KilledWorker:
-            self._worker_ended(job, key)
+    def _finished(self, event: TaskResult, key: str) -> None:
+        assert self._tasks is not None
+        job = self._jobs[event.token]
+        outcome: Estimated | None = event.outcome
+        failure = outcome.failure if outcome is not None else None
+        full = failure is not None and failure.reason.code is Code.WORKER_MEMORY_FULL
+        if full and event.attempts < ATTEMPTS:
+            job.read_bytes = 0
+            self._tasks.again(event)
             return
-        except TreadlinkError:
-            raise
-        except Exception as error:
-            # What a worker raises before it calls the work: it cannot import this treadlink, or unpickle the order.
-            raise TreadlinkError(
-                f"the workers cannot estimate: {type(error).__name__}: {error}",
-                "Install the same version of treadlink where the workers run.",
-            ) from error
-        self.progress.peak_bytes = max(self.progress.peak_bytes, outcome.peak_bytes)
-        failure = outcome.failure
-        if failure is not None and failure.reason.code is Code.WORKER_MEMORY_FULL and job.attempts < ATTEMPTS:
-            self._submit(job)
-            return
-        if failure is None:
+        del self._jobs[event.token]
+        if outcome is None:
+            assert event.ended is not None
+            failure = Failure(event.ended, _remedy(event.ended), is_final=False)
+        else:
+            self.progress.peak_bytes = max(self.progress.peak_bytes, outcome.peak_bytes)
+        if failure is not None:
+            self._fail(job, replace(failure, attempts=event.attempts), key)
+        elif outcome is not None:
             self.dataset.commit(job.content, key, outcome.parts, outcome.vehicle, outcome.start_ns)
             self.progress.estimated += 1
             self.progress.revolutions += outcome.revolutions
             self.progress.damaged += outcome.damage is not None
-        else:
-            self._fail(job, failure, key)
-        self._settle(job.content.path, counts=True)
-
-    def _worker_ended(self, job: _Job, key: str) -> None:
-        """Try a recording again whose worker has ended, or give it up."""
-        if job.attempts < ATTEMPTS:
-            self._submit(job)
-            return
-        if self._workers is not None and self._workers.ended_for_memory() != job.ended_before:
-            reason = Reason(Code.WORKER_MEMORY_ABOVE_LIMIT, limit_bytes=self.memory_bytes)
-            remedy = "Give the workers more memory with --memory, and fewer workers if there is not enough."
-        else:
-            reason, remedy = Reason(Code.WORKER_ENDED), "Run it alone with `treadlink estimate` to see why."
-        self._fail(job, Failure(reason, remedy, is_final=False, attempts=job.attempts), key)
         self._settle(job.content.path, counts=True)
 
     def _fail(self, job: _Job, failure: Failure, key: str) -> None:
-        counted = Failure(failure.reason, failure.remedy, failure.is_final, job.attempts)
-        self.dataset.fail(job.content.path, job.content, key, counted, self.clock.now_ns())
-        self._count_failure(job.content.path, counted)
+        self.dataset.fail(job.content.path, job.content, key, failure, self.clock.now_ns())
+        self._count_failure(job.content.path, failure)
 
     def _count_failure(self, path: Path, failure: Failure) -> None:
         self.progress.failed += 1
@@ -305,10 +251,6 @@ class CampaignRun:
             self.progress.elapsed_s = (self.clock.now_ns() - self._begin_ns) * 1e-9
         self.on_progress(self.progress)
 
-    def _take_position(self, event: tuple[float, dict[str, Any]]) -> None:
-        message = event[1]
-        self._events.put(_Read(str(message["token"]), int(message["position"])))
-
     def _follow_renamed(self, paths: Sequence[Path]) -> None:
         """Give contents whose path is not among the files any more the path at which they were found."""
         given = {path_key(path) for path in paths}
@@ -323,10 +265,6 @@ def run_order(work: Callable[..., Estimated], order: EstimationOrder) -> Estimat
         OutputError: the dataset cannot be written.
         TreadlinkError: the worker has another version of the estimators.
     """
-    from distributed import get_worker
-
-    from gateway.clock import SystemClock
-
     if order.settings.code != estimators_version():
         raise TreadlinkError(
             "a worker has another version of the estimators", "Install the same version of treadlink everywhere."
@@ -336,16 +274,13 @@ def run_order(work: Callable[..., Estimated], order: EstimationOrder) -> Estimat
             f"a worker does not see the dataset: there is no folder '{order.folder}'",
             "Keep recordings and dataset on a disk that all workers share, under the same path.",
         )
-    worker, clock, due_ns = get_worker(), SystemClock(), 0
+    return work(order, position_reporter(order.token))
 
-    def on_bytes(position: int) -> None:
-        nonlocal due_ns
-        now_ns = clock.now_ns()
-        if now_ns >= due_ns:
-            due_ns = now_ns + _REPORT_NS
-            worker.log_event(_TOPIC, {"token": order.token, "position": position})
 
-    return work(order, on_bytes)
+def _remedy(reason: Reason) -> str:
+    if reason.code is Code.WORKER_MEMORY_ABOVE_LIMIT:
+        return "Give the workers more memory with --memory, and fewer workers if there is not enough."
+    return "Run it alone with `treadlink estimate` to see why."
 
 
 def find_recordings(paths: Sequence[Path]) -> list[Path]:

@@ -184,6 +184,12 @@ def _history(
     )
 
 
+def _last_reason(rows: Sequence[Mapping[str, Any]], name: str) -> str:
+    """Return why the last recording without a value has none; empty when every recording has one."""
+    without = (row.get(f"{name}_reason") for row in reversed(rows) if row.get(name) is None)
+    return next((str(reason) for reason in without if reason), "")
+
+
 def _km(
     time_ns: NDArray[np.int64], readings: tuple[NDArray[np.int64], FloatArray] | None, distance_m: FloatArray
 ) -> FloatArray:

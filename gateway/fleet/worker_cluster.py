@@ -66,7 +66,7 @@ def local_workers(count: int, memory_bytes: int) -> Iterator[Workers]:
         before = signal.getsignal(signal.SIGINT)
         in_main = _set_interrupt(signal.SIG_IGN)  # children inherit it
         try:
-            cluster = LocalCluster(
+            cluster = LocalCluster(  # type: ignore[no-untyped-call]
                 n_workers=count,
                 threads_per_worker=1,
                 processes=True,
@@ -78,7 +78,7 @@ def local_workers(count: int, memory_bytes: int) -> Iterator[Workers]:
             if in_main:
                 signal.signal(signal.SIGINT, before)
         try:
-            with Client(cluster, set_as_default=False) as client:
+            with Client(cluster, set_as_default=False) as client:  # type: ignore[no-untyped-call]
                 yield Workers(client, cluster)
         finally:
             cluster.close(timeout=_CLOSE_S)
@@ -94,7 +94,7 @@ def scheduler_workers(address: str) -> Iterator[Workers]:
     from distributed import Client
 
     try:
-        client = Client(address, timeout=_CONNECT_S, set_as_default=False)
+        client = Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise TreadlinkError(
             f"no dask scheduler answers at '{address}'",
@@ -103,7 +103,7 @@ def scheduler_workers(address: str) -> Iterator[Workers]:
     try:
         yield Workers(client, None)
     finally:
-        client.close(timeout=_CLOSE_S)
+        client.close(timeout=_CLOSE_S)  # type: ignore[no-untyped-call]
 
 
 def _set_interrupt(handler: Any) -> bool:

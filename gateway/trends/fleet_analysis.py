@@ -1,6 +1,6 @@
 """Trends of a fleet: every tire's numbers by regression over its recordings.
 
-Pressure is compared at one temperature by the gas law with absolute pressures, p20 = (p + p_atm) (293.15 K / T) - p_atm.
+Pressures are compared at one temperature by the gas law, with absolute ones: p20 = (p + p_atm) (293.15 K / T) - p_atm.
 Bs, Rs and Ts are stiffnesses over the pressure, so their drift is that of the number times the pressure.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -30,7 +30,7 @@ from gateway.trends.trend_result import (
     TrendOutlier,
     TrendSeries,
 )
-from gateway.types import BoolArray, FloatArray
+from gateway.types import FloatArray, IntArray
 
 REFERENCE_DEGC: Final = 20.0
 """Temperature at which pressures are compared."""
@@ -51,7 +51,10 @@ _NOTABLE_OFFSET_M: Final = 1e-3
 _NOTABLE_GAIN: Final = 0.02
 _NOTABLE_ZERO_MPS2: Final = 5.0
 _NOTABLE_STIFFNESS: Final = 0.05
-_NOTABLE_LOAD: Final = 0.1
+# Tires from which a fleet has a median wear, and excess over it that is a finding.
+_LEAST_FLEET: Final = 4
+_FAST_WEAR: Final = 1.5
+_FAST_WEAR_STDS: Final = 4.0
 _FINDING_SHARE: Final = 0.999
 # Series of a tire that are tested for outliers.
 _SERIES_OF_TIRE: Final = 12
@@ -62,7 +65,7 @@ _LETTERS: Final = {"L": "R", "l": "r", "LEFT": "RIGHT", "Left": "Right", "left":
 class _Line(NamedTuple):
     """A fitted series: design's column 0 is the level, 1 the trend, 2 the temperature where it is there."""
 
-    index: FloatArray
+    places: IntArray
     values: FloatArray
     stds: FloatArray
     design: FloatArray
@@ -99,7 +102,7 @@ def analyse(
     tires = [part for history in histories for part in _tires_of(history, family)]
     found = [_trend_of(_Tire(history, family)) for history in tires]
     return FleetTrends(
-        tires=tuple(trend for trend, _ in found),
+        tires=_with_fast_wear([trend for trend, _ in found]),
         pairs=tuple(_pairs(tires)),
         outliers=tuple(outlier for _, tire in found for outlier in tire.outliers),
         tested=sum(tire.tested for _, tire in found),
@@ -155,6 +158,23 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
     return trend, tire
 
 
+def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
+    """Add a finding to tires that wear much faster than the median of the fleet: that tires wear is none."""
+    rates = [next(n for n in tire.numbers if n.quantity is Quantity.WEAR_RATE) for tire in tires]
+    known = [rate.value for rate in rates if rate.status is Status.VALID]
+    if len(known) < _LEAST_FLEET:
+        return tuple(tires)
+    middle = float(np.median(known))
+    found = []
+    for tire, rate in zip(tires, rates, strict=True):
+        is_fast = rate.status is Status.VALID and rate.value - middle > max(
+            _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(middle, 0.0)
+        )
+        finding = Reason(Code.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle)
+        found.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
+    return tuple(found)
+
+
 def _wear(tire: _Tire) -> None:
     history = tire.history
     wear = history.column("wear_mm")
@@ -162,15 +182,13 @@ def _wear(tire: _Tire) -> None:
     line = _line(tire, "wear_mm", "mm", history.km * 1e-3, wear, history.column("wear_mm_std"), against="km", warm=True)
     basis = () if history.has_odometer else (Reason(Code.TREND_RECORDED_DISTANCE, distance_m=1e3 * _span(history.km)),)
     if line is None or line.search.fit is None:
-        tire.numbers += [TrendNumber(one, unit=unit, reasons=(why,)) for one, unit in (
-            (Quantity.WEAR_RATE, "mm/1000 km"), (Quantity.WEAR_NOW, "mm"))]  # fmt: skip
+        tire.numbers.append(TrendNumber(Quantity.WEAR_RATE, unit="mm/1000 km", reasons=(why,)))
+        tire.numbers.append(TrendNumber(Quantity.WEAR_NOW, unit="mm", reasons=(why,)))
         return
     status = Status.VALID if history.has_odometer else Status.PROVISIONAL
     rate = _number(Quantity.WEAR_RATE, "mm/1000 km", line, 1, status=status, reasons=basis)
     tire.numbers.append(rate)
     tire.numbers.append(_at_end(Quantity.WEAR_NOW, "mm", line))
-    if history.has_odometer and rate.differs_from_zero and rate.value > 0.0:
-        tire.findings.append(Reason(Code.TREND_WEARS, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std))
 
 
 def _pressure(tire: _Tire) -> None:
@@ -185,12 +203,19 @@ def _pressure(tire: _Tire) -> None:
         why = Reason(Code.TREND_TEMPERATURE_UNKNOWN)
     else:
         why = _missing(history, "", cold)
+    unknown = np.full(len(cold), math.nan)
     line = _line(
-        tire, "pressure_at_20_degc", "kPa", history.months, cold * 1e-3, history.column("") * 1e-3, steps_from=_LEAST_REFILL_PA * 1e-3
-    )  # fmt: skip
+        tire,
+        "pressure_at_20_degc",
+        "kPa",
+        history.months,
+        cold * 1e-3,
+        unknown,
+        steps_from=_LEAST_REFILL_PA * 1e-3,
+    )
     if line is None or line.search.fit is None:
-        tire.numbers += [TrendNumber(one, unit=unit, reasons=(why,)) for one, unit in (
-            (Quantity.PRESSURE_LOSS, "kPa/month"), (Quantity.PRESSURE_NOW, "kPa"))]  # fmt: skip
+        tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
+        tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
         return
     notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
     loss = _number(Quantity.PRESSURE_LOSS, "kPa/month", line, 1, factor=-1.0, reasons=notes)
@@ -202,73 +227,61 @@ def _pressure(tire: _Tire) -> None:
 
 def _load(tire: _Tire) -> None:
     history = tire.history
-    measured = history.column("estimated_load_n")
-    stated = history.column("load_n")
+    measured, stds = history.column("estimated_load_n"), history.column("estimated_load_n_std")
+    line = None
     if np.isfinite(measured).any():
-        line = _line(tire, "estimated_load_n", "N", history.months, measured, history.column("estimated_load_n_std"))
-        why, notes = _missing(history, "estimated_load_n", measured), ()
-    else:
-        line, notes = None, ()
-        why = Reason(Code.TREND_LOAD_NOT_MEASURED)
-        values = stated[np.isfinite(stated)]
-        if values.size:
-            std = history.column("load_std_n")[np.isfinite(stated)]
-            own = float(np.nanmedian(std)) if np.isfinite(std).any() else math.nan
-            tire.numbers.append(
-                TrendNumber(
-                    Quantity.LOAD,
-                    float(np.mean(values)),
-                    own,
-                    "N",
-                    Status.PROVISIONAL,
-                    (Reason(Code.TREND_LOAD_STATED),),
-                    int(values.size),
-                )
-            )
+        line = _line(tire, "estimated_load_n", "N", history.months, measured, stds)
     if line is None or line.search.fit is None:
-        present = {number.quantity for number in tire.numbers}
-        tire.numbers += [TrendNumber(one, unit=unit, reasons=(why,)) for one, unit in (
-            (Quantity.LOAD, "N"), (Quantity.LOAD_RATE, "N/month"), (Quantity.LOAD_SCATTER, "N"))
-            if one not in present]  # fmt: skip
+        tire.numbers += _stated_load(history, _missing(history, "estimated_load_n", measured))
     else:
-        fit = line.search.fit
-        used = ~line.search.is_outlier
-        values = line.values[used]
-        own = float(np.nanmedian(line.stds)) if np.isfinite(line.stds).any() else 0.0
-        mean_std = math.hypot(own, float(np.std(values, ddof=1)) / math.sqrt(values.size))
-        tire.numbers.append(
-            TrendNumber(
-                Quantity.LOAD, float(values.mean()), mean_std, "N", Status.VALID, notes, int(values.size), fit.freedom
-            )
-        )
-        tire.numbers.append(_number(Quantity.LOAD_RATE, "N/month", line, 1))
-        scatter = float(np.std(fit.residuals[used], ddof=fit.coefficients.size))
-        tire.numbers.append(
-            TrendNumber(
-                Quantity.LOAD_SCATTER,
-                scatter,
-                scatter / math.sqrt(2.0 * fit.freedom),
-                "N",
-                Status.VALID,
-                (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else (),
-                int(values.size),
-                fit.freedom,
-            )  # fmt: skip
-        )
-    contact = history.column("contact_length_m") * 1e3
-    length = _line(
-        tire, "contact_length_m", "mm", history.months, contact, history.column("contact_length_m_std") * 1e3
-    )
+        tire.numbers += _measured_load(line, line.search.fit)
+        if line.steps:
+            tire.findings.append(Reason(Code.TREND_LOAD_STEPS, count=len(line.steps)))
+    contact, errors = 1e3 * history.column("contact_length_m"), 1e3 * history.column("contact_length_m_std")
+    length = _line(tire, "contact_length_m", "mm", history.months, contact, errors)
     if length is None or length.search.fit is None:
-        tire.numbers.append(
-            TrendNumber(
-                Quantity.CONTACT_RATE, unit="mm/month", reasons=(_missing(history, "contact_length_m", contact),)
-            )
-        )
-        return
-    tire.numbers.append(_number(Quantity.CONTACT_RATE, "mm/month", length, 1))
-    if line is not None and line.search.fit is not None and line.steps:
-        tire.findings.append(Reason(Code.TREND_LOAD_STEPS, count=len(line.steps)))
+        why = _missing(history, "contact_length_m", contact)
+        tire.numbers.append(TrendNumber(Quantity.CONTACT_RATE, unit="mm/month", reasons=(why,)))
+    else:
+        tire.numbers.append(_number(Quantity.CONTACT_RATE, "mm/month", length, 1))
+
+
+def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
+    used = ~line.search.is_outlier
+    values, steps = line.values[used], (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
+    count, shared = int(values.size), _shared_std(line.stds)
+    std = math.hypot(shared, float(np.std(values, ddof=1)) / math.sqrt(count))
+    mean = float(values.mean())
+    yield TrendNumber(
+        Quantity.LOAD, mean, std, "N", Status.VALID, (), count, fit.freedom, mean - 2.0 * std, mean + 2.0 * std
+    )
+    yield _number(Quantity.LOAD_RATE, "N/month", line, 1)
+    scatter = float(np.std(fit.residuals[used], ddof=fit.coefficients.size))
+    own = scatter / math.sqrt(2.0 * fit.freedom)
+    yield TrendNumber(
+        Quantity.LOAD_SCATTER, scatter, own, "N", Status.VALID, steps, count, fit.freedom,
+        scatter - 2.0 * own, scatter + 2.0 * own,
+    )  # fmt: skip
+
+
+def _stated_load(history: TireHistory, why: Reason) -> Iterator[TrendNumber]:
+    """Yield the stated load where none is measured."""
+    stated = history.column("load_n")
+    known = np.isfinite(stated)
+    reasons = (Reason(Code.TREND_LOAD_STATED), why)
+    if known.any():
+        std = _shared_std(history.column("load_std_n")[known]) or math.nan
+        value, count = float(np.mean(stated[known])), int(known.sum())
+        yield TrendNumber(Quantity.LOAD, value, std, "N", Status.PROVISIONAL, reasons, count)
+    else:
+        yield TrendNumber(Quantity.LOAD, unit="N", reasons=(why,))
+    yield TrendNumber(Quantity.LOAD_RATE, unit="N/month", reasons=(why,))
+    yield TrendNumber(Quantity.LOAD_SCATTER, unit="N", reasons=(why,))
+
+
+def _shared_std(stds: FloatArray) -> float:
+    """Return the stated error that all recordings share; 0 when it is not known."""
+    return float(np.nanmedian(stds)) if np.isfinite(stds).any() else 0.0
 
 
 def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity) -> None:
@@ -282,9 +295,8 @@ def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity
     line = _line(tire, name, "%", history.months, percent - middle, stds, warm=True)
     why = _missing(history, name, percent)
     if line is None or line.search.fit is None:
-        tire.numbers += [
-            TrendNumber(quantity, unit="%/month", reasons=(why,)), TrendNumber(temperature, unit="%/K", reasons=(why,))
-        ]  # fmt: skip
+        tire.numbers.append(TrendNumber(quantity, unit="%/month", reasons=(why,)))
+        tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(why,)))
         return
     notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
     rate = _number(quantity, "%/month", line, 1, reasons=notes)
@@ -308,16 +320,18 @@ def _sensor(tire: _Tire) -> None:
         clipped = 100.0 * history.column("samples_saturated") / history.column("samples")
         log_speed = np.log(speed)
     nothing = np.full(len(speed), math.nan)
+    offset, offset_std = history.column("mounting_offset_m"), history.column("mounting_offset_std_m")
+    gain, gain_std = history.column("gain"), history.column("gain_std")
+    lost = history.column("missing_fraction")
+    zero, zero_std = history.column("zero_g_offset_mps2"), history.column("zero_g_offset_mps2_std")
     for quantity, name, unit, values, stds, notable in (
         (Quantity.NOISE_RATE, "noise_mps2", "%", noise, nothing, 100.0 * math.log1p(_NOTABLE_NOISE)),
-        (Quantity.LOSS_RATE, "missing_fraction", "%", 100.0 * history.column("missing_fraction"), nothing, 100.0 * _NOTABLE_SHARE),
+        (Quantity.LOSS_RATE, "missing_fraction", "%", 100.0 * lost, nothing, 100.0 * _NOTABLE_SHARE),
         (Quantity.CLIPPING_RATE, "samples_saturated", "%", clipped, nothing, 100.0 * _NOTABLE_CLIPPING),
-        (Quantity.OFFSET_RATE, "mounting_offset_m", "mm", 1e3 * history.column("mounting_offset_m"),
-         1e3 * history.column("mounting_offset_std_m"), 1e3 * _NOTABLE_OFFSET_M),
-        (Quantity.GAIN_RATE, "gain", "%", 100.0 * history.column("gain"), 100.0 * history.column("gain_std"), 100.0 * _NOTABLE_GAIN),
-        (Quantity.ZERO_RATE, "zero_g_offset_mps2", "m/s²", history.column("zero_g_offset_mps2"),
-         history.column("zero_g_offset_mps2_std"), _NOTABLE_ZERO_MPS2),
-    ):  # fmt: skip
+        (Quantity.OFFSET_RATE, "mounting_offset_m", "mm", 1e3 * offset, 1e3 * offset_std, 1e3 * _NOTABLE_OFFSET_M),
+        (Quantity.GAIN_RATE, "gain", "%", 100.0 * gain, 100.0 * gain_std, 100.0 * _NOTABLE_GAIN),
+        (Quantity.ZERO_RATE, "zero_g_offset_mps2", "m/s²", zero, zero_std, _NOTABLE_ZERO_MPS2),
+    ):
         covariate = log_speed if quantity is Quantity.NOISE_RATE else None
         tested = quantity in (Quantity.NOISE_RATE, Quantity.OFFSET_RATE)
         line = _line(tire, name, unit, history.months, values, stds, covariate=covariate, tested=tested)
@@ -393,23 +407,24 @@ def _line(
     steps = find_steps(design, chosen, family=tire.family, least=steps_from) if np.ptp(chosen) > 0.0 else []
     design = np.column_stack([design, *((np.arange(len(index)) >= begin).astype(np.float64) for begin in steps)])
     search = find_outliers(design, chosen, weights_of(design, chosen, own), family=tire.family)
-    line = _Line(index.astype(np.float64), chosen, own, design, steps, search, has_covariate)
+    line = _Line(index, chosen, own, design, steps, search, has_covariate)
     if search.fit is None:
         return line
+    # Figures show what remains at the mean temperature or speed.
+    moved = design[:, 2] * search.fit.coefficients[2] if has_covariate else np.zeros(len(index))
     if tested:
         tire.tested += len(index)
-        tire.outliers += [
-            _outlier(history, name, unit, line, search.fit, one) for one in np.flatnonzero(search.is_outlier)
-        ]
+        outliers = np.flatnonzero(search.is_outlier).tolist()
+        tire.outliers += [_outlier(history, name, unit, line, search.fit, one) for one in outliers]
     tire.series.append(
         TrendSeries(
             name=name,
             unit=unit,
             against=against,
             at=at[index] * (1e3 if against == "km" else 1.0),
-            values=chosen,
+            values=chosen - moved,
             stds=own,
-            expected=search.fit.expected,
+            expected=search.fit.expected - moved,
             is_outlier=search.is_outlier if tested else np.zeros(len(index), dtype=bool),
             steps=tuple(steps),
         )
@@ -418,7 +433,7 @@ def _line(
 
 
 def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, one: int) -> TrendOutlier:
-    at = int(line.index[one])
+    at = int(line.places[one])
     scale = fit.scale / math.sqrt(float(fit.weights[one]))
     return TrendOutlier(
         history.vehicle,
@@ -463,8 +478,7 @@ def _at_end(quantity: Quantity, unit: str, line: _Line) -> TrendNumber:
     if line.has_covariate:
         row[2] = 0.0
     value = float(row @ fit.coefficients)
-    shared = float(np.nanmedian(line.stds)) if np.isfinite(line.stds).any() else 0.0
-    std = math.hypot(math.sqrt(max(float(row @ fit.covariance @ row), 0.0)), shared)
+    std = math.hypot(math.sqrt(max(float(row @ fit.covariance @ row), 0.0)), _shared_std(line.stds))
     count = fit.freedom + fit.coefficients.size
     return TrendNumber(
         quantity, value, std, unit, Status.VALID, (), count, fit.freedom, value - 2.0 * std, value + 2.0 * std
@@ -540,7 +554,7 @@ def _difference(
 
 
 def _by_path(tires: Sequence[TireHistory], name: str) -> dict[str, tuple[float, float]]:
-    found = {}
+    found: dict[str, tuple[float, float]] = {}
     for tire in tires:
         values, stds = tire.column(name), tire.column(f"{name}_std")
         found |= {tire.paths[i]: (float(values[i]), float(stds[i])) for i in np.flatnonzero(np.isfinite(values))}
@@ -561,7 +575,7 @@ def _centred(values: FloatArray) -> FloatArray:
     return np.asarray(values - values.mean(), dtype=np.float64)
 
 
-def _varies(values: FloatArray, least: float) -> BoolArray | bool:
+def _varies(values: FloatArray, least: float) -> bool:
     return bool(np.isfinite(values).all()) and float(values.std()) >= least
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.types import FloatArray
+from gateway.types import BoolArray, FloatArray
 
 LEAST_POINTS: Final = 4
 """Points of a level; fewer are outliers."""
@@ -77,7 +77,7 @@ def _is_apart(at: int, found: list[int]) -> bool:
     return all(abs(at - other) >= LEAST_POINTS for other in found)
 
 
-def _spikes(values: FloatArray) -> FloatArray:
+def _spikes(values: FloatArray) -> BoolArray:
     """Return (n,) whether a value differs from the median of its neighbours on both sides by six times the scatter."""
     count = len(values)
     medians = np.empty(count)

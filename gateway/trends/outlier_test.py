@@ -1,8 +1,8 @@
 """Outliers of a regression: generalized extreme Studentized deviates, with a stated rate of false ones.
 
 Rosner, B. (1983): Percentage points for a generalized ESD many-outlier procedure. Technometrics 25, 165-172. Points are
-taken out one by one, the most deviating first; the test looks at all of them before it decides, so that several outliers
-do not hide each other.
+taken out one by one, the most deviating first; the test looks at all before it decides, so that several outliers do not
+hide each other.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def find_outliers(
     """
     from scipy import stats
 
-    count, columns = design.shape
+    count = len(values)
     used = np.ones(count, dtype=bool)
     first = fit(design, values, weights, used)
     if first is None:

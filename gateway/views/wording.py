@@ -504,12 +504,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.STATED_RADIUS: "belt radius {radius_m:g mm} ({source})",
     Code.STATED_ROLL: "mounting roll {roll_rad:g deg} ({source})",
     # Trends of a dataset
-    Code.TREND_LOAD_NOT_MEASURED: (
-        "no recording has a measured load: it needs the estimator load and tire.load_calibration (treadlink calibrate)"
-    ),
     Code.TREND_LOAD_STATED: "as stated, not measured",
     Code.TREND_LOAD_STEPS: "the load changes in {count} steps",
-    Code.TREND_LOSES_PRESSURE: "loses {loss_pa:.1f kPa} ± {std_pa:.1f kPa} a month",
+    Code.TREND_LOSES_PRESSURE: "loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month",
     Code.TREND_NO_VALUES: "no recording has a value: {why}",
     Code.TREND_OUTLIERS_LEFT_OUT: "{count} outliers left out",
     Code.TREND_PRESSURE_NOT_MEASURED: "no sensor has sent a pressure",
@@ -532,7 +529,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_VEHICLE_WITHOUT_ODOMETER: (
         "the odometer file does not cover vehicle {vehicle}: its distance is the recorded one"
     ),
-    Code.TREND_WEARS: "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km",
+    Code.TREND_WEARS_FAST: (
+        "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}"
+    ),
     # Security
     Code.COUNTERS_NOT_SAVED: "frames of this session could be replayed to the next one: {error}. {remedy}",
     Code.COUNTERS_SAVED_LATE: (

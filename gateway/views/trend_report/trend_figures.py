@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -56,7 +57,7 @@ def _draw(panel: Axes, series: TrendSeries) -> None:
     if outliers.size:
         panel.plot(series.at[outliers], series.values[outliers], "x", color=BEFORE, ms=6.0, mew=1.6, label="outlier")
     edges = [0, *series.steps, len(series.at)]
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         part = np.arange(begin, end)
         if len(part) > MOST_POINTS:
             part = part[np.linspace(0, len(part) - 1, MOST_POINTS).astype(int)]

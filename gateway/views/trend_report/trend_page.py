@@ -24,6 +24,7 @@ from gateway.views.trend_report.trend_tables import (
     plain_number,
     shown,
     tire_name,
+    unit_in,
 )
 from gateway.views.wording import joined, text
 
@@ -203,11 +204,9 @@ def _answer(trends: FleetTrends) -> list[str]:
 
 
 def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequence[Quantity]) -> Table:
-    units = {
-        quantity: next((n.unit for tire in tires for n in tire.numbers if n.quantity is quantity), "")
-        for quantity in quantities
-    }
-    rows, reasons = [], {}
+    units = {quantity: unit_in(tires, quantity) for quantity in quantities}
+    rows: list[tuple[str, list[Cell]]] = []
+    reasons: dict[tuple[str, str], None] = {}
     for tire in tires:
         cells = []
         for quantity in quantities:

@@ -99,6 +99,11 @@ def number_of(numbers: Sequence[TrendNumber], quantity: Quantity) -> TrendNumber
     return next((number for number in numbers if number.quantity is quantity), TrendNumber(quantity))
 
 
+def unit_in(tires: Sequence[TireTrend], quantity: Quantity) -> str:
+    """Return the unit of a quantity."""
+    return next((n.unit for tire in tires for n in tire.numbers if n.quantity is quantity), "")
+
+
 def trends_json(trends: FleetTrends) -> dict[str, Any]:
     """Return trends as plain dicts, lists, strings and finite numbers; null where a value is not known."""
     return {
@@ -179,7 +184,8 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     first = min(trend.first_ns for trend in trends.tires)
     last = max(trend.last_ns for trend in trends.tires)
     yield (
-        f"{len(trends.tires)} tires of {vehicles} vehicles, {trends.recordings} recordings, {day(first)} to {day(last)} (UTC)"
+        f"{len(trends.tires)} tires of {vehicles} vehicles, {trends.recordings} recordings, "
+        f"{day(first)} to {day(last)} (UTC)"
     )
     yield from (clean(text(note)) for note in trends.notes)
     yield ""
@@ -188,10 +194,10 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
         for quantity in _SHORT
     }
     rows = [["tire", "recordings", *(f"{LABELS[one]}, {units[one]}" for one in _SHORT)]]
-    for trend in trends.tires[:_LISTED]:
-        rows.append(
-            [tire_name(trend), str(trend.recordings), *(shown(number_of(trend.numbers, one)) for one in _SHORT)]
-        )
+    rows += [
+        [tire_name(trend), str(trend.recordings), *(shown(number_of(trend.numbers, one)) for one in _SHORT)]
+        for trend in trends.tires[:_LISTED]
+    ]
     widths = [max(width(row[column]) for row in rows) for column in range(len(rows[0]))]
     yield from ("  ".join(pad(cell, cells) for cell, cells in zip(row, widths, strict=True)).rstrip() for row in rows)
     if len(trends.tires) > _LISTED:
@@ -220,7 +226,8 @@ def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:
         yield ""
         yield "asymmetry:"
     for pair, number in known[:_LISTED]:
-        yield f"  {clean(pair.vehicle)} {pair.left} {pair.right}: {LABELS[number.quantity]} {shown(number)} {number.unit}"
+        wheels = f"{clean(pair.vehicle)} {pair.left} {pair.right}"
+        yield f"  {wheels}: {LABELS[number.quantity]} {shown(number)} {number.unit}"
 
 
 def _number_json(number: TrendNumber) -> dict[str, Any]:
