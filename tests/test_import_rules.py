@@ -31,10 +31,17 @@ ALLOWED: dict[str, set[str]] = {
         "firmware_protocol", "gateway.config", "gateway.io", "gateway.physics", "gateway.security",
     },
     "gateway.importing": {"firmware_protocol", "gateway.config", "gateway.io", "gateway.recording"},
-    "gateway.views": {"firmware_protocol", "gateway.closure", "gateway.estimators", "gateway.pipeline"},
+    "gateway.views": {
+        "firmware_protocol", "gateway.closure", "gateway.estimators", "gateway.pipeline", "gateway.trends",
+    },
     "gateway.session": {
         "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.io",
         "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.views",
+    },
+    "gateway.trends": {"gateway.estimators"},
+    "gateway.fleet": {
+        "firmware_protocol", "gateway.config", "gateway.estimators", "gateway.pipeline", "gateway.recording",
+        "gateway.security", "gateway.session", "gateway.trends", "gateway.views",
     },
     "gateway.papers": {"gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.cli": {"*"},

@@ -15,7 +15,7 @@ from gateway.cli import exit_status
 from gateway.cli.options import config_option, effects_option, keys_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
-from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, in_order
+from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
 from gateway.views.numbers import duration, file_size
 from gateway.views.text import clean
 from gateway.views.wording import text
@@ -48,7 +48,7 @@ _GB: Final = 1e9
     "--estimator",
     "estimators",
     multiple=True,
-    type=click.Choice(list(ESTIMATORS)),
+    type=click.Choice(estimator_names()),
     help=f"Estimator to run; repeat for several.  [default: {', '.join(CAMPAIGN_ESTIMATORS)}]",
 )
 @click.option(

@@ -20,7 +20,7 @@ from gateway.fleet.recording_estimation import (
     Failure,
     estimate_recording,
 )
-from gateway.fleet.worker_tasks import ATTEMPTS, TaskPosition, TaskResult, WorkerTasks, position_reporter
+from gateway.fleet.worker_tasks import TaskPosition, TaskResult, WorkerTasks, position_reporter
 from gateway.reasons import Code, Reason
 
 _POLL_S: Final = 0.1
@@ -203,16 +203,9 @@ class CampaignRun:
         self._tasks.submit(token, run_order, self.work, order)
 
     def _finished(self, event: TaskResult, key: str) -> None:
-        assert self._tasks is not None
-        job = self._jobs[event.token]
+        job = self._jobs.pop(event.token)
         outcome: Estimated | None = event.outcome
         failure = outcome.failure if outcome is not None else None
-        full = failure is not None and failure.reason.code is Code.WORKER_MEMORY_FULL
-        if full and event.attempts < ATTEMPTS:
-            job.read_bytes = 0
-            self._tasks.again(event)
-            return
-        del self._jobs[event.token]
         if outcome is None:
             assert event.ended is not None
             failure = Failure(event.ended, _remedy(event.ended), is_final=False)
@@ -278,7 +271,7 @@ def run_order(work: Callable[..., Estimated], order: EstimationOrder) -> Estimat
 
 
 def _remedy(reason: Reason) -> str:
-    if reason.code is Code.WORKER_MEMORY_ABOVE_LIMIT:
+    if reason.code in (Code.WORKER_MEMORY_ABOVE_LIMIT, Code.WORKER_MEMORY_FULL):
         return "Give the workers more memory with --memory, and fewer workers if there is not enough."
     return "Run it alone with `treadlink estimate` to see why."
 

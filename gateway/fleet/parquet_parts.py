@@ -109,6 +109,7 @@ class PartFile:
         """
         with self._output.explained():
             self._flush()
+            self._writer.add_key_value_metadata(self._schema.metadata)
             self._writer.close()
         self._output.commit()
 

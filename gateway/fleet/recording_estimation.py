@@ -27,6 +27,7 @@ from gateway.fleet.wheel_rows import WheelRow
 from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import CorrectionTable
+from gateway.plugins import PluginGroup, installed
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
@@ -94,6 +95,11 @@ class EstimationSettings:
                 "vehicle": None if self.vehicle is None else self.vehicle.to_toml(),
                 "effects": [_effects_identity(table) for table in self.effects],
                 "code": self.code,
+                "plugins": [
+                    [plugin.name, plugin.package, plugin.version]
+                    for plugin in installed(PluginGroup.ESTIMATORS)
+                    if plugin.name in self.estimators
+                ],
             }
         )
 
@@ -199,17 +205,16 @@ def estimate_recording(order: EstimationOrder, on_bytes: Callable[[int], None] |
 
     Raises:
         OutputError: the dataset cannot be written, which concerns all recordings.
+        MemoryError: the worker has no memory left.
     """
     try:
         return _estimate(order, on_bytes or (lambda _: None))
-    except OutputError:
+    except (OutputError, MemoryError):
         raise
     except RecordingError as error:
         return _failed(Code.RECORDING_NOT_READ, str(error), error.remedy, final=order.content.is_unchanged())
     except TreadlinkError as error:
         return _failed(Code.RECORDING_NOT_USED, str(error), error.remedy, final=isinstance(error, ConfigError))
-    except MemoryError:
-        return Estimated(failure=Failure(Reason(Code.WORKER_MEMORY_FULL), is_final=False), peak_bytes=_peak_bytes())
     except OSError as error:
         return _failed(Code.RECORDING_NOT_READ, error.strerror or str(error), final=False)
     except Exception as error:  # a fault of treadlink in one recording must not stop the others

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-import signal
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -40,12 +39,6 @@ class Workers:
         return sum(max(pid, 0) for pid in ended)
 
 
-def ignore_interrupts() -> None:
-    """Ignore Ctrl-C in a worker process: the terminal sends it to all, and the campaign ends its workers itself."""
-    with suppress(ValueError):  # not in the main thread
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 @contextmanager
 def local_workers(count: int, memory_bytes: int) -> Iterator[Workers]:
     """Start worker processes of one thread each on this machine, and end them afterwards."""
@@ -59,24 +52,19 @@ def local_workers(count: int, memory_bytes: int) -> Iterator[Workers]:
         # The campaign itself tries a recording again, and counts.
         "distributed.scheduler.allowed-failures": 0,
         "distributed.worker.daemon": True,
+        "distributed.worker.preload": ["gateway.fleet.worker_signals"],
         "logging": {"distributed": logging.getLevelName(level).lower()},
         "distributed.comm.timeouts.connect": f"{_CONNECT_S:.0f}s",
     }
     with dask.config.set(settings):
-        before = signal.getsignal(signal.SIGINT)
-        in_main = _set_interrupt(signal.SIG_IGN)  # children inherit it
-        try:
-            cluster = LocalCluster(  # type: ignore[no-untyped-call]
-                n_workers=count,
-                threads_per_worker=1,
-                processes=True,
-                memory_limit=memory_bytes,
-                dashboard_address="127.0.0.1:0",
-                silence_logs=level,
-            )
-        finally:
-            if in_main:
-                signal.signal(signal.SIGINT, before)
+        cluster = LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=memory_bytes,
+            dashboard_address="127.0.0.1:0",
+            silence_logs=level,
+        )
         try:
             with Client(cluster, set_as_default=False) as client:  # type: ignore[no-untyped-call]
                 yield Workers(client, cluster)
@@ -104,11 +92,3 @@ def scheduler_workers(address: str) -> Iterator[Workers]:
         yield Workers(client, None)
     finally:
         client.close(timeout=_CLOSE_S)  # type: ignore[no-untyped-call]
-
-
-def _set_interrupt(handler: Any) -> bool:
-    try:
-        signal.signal(signal.SIGINT, handler)
-    except ValueError:
-        return False
-    return True

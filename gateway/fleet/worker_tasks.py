@@ -53,7 +53,7 @@ class _Running:
 
 
 class WorkerTasks:
-    """Tasks at the workers, by token. A task whose worker ends is tried once more."""
+    """Tasks at the workers, by token. A task whose worker ends or has no memory left is tried once more."""
 
     def __init__(self, workers: Workers, memory_bytes: int = 0) -> None:
         """Take the workers.
@@ -65,7 +65,6 @@ class WorkerTasks:
         self._workers = workers
         self._memory_bytes = memory_bytes
         self._running: dict[str, _Running] = {}
-        self._finished: dict[str, _Running] = {}
         self._events: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._number = 0
         workers.client.subscribe_topic(_TOPIC, self._take_position)
@@ -77,10 +76,6 @@ class WorkerTasks:
     def submit(self, token: str, function: Callable[..., Any], *arguments: Any) -> None:
         """Give a task to the workers."""
         self._start(token, _Running(function, arguments))
-
-    def again(self, result: TaskResult) -> None:
-        """Try the task of a result again."""
-        self._start(result.token, self._finished.pop(result.token))
 
     def wait(self, timeout_s: float) -> TaskResult | TaskPosition | None:
         """Return the next result, or how far a task is; None after the time.
@@ -104,6 +99,7 @@ class WorkerTasks:
         self._running.clear()
         if futures:
             self._workers.client.cancel(futures, force=True)
+        self._workers.client.unsubscribe_topic(_TOPIC)
 
     def _start(self, token: str, task: _Running) -> None:
         self._number += 1
@@ -120,13 +116,14 @@ class WorkerTasks:
         from distributed import KilledWorker
 
         del self._running[token]
+        future, task.future = task.future, None
         try:
-            outcome = task.future.result()
-        except KilledWorker:
+            outcome = future.result()
+        except (KilledWorker, MemoryError) as error:
             if task.attempts < ATTEMPTS:
                 self._start(token, task)
                 return None
-            return TaskResult(token, None, self._why_ended(task), task.attempts)
+            return TaskResult(token, None, self._why_ended(task, error), task.attempts)
         except TreadlinkError:
             raise
         except Exception as error:
@@ -135,10 +132,14 @@ class WorkerTasks:
                 f"the workers cannot estimate: {type(error).__name__}: {error}",
                 "Install the same version of treadlink, with the same packages, where the workers run.",
             ) from error
-        self._finished = {token: task}
+        finally:
+            # A result that is held is computed again when the worker that has it ends.
+            future.release()
         return TaskResult(token, outcome, None, task.attempts)
 
-    def _why_ended(self, task: _Running) -> Reason:
+    def _why_ended(self, task: _Running, error: Exception) -> Reason:
+        if isinstance(error, MemoryError):
+            return Reason(Code.WORKER_MEMORY_FULL)
         if self._workers.ended_for_memory() != task.ended_before:
             return Reason(Code.WORKER_MEMORY_ABOVE_LIMIT, limit_bytes=self._memory_bytes)
         return Reason(Code.WORKER_ENDED)

@@ -22,6 +22,13 @@ MOST_SHARE: Final = 0.2
 """Share of a series that can be outliers; more are another state of the tire."""
 
 
+# Outliers that hide each other are rarely more; the test costs one fit for each.
+_LOOK_AHEAD: Final = 12
+_LARGEST_LEVERAGE: Final = 0.999
+# Share of the values that rounding leaves.
+_ROUNDING: Final = 1e-10
+
+
 class OutlierSearch(NamedTuple):
     """Result of the test.
 
@@ -50,34 +57,39 @@ def find_outliers(
 
     count = len(values)
     used = np.ones(count, dtype=bool)
-    first = fit(design, values, weights, used)
-    if first is None:
+    if fit(design, values, weights, used) is None:
         return OutlierSearch(~used, None)
     level = false_rate / max(family, 1)
+    root = np.sqrt(weights)
+    rows, wanted = design * root[:, None], values * root
     removed: list[int] = []
     found = 0
-    now: Fit | None = first
     for step in range(1, int(MOST_SHARE * count) + 1):
-        if now is None or now.freedom - 1 < LEAST_FREEDOM or not now.scale > 0.0:
+        freedom = count - step - design.shape[1]
+        if freedom < LEAST_FREEDOM or step - found > _LOOK_AHEAD:
             break
-        deviates = np.abs(now.residuals) * np.sqrt(weights) / (now.scale * np.sqrt(1.0 - now.leverage))
-        deviates[~used] = -1.0
+        deviates = _studentized(rows, wanted, used)
         worst = int(np.argmax(deviates))
-        freedom = now.freedom - 1
-        left = count - step + 1
-        quantile = float(stats.t.isf(level / (2.0 * left), freedom))
-        limit = quantile * math.sqrt(now.freedom) / math.sqrt(freedom + quantile**2)
+        quantile = float(stats.t.isf(level / (2.0 * (count - step + 1)), freedom))
+        limit = quantile * math.sqrt(freedom + 1) / math.sqrt(freedom + quantile**2)
+        if not deviates[worst] > 0.0:
+            break
         removed.append(worst)
         used[worst] = False
         if deviates[worst] > limit:
             found = step
-        elif step - found >= _LOOK_AHEAD:
-            break
-        now = fit(design, values, weights, used)
     is_outlier = np.zeros(count, dtype=bool)
     is_outlier[removed[:found]] = True
     return OutlierSearch(is_outlier, fit(design, values, weights, ~is_outlier))
 
 
-# Outliers that hide each other are rarely more; the test costs one fit for each.
-_LOOK_AHEAD: Final = 12
+def _studentized(rows: FloatArray, wanted: FloatArray, used: BoolArray) -> FloatArray:
+    """Return (n,) residuals of the points used over their own standard deviation; -1 for the others."""
+    basis = np.linalg.qr(rows[used])[0]
+    left = wanted[used] - basis @ (basis.T @ wanted[used])
+    leverage = np.minimum(np.einsum("ij,ij->i", basis, basis), _LARGEST_LEVERAGE)
+    scale = math.sqrt(float(left @ left) / (len(left) - basis.shape[1]))
+    deviates = np.full(len(wanted), -1.0)
+    if scale > _ROUNDING * float(np.abs(wanted).max()):
+        deviates[used] = np.abs(left) / (scale * np.sqrt(1.0 - leverage))
+    return deviates

@@ -112,17 +112,10 @@ def test_copy_keeps_rows_of_changed_original(campaign, recordings, made, tmp_pat
     assert is_whole(tmp_path)
 
 
-def test_new_estimators_replace_rows(campaign, recordings, tmp_path, workers):
-    path = recordings / "drive0.mcap"
-    campaign(path)
+def test_other_code_on_a_worker_is_an_error(campaign, recordings, tmp_path):
     with pytest.raises(TreadlinkError, match="another version of the estimators"):
-        campaign(path, code="other")
-    assert campaign(path, work=of_other_code).estimated == 0
-    assert names(tmp_path) == ["drive0.mcap"]
-
-
-def of_other_code(*_: object) -> None:
-    raise AssertionError("nothing is to be estimated")
+        campaign(recordings / "drive0.mcap", code="other")
+    assert rows(tmp_path, "recordings") == rows(tmp_path, "failures") == []
 
 
 def test_other_settings_need_another_dataset(campaign, recordings):
@@ -241,6 +234,6 @@ def test_recordings_are_found_in_folders(recordings):
     assert [path.name for path in find_recordings([recordings])] == ["drive0.mcap", "drive1.mcap", "drive2.mcap"]
     with pytest.raises(RecordingError, match="does not exist"):
         find_recordings([recordings / "missing"])
+    (recordings / "empty").mkdir()
     with pytest.raises(RecordingError, match="no recording in"):
-        (recordings / "empty").mkdir()
         find_recordings([recordings / "empty"])

@@ -23,6 +23,8 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.simulator": "simulated tires, hubs and link faults",
     "gateway.importing": "import of foreign measurements",
     "gateway.session": "live, batch and campaign sessions",
+    "gateway.trends": "trends of tires: regression, steps, outliers",
+    "gateway.fleet": "campaigns over thousands of recordings and their dataset",
 }
 
 _ROOT: Final = Path(__file__).parents[2]
