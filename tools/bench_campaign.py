@@ -31,10 +31,15 @@ import numpy as np
 from gateway.config.validation import parse_document
 from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.tire_data import SOFTENING_PER_K
+from gateway.fleet.history_reading import read_histories, read_odometer
 from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
+from gateway.trends.fleet_analysis import analyse
+from gateway.trends.trend_result import Quantity
+from gateway.views.trend_report.trend_page import write_trends_page
+from gateway.views.trend_report.trend_tables import number_of
 
 BEGIN_NS = 1_767_225_600 * 10**9  # 1 January 2026
 DAY_NS = 86_400 * 10**9
@@ -215,8 +220,35 @@ def estimate(folder: Path, jobs: int, limit_s: float | None) -> None:
 
 
 def check(folder: Path, jobs: int) -> None:
-    """Print the trends of a dataset beside the truth."""
-    raise NotImplementedError
+    """Print the trends of a dataset beside the truth, and the outliers that are false."""
+    plans = [Planned(**entry) for entry in json.loads((folder / "truth.json").read_text())]
+    dataset, page = folder / f"jobs{jobs}.dataset", folder / f"jobs{jobs}.html"
+    histories = read_histories(dataset, read_odometer(folder / "odometer.csv"))
+    begin = time.monotonic()
+    found = analyse(histories.tires, recordings=histories.recordings, failures=histories.failures)
+    analysed = time.monotonic()
+    write_trends_page(found, page, force=True)
+    print(
+        f"{found.recordings} recordings, {found.failures} failures: trends {analysed - begin:.1f} s, "
+        f"page {time.monotonic() - analysed:.1f} s, {page.stat().st_size / 1e6:.1f} MB"
+    )
+    print("| tire | recordings | wear, mm in 10,000 km | true | pressure loss, kPa a month | true | findings |")
+    print("|---|---|---|---|---|---|---|")
+    for tire in found.tires:
+        vehicle = next(one for one in FLEET if one.name == tire.vehicle)
+        wear = number_of(tire.numbers, Quantity.WEAR_RATE)
+        loss = number_of(tire.numbers, Quantity.PRESSURE_LOSS)
+        words = "; ".join(str(finding.code) for finding in tire.findings) or "none"
+        print(
+            f"| {tire.vehicle} {tire.sensor_id} | {tire.recordings} | {10 * wear.value:.2f} ± {10 * wear.std:.2f} "
+            f"| {vehicle.wear_mm} | {loss.value:.3f} ± {loss.std:.3f} | {vehicle.leak_kpa} | {words} |"
+        )
+    named = {Path(one.path).name for one in found.outliers}
+    estimated = {Path(path).name for tire in histories.tires for path in tire.paths}
+    true = {Path(plan.path).name for plan in plans if plan.outlier} & estimated
+    share = 100.0 * len(named - true) / max(len(estimated - true), 1)
+    print(f"outliers: {len(named & true)} of {len(true)} found; {len(named - true)} false, {share:.2f} % of the others")
+    print(f"false: {', '.join(sorted(named - true)) or 'none'}")
 
 
 def main() -> None:

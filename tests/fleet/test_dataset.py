@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 from pathlib import Path
 
@@ -14,8 +15,17 @@ from gateway.fleet.content_keys import FileContent, path_key, read_content
 from gateway.fleet.dataset import Dataset, Description, opened, partition
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
-from gateway.views.tables.campaign_columns import recording_columns, revolution_columns, unit_of
+from gateway.trends.trend_result import Quantity
+from gateway.views.tables.campaign_columns import (
+    DIAGNOSIS_COLUMNS,
+    FAILURE_COLUMNS,
+    RECORDING_PARTS,
+    recording_columns,
+    revolution_columns,
+    unit_of,
+)
 
+ROOT = Path(__file__).parents[2]
 DESCRIPTION = Description(("kinematic",), ("speed_mps",), "second")
 START_NS = 1_769_860_800 * 10**9  # 31 January 2026, 12:00 UTC
 
@@ -58,20 +68,22 @@ def test_three_programs_read_it_in_one_line(campaign, recordings, tmp_path, monk
 
     campaign(recordings)
     monkeypatch.chdir(tmp_path)
-    by_duckdb = duckdb.sql("SELECT * FROM 'dataset/recordings/**/*.parquet'").df()
-    by_polars = polars.read_parquet("dataset/recordings/")
-    by_pandas = pandas.read_parquet("dataset/recordings")
-    for table in (by_duckdb, by_polars.to_pandas(), by_pandas):
+    (tmp_path / "fleet.dataset").symlink_to("dataset")
+    page = (ROOT / "docs" / "how-to" / "evaluate-a-fleet.md").read_text("utf-8")
+    lines = re.findall(r"^(?:duckdb|polars|pandas)\.\w+\(.*\)$", page, re.MULTILINE)
+    modules = {"duckdb": duckdb, "polars": polars, "pandas": pandas}
+    by_duckdb, by_polars, by_pandas = (eval(line, modules) for line in lines)
+    for table in (by_duckdb.df(), by_polars.to_pandas(), by_pandas):
         assert len(table) == 3
         assert set(table["vehicle"]) == {"van 7", "a/b=c ü"}
         assert {str(day)[:10] for day in table["day"]} == {"2023-11-14", "2023-11-15", "2023-11-16"}
         assert table["Bs"].notna().all()
     assert len(pandas.read_parquet("dataset/revolutions")) == polars.read_parquet("dataset/revolutions/").height > 3
-    joined = duckdb.sql(
-        "SELECT r.vehicle, count(*) FROM 'dataset/revolutions/**/*.parquet' v "
-        "JOIN 'dataset/recordings/**/*.parquet' r USING (recording_id) GROUP BY ALL"
-    ).fetchall()
-    assert len(joined) == 2
+    (query,) = re.findall(r"```sql\n(.*?)```", page, re.DOTALL)
+    query = query.replace("2026-01", "2023-11").replace("r.estimated_load_n", "r.load_n")
+    found = duckdb.sql(query).fetchall()
+    assert len(found) > 0
+    assert {row[4] for row in found} == {4000.0}
 
 
 def test_metadata_state_units_and_time_zone(campaign, recordings, tmp_path):
@@ -84,6 +96,22 @@ def test_metadata_state_units_and_time_zone(campaign, recordings, tmp_path):
     assert (units["wear_mm"], units["wear_mm_scatter"], units["duration_s"]) == ("mm", "mm", "s")
     assert "Bs" not in units
     assert "wear_mm_count" not in units
+
+
+def test_reference_page_lists_all_columns():
+    page = (ROOT / "docs" / "reference" / "dataset.md").read_text("utf-8")
+    sections = dict(zip(*[iter(re.split(r"^## (\w+)$", page, flags=re.MULTILINE)[1:])] * 2, strict=True))
+    for table, columns in (
+        ("recordings", recording_columns(())),
+        ("revolutions", revolution_columns(())),
+        ("failures", FAILURE_COLUMNS),
+        ("diagnoses", DIAGNOSIS_COLUMNS),
+    ):
+        for name, column in columns.items():
+            assert f"| `{name}` | {unit_of(name)} | {column.text} |" in sections[table], name
+    for part, column in RECORDING_PARTS.items():
+        assert f"| `NAME{part}` | {column.text} |" in sections["recordings"]
+    assert set(re.findall(r"^\| `(\w+)` \|", sections["Trends"], re.MULTILINE)) == set(Quantity)
 
 
 @pytest.mark.parametrize(
