@@ -36,6 +36,7 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.importing": {"firmware_protocol", "gateway.config", "gateway.io", "gateway.recording"},
     "gateway.views": {
         "firmware_protocol", "gateway.closure", "gateway.estimators", "gateway.pipeline", "gateway.signal",
+        "gateway.trends",
     },
     "gateway.session": {
         "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.io",
@@ -47,6 +48,11 @@ ALLOWED: dict[str, set[str]] = {
     },
     "gateway.publishing": {
         "gateway.estimators", "gateway.io", "gateway.pipeline", "gateway.recording", "gateway.session", "gateway.views",
+    },
+    "gateway.trends": {"gateway.estimators"},
+    "gateway.fleet": {
+        "firmware_protocol", "gateway.config", "gateway.estimators", "gateway.pipeline", "gateway.recording",
+        "gateway.security", "gateway.session", "gateway.trends", "gateway.views",
     },
     "gateway.papers": {"gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.api": {

@@ -32,6 +32,8 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "export": ("gateway.cli.export:export", "Write measurements to CSV, Parquet, MATLAB, MDF, TYDEX or MCAP files."),
     "orders": ("gateway.cli.orders:orders", "Show the order spectra and the average of every wheel."),
     "diagnose": ("gateway.cli.diagnose:diagnose", "Identify the physical effects that the model lacks."),
+    "campaign": ("gateway.cli.campaign:campaign", "Estimate many recordings into a dataset."),
+    "trends": ("gateway.cli.trends:trends", "Report how tires and sensors of a dataset change."),
     "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load and reference numbers of a tire."),
     "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT or Parquet measurement to a recording."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
