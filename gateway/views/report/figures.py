@@ -140,7 +140,7 @@ def inline_svg(figure: Figure, prefix: str) -> str:
     # `savefig` would draw the figure twice, first to lay it out. Without date and creator the same diagnosis gives the
     # same bytes, and no URL appears.
     metadata = {"Date": None, "Creator": None, "Format": None, "Type": None}
-    FigureCanvasSVG(figure).print_svg(buffer, metadata=metadata)
+    FigureCanvasSVG(figure).print_svg(buffer, metadata=metadata)  # type: ignore[no-untyped-call]
     text = buffer.getvalue()
     text = _STYLE_SHEET.sub("", _COMMENT.sub("", text[text.index("<svg") :]))
     text = _OPENING.sub(r'<svg viewBox="\1" aria-hidden="true" focusable="false">', text, count=1)
