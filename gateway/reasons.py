@@ -250,7 +250,7 @@ class Code(StrEnum):
     WHEEL_ADDRESS = "wheel_address"
     WHEEL_NOT_CONFIGURED = "wheel_not_configured"
     WHEEL_NOT_IN_CONFIGURATION = "wheel_not_in_configuration"
-    # - Contradictions of a hub
+    # - False statements of a hub
     HELLO_AXES_DIFFER = "hello_axes_differ"
     HELLO_HIGHPASS_WITH_DC = "hello_highpass_with_dc"
     HELLO_KEEPS_CHANGING = "hello_keeps_changing"

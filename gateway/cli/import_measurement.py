@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import click
 
 if TYPE_CHECKING:
     from gateway.importing.importer import ImportReport
-
-_PROGRESS_FROM_BYTES: Final = 4_000_000
 
 
 @click.command("import")
@@ -36,10 +31,11 @@ def import_(file: Path, map_path: Path, out: Path | None) -> None:
     """Convert the CSV, MAT or Parquet measurement FILE to a recording."""
     from gateway.importing.import_map import load_map
     from gateway.importing.importer import import_file
+    from gateway.views.progress import progress_bar
 
     import_map = load_map(map_path)
-    with _progress(file) as progress:
-        report = import_file(file, import_map, out or Path(f"{file.stem}.mcap"), progress)
+    with progress_bar(f"importing {file.name}") as bar:
+        report = import_file(file, import_map, out or Path(f"{file.stem}.mcap"), bar.show)
     for line in report_lines(report):
         click.echo(line)
 
@@ -82,14 +78,3 @@ def _rate(report: ImportReport) -> str:
         f"{report.rate_hz:.8g} +- {report.rate_std_hz:.1g} Hz by the time column, whose times are rounded to "
         f"{report.rounding_s * 1e3:g} ms; if the rate is known exactly, state rate_hz instead"
     )
-
-
-@contextlib.contextmanager
-def _progress(file: Path) -> Iterator[Callable[[float], None]]:
-    """Yield a function that draws a progress bar for large files on a terminal, and does nothing otherwise."""
-    big = file.is_file() and file.stat().st_size >= _PROGRESS_FROM_BYTES
-    if not big or not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    with click.progressbar(length=1000, label="importing", file=sys.stderr) as bar:
-        yield lambda share: bar.update(round(share * 1000) - bar.pos)

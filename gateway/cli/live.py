@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from gateway.cli.logs import held_back
 from gateway.cli.options import (
     config_option,
     duration_option,
@@ -16,10 +16,12 @@ from gateway.cli.options import (
     keys_option,
     plain_option,
 )
-from gateway.cli.session_setup import RunningSession, ending, is_terminal, run_plain, start_session
 from gateway.cli.stop_signals import StopRequest, stop_request
-from gateway.pipeline.results import SessionSnapshot
-from gateway.session.live import LiveSession
+
+if TYPE_CHECKING:
+    from gateway.cli.session_setup import RunningSession
+    from gateway.pipeline.results import SessionSnapshot
+    from gateway.session.live import LiveSession
 
 
 @click.command()
@@ -59,6 +61,8 @@ def live(
     Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, ? shows
     help, q quits. A summary is printed at the end.
     """
+    from gateway.cli.session_setup import start_session
+
     with stop_request() as stop:
         session = start_session(
             sources,
@@ -74,10 +78,13 @@ def live(
 
 def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> None:
     """Run the screen, or print lines if there is no terminal, then print the summary."""
+    from gateway.cli.session_setup import ending, is_terminal, run_plain
+
     with ending(session, stop):
         if plain or not is_terminal():
             run_plain(session, stop, click.echo)
         else:
+            from gateway.cli.logs import held_back
             from gateway.views.console.screen import run_console
 
             with held_back():

@@ -16,7 +16,6 @@ from gateway.cli.options import (
     keys_option,
     plain_option,
 )
-from gateway.cli.session_setup import start_session
 from gateway.cli.stop_signals import stop_request
 
 
@@ -49,6 +48,8 @@ def replay(
 
     The vehicle configuration is the one in the recording, unless --config gives another.
     """
+    from gateway.cli.session_setup import start_session
+
     uri = f"replay:{quote(str(recording))}?speed={speed}"
     with stop_request() as stop:
         session = start_session(

@@ -195,7 +195,7 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
     write("")
     for line in summary_lines(session.summary.wheels(), snapshot.links, snapshot.alarm_records):
         write(clean(line))
-    for notice in (*session.live.core.contradictions(), *no_frames, *no_revolutions):
+    for notice in (*session.live.core.false_statements(), *no_frames, *no_revolutions):
         write(clean(notice_text(notice)))
     if snapshot.recording and not removed:
         write("")

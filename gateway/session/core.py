@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
+from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType, SampleBlock
 from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import RecordingError
@@ -23,12 +23,12 @@ from gateway.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.security.guard import Guard
 from gateway.session.alarm_watch import AlarmWatch, State
 from gateway.session.commands import refusal
-from gateway.session.contradictions import ContradictionWatch
 from gateway.session.hub_log import HubLog
 from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.missing_results import long_missing
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
+from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import positions, unconfigured_wheel
 from gateway.views.recording_topics import (
     log_level,
@@ -117,7 +117,7 @@ class SessionCore:
         self._unconfigured: set[str] = set()
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
-        self._contradictions = ContradictionWatch(positions(vehicle), self._pipeline.limit)
+        self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._alarms = AlarmWatch(vehicle, self._pipeline.position, self._state)
         for notice in vehicle.notices() if vehicle is not None else ():
@@ -157,7 +157,7 @@ class SessionCore:
         link.newest_ns = item.host_ns
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         self._log_resync(item.link, link)
-        self._report(item.link, self._contradictions.new(), item.host_ns)
+        self._report(item.link, self._statements.new(), item.host_ns)
         self._report(item.link, self._watch.take_notices(), item.host_ns)
         self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
@@ -202,7 +202,7 @@ class SessionCore:
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
         if link.connected:
             link.health.reconnected()
-            self._contradictions.reopened(event.link)
+            self._statements.reopened(event.link)
             self._alarms.silence.opened(event.link, event.host_ns)
         else:
             self._alarms.silence.closed(event.link, event.host_ns, reason)
@@ -214,8 +214,16 @@ class SessionCore:
         link.note = reason
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
-        self._contradictions.frames(name, frames)
+        self._statements.frames(name, frames)
+        heard: set[tuple[int, int, int]] = set()
         for frame in frames:
+            message = frame.message
+            if isinstance(message, SampleBlock):
+                # The frames of a chunk arrive at one time, so that the first of a kind says all of them.
+                kind = frame.hub, frame.wheel, message.axes
+                if kind in heard:
+                    continue
+                heard.add(kind)
             if self._pipeline.limit.admits(name, frame.hub, frame.wheel):
                 self._alarms.silence.frame(name, frame, host_ns)
                 if frame.type != MessageType.SAMPLES:
@@ -305,9 +313,9 @@ class SessionCore:
             self._report(name, self._alarms.advance(name, link_ns), now_ns)
             if link.connected:
                 self._report(name, link.health.tick(link_ns), now_ns)
-            self._contradictions.counters(name, link.decoder.counters)
+            self._statements.counters(name, link.decoder.counters)
             self._report(name, link.hub_log.tick(link_ns), now_ns)
-        self._report("", self._contradictions.new(), now_ns)
+        self._report("", self._statements.new(), now_ns)
         self._report_missing(now_ns)
 
     def _report_missing(self, now_ns: int) -> None:
@@ -331,10 +339,10 @@ class SessionCore:
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
             results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
-            self._contradictions.counters(name, link.decoder.counters)
+            self._statements.counters(name, link.decoder.counters)
             self._report(name, link.hub_log.finish(), self._newest_ns)
-        self.contradictions()
-        self._report("", self._contradictions.new(), self._newest_ns)
+        self.false_statements()
+        self._report("", self._statements.new(), self._newest_ns)
         results += self._deliver(self._pipeline.finish(), self._newest_ns)
         self._report("", self._alarms.review(), self._newest_ns)
         self._report("", self._watch.finish(), self._newest_ns)
@@ -356,9 +364,9 @@ class SessionCore:
         notices, records = tuple(self._notices), self._alarms.records()
         return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records)
 
-    def contradictions(self) -> list[Notice]:
+    def false_statements(self) -> list[Notice]:
         """Return what hubs stated against what they sent, with the present counts, for the summary."""
-        return self._contradictions.found()
+        return self._statements.found()
 
     def _at_end(self, wheels: tuple[WheelSnapshot, ...]) -> tuple[WheelSnapshot, ...]:
         """Return wheels as they were at the end: a link that has ended as it should has not fallen silent."""

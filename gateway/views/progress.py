@@ -22,6 +22,7 @@ _DRAWINGS_PER_S: Final = 8
 # Smaller steps cannot be seen, and drawing is not free.
 _STEP: Final = 0.001
 _LABEL_CELLS: Final = 36
+_ECHO_CELLS: Final = 3
 
 
 class Bar:
@@ -115,13 +116,16 @@ class ProgressView:
 
     def _drawing(self) -> RenderableType:
         from rich.console import Group
+        from rich.constrain import Constrain
         from rich.text import Text
 
+        assert self._console is not None
         assert self._progress is not None
-        if self._text is None:
-            return self._progress.get_renderable()
-        line = Text(self._text, no_wrap=True, overflow="ellipsis")
-        return Group(self._progress.get_renderable(), line) if self._progress.tasks else line
+        shown: list[RenderableType] = [self._progress.get_renderable()] if self._progress.tasks else []
+        if self._text is not None:
+            shown.append(Text(self._text, no_wrap=True, overflow="ellipsis"))
+        # The terminal echoes Ctrl-C as two characters, which must not begin another line.
+        return Constrain(Group(*shown), self._console.width - _ECHO_CELLS)
 
 
 def progress_view() -> ProgressView:

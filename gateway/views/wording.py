@@ -376,7 +376,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WHEEL_NOT_IN_CONFIGURATION: (
         "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
     ),
-    # - Contradictions of a hub
+    # - False statements of a hub
     Code.HELLO_AXES_DIFFER: (
         "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
     ),
