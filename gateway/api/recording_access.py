@@ -32,7 +32,6 @@ from gateway.recording.recorded_file import RecordedFile, open_recorded_file
 from gateway.security.guard import Guard, open_guard
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimated_results
-from gateway.session.contradictions import ContradictionWatch
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.session.recorded_signals import (
     EnvironmentReading,
@@ -43,6 +42,7 @@ from gateway.session.recorded_signals import (
     signals,
     survey,
 )
+from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, configured, positions
 from gateway.views.wording import notice_text, text
 
@@ -432,7 +432,7 @@ class Recording(Mapping[str, "Wheel"]):
         """Run the estimators; return their results with everything that the command prints about them."""
         vehicle = self.vehicle
         rows = EstimateRows(has_host_time=self._has_host_time)
-        sensors, watch, alarms = SensorsHeard(), ContradictionWatch(positions(vehicle)), BatchAlarms(vehicle)
+        sensors, watch, alarms = SensorsHeard(), StatementWatch(positions(vehicle)), BatchAlarms(vehicle)
         guard = self._guard()
         states: list[WheelSnapshot] = []
         heard: dict[str, None] = {}

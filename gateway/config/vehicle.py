@@ -11,6 +11,7 @@ from typing import Final
 
 from pydantic import Field, model_validator
 
+from gateway.config.bus_signals import VehicleSignals
 from gateway.config.cross_checks import cross_faults
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
@@ -354,6 +355,9 @@ class VehicleConfig(Section):
     )
     thresholds: Thresholds = Field(default=Thresholds(), description="alarm limits")
     security: Security = Field(default=Security(), description="checks of signatures")
+    vehicle_signals: VehicleSignals = Field(
+        default=VehicleSignals(), description="signals of the vehicle's bus, beside the wheels"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> VehicleConfig:

@@ -27,6 +27,9 @@ class _Playable(Protocol):
     @property
     def vehicle_toml(self) -> str | None: ...
 
+    @property
+    def dbc_text(self) -> str | None: ...
+
     def items(self) -> Iterator[LinkItem]: ...
 
 
@@ -43,6 +46,7 @@ class RawDump:
     """
 
     vehicle_toml: str | None = None
+    dbc_text: str | None = None
 
     def __init__(self, path: Path, rate_bytes_per_s: float | None) -> None:
         """Prepare the dump without reading it."""
@@ -98,6 +102,11 @@ class ReplaySource:
     def vehicle_toml(self) -> str | None:
         """Vehicle configuration in the recording."""
         return self._playable.vehicle_toml
+
+    @property
+    def dbc_text(self) -> str | None:
+        """DBC file in the recording."""
+        return self._playable.dbc_text
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the recorded items, then an `ENDED` event that reports any damage."""

@@ -13,13 +13,15 @@ from firmware_protocol.counters import LinkCounters
 from gateway.config.effects_file import with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import Chunk, LinkItem
+from gateway.io.source import BusFrames, LinkEvent, LinkItem
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.recording.decoder_blocks import LinkBlocks
 from gateway.security.guard import Guard
 from gateway.session.batch_alarms import BatchAlarms
+from gateway.session.signal_decoding import SignalDecoder
 
 
 class Items(Protocol):
@@ -41,6 +43,7 @@ def estimated_results(
     on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
     alarms: BatchAlarms | None = None,
+    signals: SignalDecoder | None = None,
 ) -> Generator[RevolutionResult, None, dict[str, LinkCounters]]:
     """Run the estimators on all items of a source, and yield the results as they are asked for.
 
@@ -54,6 +57,7 @@ def estimated_results(
         on_wheels: called once with the last state of every wheel.
         effects: known effects to subtract, one table per wheel.
         alarms: takes frames, events of links and results; every result then has its alarms.
+        signals: decodes the vehicle's bus; every result then has its signals.
 
     Yields:
         the result of every completed revolution, in order per wheel, wheels interleaved by block.
@@ -66,8 +70,10 @@ def estimated_results(
     links: dict[str, LinkBlocks] = {}
     if alarms is not None:
         alarms.begin(pipeline)
+    join = VehicleJoin(signals.history) if signals is not None else None
 
     def with_alarms(result: RevolutionResult) -> RevolutionResult:
+        result = join.joined(result) if join is not None else result
         return alarms.result(result) if alarms is not None else result
 
     def delivered(
@@ -83,7 +89,11 @@ def estimated_results(
                 alarms.end_of_block()
 
     for item in source.items():
-        if not isinstance(item, Chunk):
+        if isinstance(item, BusFrames):
+            if signals is not None:
+                signals.take(item)
+            continue
+        if isinstance(item, LinkEvent):
             if alarms is not None:
                 alarms.event(item)
             continue
@@ -114,6 +124,7 @@ def estimate_items(
     on_wheels: Callable[[tuple[WheelSnapshot, ...]], None] | None = None,
     effects: Sequence[CorrectionTable] = (),
     alarms: BatchAlarms | None = None,
+    signals: SignalDecoder | None = None,
 ) -> dict[str, LinkCounters]:
     """Hand every result of `estimated_results` to `on_result`; return the decoder's counters per link."""
     results = estimated_results(
@@ -126,6 +137,7 @@ def estimate_items(
         on_wheels=on_wheels,
         effects=effects,
         alarms=alarms,
+        signals=signals,
     )
     counters: dict[str, LinkCounters] = {}
 
