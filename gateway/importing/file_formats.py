@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from gateway.errors import ImportDataError
 from gateway.importing.columns import ColumnReader
@@ -11,6 +11,8 @@ from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
 from gateway.importing.iso_times import IsoTimes
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
+from gateway.plugins import Plugin, PluginGroup, load, missing_members
+from gateway.reasons import Code, Reason
 
 _KNOWN: Final = ", ".join(SUFFIXES)
 _UNPACK: Final = "Unpack the file first, then import what is in it."
@@ -32,6 +34,9 @@ _REMEDIES: Final[dict[str, str]] = {
     ".mcap": "This is a recording already. Run: treadlink estimate {name}",
     ".toml": "This is a configuration. Give the measurement as FILE and the map with --map.",
 }
+
+PLUGIN_NAMES_TAKEN: Final = tuple(suffix.removeprefix(".") for suffix in SUFFIXES)
+"""Suffixes of this package, which plug-ins cannot take."""
 
 
 def suffix_format(path: Path) -> FileFormat | None:
@@ -56,6 +61,9 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
         raise ImportDataError(f"{path} does not exist", "Check the path.")
     layout, sampling = import_map.file, import_map.sampling
     file_format = layout.format or suffix_format(path)
+    added = _plugin_reader(path) if file_format is None else None
+    if added is not None:
+        return added
     if file_format is None:
         found = f"unknown file format '{path.suffix}'" if path.suffix else "a file name without a suffix"
         remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
@@ -71,6 +79,35 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
     except OSError as error:
         reason = error.strerror or str(error)
         raise ImportDataError(f"{path} cannot be read: {reason}", "Check its permissions.") from error
+
+
+def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
+    """Return why the object of a plug-in is no reader of files, None when it is one."""
+    if not callable(found):
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a class of column readers")
+    return missing_members(found, ("blocks", "sample", "close"))
+
+
+def _plugin_reader(path: Path) -> ColumnReader | None:
+    """Return the reader of a plug-in for a file's suffix, None where there is none.
+
+    Raises:
+        ImportDataError: it cannot read the file.
+        PluginError: it cannot be used.
+    """
+    suffix = path.suffix.lower().removeprefix(".")
+    reader: Any = load(PluginGroup.IMPORTERS, suffix, PLUGIN_NAMES_TAKEN, plugin_fault)
+    if reader is None:
+        return None
+    try:
+        opened: ColumnReader = reader(path)
+    except (ImportDataError, OSError):
+        raise
+    except Exception as error:  # code of others may raise anything
+        raise ImportDataError(
+            f"{path} cannot be read: {type(error).__name__}: {error}", "Check the file, or update the plug-in."
+        ) from error
+    return opened
 
 
 def _is_hdf5(path: Path) -> bool:
