@@ -11,15 +11,20 @@ import math
 from typing import Final
 
 # Revolutions up to which everything is renewed in each, and the longest pause between renewals afterwards.
-_EVERY_UP_TO: Final = 16
+_EVERY_UP_TO: Final = 8
 LONGEST: Final = 32
+SHARE_OF_STD: Final = 0.2
+"""Share of a standard error within which a condition may differ from that of the last renewal."""
 
 
 def is_due(count: int) -> bool:
-    """Return whether to renew after `count` revolutions: whenever they have grown by about a tenth, at most by 32."""
+    """Return whether to renew after `count` revolutions: in each up to 8, then as they grow by an eighth to a quarter.
+
+    From 128 on it is every 32nd.
+    """
     if count <= _EVERY_UP_TO:
         return True
-    step = min(1 << ((count - 1).bit_length() - 4), LONGEST)
+    step = min(1 << ((count - 1).bit_length() - 3), LONGEST)
     return count % step == 0
 
 

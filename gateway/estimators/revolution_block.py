@@ -35,10 +35,10 @@ class RevolutionArrays:
         return means
 
     @cached_property
-    def spectra_mps2(self) -> ComplexArray:
-        """(k, 3, 61) Fourier sums of the axes times 2 / n: twice the mean, then c - i s, the grid starting at 0."""
+    def in_plane_mps2(self) -> ComplexArray:
+        """(k, 2, 61) Fourier sums of the circumferential and the radial axis times 2 / n; order 0 is twice the mean."""
         axes = self.axes_mps2
-        spectra: ComplexArray = np.fft.rfft(axes, axis=2)[:, :, :ORDER_COUNT] * (2.0 / axes.shape[2])
+        spectra: ComplexArray = np.fft.rfft(axes[:, ::2], axis=2)[:, :, :ORDER_COUNT] * (2.0 / axes.shape[2])
         return spectra
 
     @cached_property

@@ -76,8 +76,8 @@ _LEAST_REVOLUTIONS: Final = 8
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
 
-# Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand side
-# of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
+# Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
+# side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
 _MOUNTING: Final = slice(0, MOUNTING_SIZE)
 _MEAN: Final = slice(MOUNTING_SIZE, MOUNTING_SIZE + 5)
 _GRAVITY: Final = slice(MOUNTING_SIZE + 5, MOUNTING_SIZE + 10)
@@ -264,7 +264,7 @@ class SelfCalibrationEstimator:
         first, first_conditions = block.revolutions[taken[0]], block.conditions[taken[0]]
         rows = np.zeros((len(taken), _SUMS))
         at = np.array(taken)
-        spectra = block.arrays.spectra_mps2[at][:, [_CIRCUMFERENTIAL, _RADIAL]]
+        spectra = block.arrays.in_plane_mps2[at]
         omega, omega_dot = block.arrays.omega_radps[at], block.arrays.omega_dot_radps2[at]
         along = np.isfinite(spectra[:, 0, 0].real)
         if along.any():

@@ -105,8 +105,16 @@ class _PausedSteps:
         return [steps.edges_rad[place] for steps, place in self._parts]
 
     @cached_property
+    def counts(self) -> Sequence[int]:
+        return [steps.counts[place] for steps, place in self._parts]
+
+    @cached_property
     def effective_counts(self) -> Sequence[float]:
         return [steps.effective_counts[place] for steps, place in self._parts]
+
+    @cached_property
+    def scatters(self) -> Sequence[float]:
+        return [steps.scatters[place] for steps, place in self._parts]
 
     @cached_property
     def spectra(self) -> ComplexArray:

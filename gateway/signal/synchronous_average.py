@@ -113,22 +113,31 @@ class AngleAverage:
 
 
 class AverageSteps(Protocol):
-    """The running average after each of consecutive revolutions.
-
-    Attributes:
-        edges_rad: mean leading and trailing edge after each; NaN before the first.
-        effective_counts: as `AngleAverage.effective_count`, after each.
-    """
+    """The running average after each of consecutive revolutions."""
 
     @property
-    def edges_rad(self) -> Sequence[tuple[float, float]]: ...
+    def edges_rad(self) -> Sequence[tuple[float, float]]:
+        """Mean leading and trailing edge after each; NaN before the first."""
+        ...
 
     @property
-    def effective_counts(self) -> Sequence[float]: ...
+    def counts(self) -> Sequence[int]:
+        """As `AngleAverage.count`, after each."""
+        ...
+
+    @property
+    def effective_counts(self) -> Sequence[float]:
+        """As `AngleAverage.effective_count`, after each."""
+        ...
 
     @property
     def spectra(self) -> ComplexArray:
         """(k, 61) coefficients c - i s of the averaged waveform after each, over a common positive factor."""
+        ...
+
+    @property
+    def scatters(self) -> Sequence[float]:
+        """Mean square deviation of the revolutions from the average after each, over a common positive factor."""
         ...
 
     def at(self, index: int) -> AngleAverage:
@@ -142,12 +151,18 @@ class OneAverage:
     def __init__(self, average: AngleAverage) -> None:
         self._average = average
         self.edges_rad = [(average.leading_edge_rad, average.trailing_edge_rad)]
+        self.counts = [average.count]
         self.effective_counts = [average.effective_count]
 
     @cached_property
     def spectra(self) -> ComplexArray:
         """(1, 61) coefficients."""
         return order_coefficients(self._average.radial_mps2[np.newaxis])
+
+    @cached_property
+    def scatters(self) -> Sequence[float]:
+        """Mean square deviation of the revolutions."""
+        return [float(np.square(self._average.scatter_mps2).mean())]
 
     def at(self, index: int) -> AngleAverage:  # noqa: ARG002 - part of the interface
         """Return the average."""
@@ -308,6 +323,7 @@ class _Steps:
         self._states: dict[int, _State] = {}
         self._averages: dict[int, AngleAverage] = {}
         self.edges_rad = [edges.mean for *_, edges in scalars]
+        self.counts = [count for count, *_ in scalars]
         self.effective_counts = [1.0 / weight_square for _, weight_square, *_ in scalars]
 
     @cached_property
@@ -323,7 +339,22 @@ class _Steps:
         shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
         own = order_coefficients(np.concatenate([self._before.wave.mean[np.newaxis], self._radial]))
         result: ComplexArray = shares.prior[:, np.newaxis] * own[0] + shares.values @ own[1:]
+        change = (own[1:] - np.concatenate([own[:1], result[:-1]])) * self._carried
+        self._squares = (0.5 * np.sum(change.real**2 + change.imag**2, axis=1)).tolist()
         return result
+
+    @cached_property
+    def scatters(self) -> Sequence[float]:
+        """Mean square deviation of the revolutions, of the orders that they carry."""
+        _ = self.spectra
+        before = self._before
+        spread = 0.5 * float(before.cosine.spread.sum() + before.sine.spread.sum())
+        found = []
+        for square, (_, weight_square, weight, *_) in zip(self._squares, self._scalars, strict=True):
+            spread = (1.0 - weight) * (spread + weight * square)
+            freedom = 1.0 - weight_square
+            found.append(spread / freedom if freedom > 1e-12 else math.nan)
+        return found
 
     def at(self, index: int) -> AngleAverage:
         found = self._averages.get(index)
