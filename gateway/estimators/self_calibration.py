@@ -131,7 +131,8 @@ class Measured:
     offset_m: tuple[float, float] | None
 
 
-class _Step(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Step:
     """State after one revolution.
 
     Attributes:
@@ -206,7 +207,8 @@ class SelfCalibrationEstimator:
         taken: list[int] = []
         for index, revolution in enumerate(block.revolutions):
             refused = _refused(revolution, block.conditions[index])
-            due = self._belt is None or is_due(self._last.count + len(taken) + 1)
+            count = self._last.count + len(taken) + 1
+            due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1
             if refused is not None or due:
                 steps += self._take(block, taken)
                 taken = []
@@ -215,7 +217,7 @@ class SelfCalibrationEstimator:
             if refused is None:
                 taken.append(index)
             else:
-                steps.append(self._last._replace(refused=refused))
+                steps.append(replace(self._last, refused=refused))
         steps += self._take(block, taken)
         self._steps = steps
         return [step.measured for step in steps]
@@ -245,7 +247,7 @@ class SelfCalibrationEstimator:
         self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
         self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
         if block.revolutions[index].ac_coupled:
-            self._last = self._last._replace(floor=_floor_gain(average, conditions))
+            self._last = replace(self._last, floor=_floor_gain(average, conditions))
         return None
 
     def _offset_ratio(self, conditions: TireConditions) -> float:
@@ -396,9 +398,10 @@ class SelfCalibrationEstimator:
 @lru_cache(maxsize=64)
 def _decay(count: int) -> tuple[FloatArray, FloatArray]:
     """Return the shares of the sums before, (k,), and of each new row, (k, k), in the sums after k rows."""
-    place = np.arange(count)
-    powers = _KEEP ** (place + 1.0)
-    rows = np.tril(_KEEP ** np.maximum(place[:, np.newaxis] - place, 0.0))
+    place: FloatArray = np.arange(count, dtype=np.float64)
+    powers: FloatArray = _KEEP ** (place + 1.0)
+    later: FloatArray = np.maximum(place[:, np.newaxis] - place, 0.0)
+    rows: FloatArray = np.tril(np.power(_KEEP, later))
     for array in (powers, rows):
         array.setflags(write=False)
     return powers, rows

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -67,7 +67,8 @@ _ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
 _WAVEFORMS_PER_BLOCK: Final = 32
 
 
-class _Renewed(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Renewed:
     """The solution at the latest renewal, and what it rests on.
 
     Attributes:
@@ -179,14 +180,14 @@ class WeakFormEstimator:
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
         renewed, conditions = self._renewed, block.conditions[index]
-        values = None
-        if renewed is not None and not renewed.is_outdated(block, index):
+        values, is_current = None, False
+        if renewed is not None:
             averages = block.averages
             values = renewed.followed(averages.spectra[index], averages.edges_rad[index], conditions)
-            if not (np.abs(values - renewed.values) <= renewed.moved).all():
-                values = None
-        if renewed is None or values is None:
-            found = self._renew(block, index)
+            has_moved = not (np.abs(values - renewed.values) <= renewed.moved).all()
+            is_current = not (has_moved or renewed.is_outdated(block, index))
+        if renewed is None or values is None or not is_current:
+            found = self._renew(block, index, values)
             if isinstance(found, Reason):
                 self._warm = self._renewed = None
                 return all_invalid(found)
@@ -196,8 +197,11 @@ class WeakFormEstimator:
         fitted = renewed.fits.numbers(0, load_number(conditions), values, renewed.effective_count / count)
         return number_estimates(self.name, fitted, conditions, doubt_about(block.revolutions[index], count))
 
-    def _renew(self, block: RevolutionBlock, index: int) -> _Renewed | Reason:
-        """Solve the balance of the present average, or return why it cannot be."""
+    def _renew(self, block: RevolutionBlock, index: int, followed: FloatArray | None) -> _Renewed | Reason:
+        """Solve the balance of the present average, or return why it cannot be.
+
+        `followed` are the numbers as they followed the average to here; None without an earlier solution.
+        """
         average, conditions = block.averages.at(index), block.conditions[index]
         reason = unusable(average, conditions)
         if reason:
@@ -222,12 +226,13 @@ class WeakFormEstimator:
             if damping is not None:
                 orders = curvature_orders((signal.real + damping.correction)[np.newaxis], offset)
             solution = solve_balance(orders, begin, std, warm, 1)
-            if self._renewed is not None:
+            if self._renewed is not None and followed is not None:
                 limit = _CONVERGED_STDS / _MOVED_STDS * self._renewed.moved
                 for _ in range(_FURTHER_PASSES):
-                    if (np.abs(solution.unknowns - warm.unknowns)[0, :4] <= limit).all():
+                    found = solution.unknowns[0, :4]
+                    if (np.abs(found - followed) <= limit).all():
                         break
-                    warm, solution = solution, solve_balance(orders, begin, std, solution, 1)
+                    followed, solution = found, solve_balance(orders, begin, std, solution, 1)
         except np.linalg.LinAlgError:
             return Reason(Code.NO_BELT_SHAPE)
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):

@@ -34,13 +34,13 @@ class Shares(NamedTuple):
 def running_shares(weights: tuple[float, ...]) -> Shares:
     """Return the shares for weights of updates one after the other; only the first may be 1."""
     weight = np.array(weights)
-    kept = 1.0 - weight
+    kept: FloatArray = 1.0 - weight
     is_fresh = kept[0] == 0.0
     if is_fresh:
         kept[0] = 1.0
-    left = np.cumprod(kept)
-    values = np.tril(np.multiply.outer(left, weight / left))
-    prior = np.zeros_like(left) if is_fresh else left
+    left: FloatArray = np.cumprod(kept)
+    values: FloatArray = np.tril(np.multiply.outer(left, weight / left))
+    prior: FloatArray = np.zeros_like(left) if is_fresh else left
     for array in (prior, values):
         array.setflags(write=False)
     return Shares(prior, values)
