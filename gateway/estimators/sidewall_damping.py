@@ -19,13 +19,18 @@ from typing import Final
 import numpy as np
 
 from gateway.physics.belt_shape import MAX_ORDER
-from gateway.physics.ring_series import modal_stiffness
+from gateway.physics.ring_series import stiffness_terms
 from gateway.types import ComplexArray, FloatArray
 
 # Orders of the fit: above them edge waves and the shape of the contact pressure decide the phases.
 _FIRST: Final = 2
 _LAST: Final = 15
 _ORDERS: Final[FloatArray] = np.arange(MAX_ORDER + 1, dtype=np.float64)
+_STIFFNESS_TERMS: Final[FloatArray] = stiffness_terms(_ORDERS)
+_CUBIC: Final[FloatArray] = _ORDERS * (np.square(_ORDERS) + 1.0)
+_BENDING: Final[FloatArray] = _ORDERS * _STIFFNESS_TERMS[:, 0]
+# One minus the squared cosine between the columns, below which they are one.
+_SINGULAR: Final = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,21 +71,27 @@ def sidewall_damping(orders: ComplexArray, numbers: FloatArray, max_order: int) 
     """
     last = min(_LAST, max_order)
     with np.errstate(divide="ignore", invalid="ignore"):
-        stiffness = modal_stiffness(_ORDERS, numbers.tolist())
-        lag = _ORDERS * (np.square(_ORDERS) + 1.0) / stiffness
-        bending_lag = _ORDERS * modal_stiffness(_ORDERS, (float(numbers[0]), 0.0, 0.0, 0.0)) / stiffness
+        stiffness = _STIFFNESS_TERMS @ numbers
+        lag = _CUBIC / stiffness
+        bending_lag = _BENDING * (float(numbers[0]) / stiffness)
     lag[:_FIRST] = bending_lag[:_FIRST] = 0.0
     used = slice(_FIRST, last + 1)
     cosine, sine = orders.real, -orders.imag
-    rows = np.stack([cosine[used] * _ORDERS[used], cosine[used] * lag[used]], axis=1)
-    if not (np.isfinite(rows).all() and np.isfinite(sine[used]).all()):
+    # Columns of length 1, so that the normal equations are as well conditioned as they can be.
+    columns = np.stack([_ORDERS[used], lag[used], bending_lag[used]]) * cosine[used]
+    length = np.sqrt(np.sum(np.square(columns), axis=1))
+    if not (np.isfinite(length).all() and np.isfinite(sine[used]).all() and length.all()):
         return None
-    (shift_rad, damping), _, rank, _ = np.linalg.lstsq(rows, sine[used], rcond=None)
-    if rank < rows.shape[1]:
+    columns /= length[:, np.newaxis]
+    normal, right = columns @ columns.T, columns @ sine[used]
+    if not 1.0 - float(normal[0, 1]) ** 2 > _SINGULAR:
         return None
+    shift_rad, damping = np.linalg.solve(normal[:2, :2], right[:2]) / length[:2]
     change = float(damping) * lag * sine
-    rows = np.column_stack([rows, cosine[used] * bending_lag[used]])
-    (_, both, bending), *_ = np.linalg.lstsq(rows, sine[used], rcond=None)
+    try:
+        _, both, bending = np.linalg.solve(normal, right) / length
+    except np.linalg.LinAlgError:
+        both, bending = damping, 0.0
     corrected = change if damping > 0.0 else np.zeros_like(change)
     by_bending = (float(both) * lag + float(bending) * bending_lag) * sine - corrected
     return SidewallDamping(max(float(damping), 0.0), float(shift_rad), change, by_bending)

@@ -30,7 +30,6 @@ from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
 from gateway.physics.belt_shape import (
     MAX_ORDER,
-    belt_shape,
     curvature_orders,
     even_orders,
     gravity_orders,
@@ -54,9 +53,11 @@ EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0015, -0.0025, 0.0045, -0.04]
 _DAMPING_ERROR: Final = 0.5
 # Step of the derivative by the sensor's offset, over the belt radius.
 _OFFSET_STEP: Final = 1e-3
+_OFFSET_STEPS: Final[FloatArray] = np.array([[0.0], [-_OFFSET_STEP], [_OFFSET_STEP]])
 
-# Standard errors by which a number may follow the average until the solution is renewed.
-_MOVED_STDS: Final = 0.5
+# Largest error of following the average by the response, in standard errors: a term of second order, (change / value)^2
+# of the value. A change of one standard error renews the solution in any case.
+_FOLLOWING_STDS: Final = 0.05
 # A pass that changes a number by more standard errors is followed by another.
 _CONVERGED_STDS: Final = 0.1
 _FURTHER_PASSES: Final = 2
@@ -85,7 +86,7 @@ class _Renewed:
         edges_std_rad: their standard errors.
         omega_radps: angular speed.
         conditions: of the revolution.
-        moved: (4,) change from which the solution is renewed.
+        std: (4,) standard errors of the numbers at load number 1.
     """
 
     values: FloatArray
@@ -101,7 +102,13 @@ class _Renewed:
     edges_std_rad: tuple[float, float]
     omega_radps: float
     conditions: TireConditions
-    moved: FloatArray
+    std: FloatArray
+
+    def has_moved(self, values: FloatArray) -> bool:
+        """Return whether numbers that followed the average are too far from the solution to follow further."""
+        square = np.square(values - self.values)
+        allowed = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values))
+        return not bool((square <= allowed * self.std).all())
 
     def is_outdated(self, block: RevolutionBlock, index: int) -> bool:
         """Return whether to renew, by the count of revolutions and the conditions."""
@@ -118,7 +125,7 @@ class _Renewed:
                 )
             )
             or differs(block.averages.scatters[index], self.scatter, _SCATTER_CHANGE * self.scatter)
-            or differs(now.sensor_offset_m, then.sensor_offset_m, offset_std)
+            or differs(now.sensor_offset_m, then.sensor_offset_m, then.sensor_offset_std_m)
             or differs(now.sensor_offset_std_m, then.sensor_offset_std_m, offset_std)
             or differs(now.steady_std_mps2, then.steady_std_mps2, SHARE_OF_STD * then.steady_std_mps2)
             or differs(now.gain_std, then.gain_std, SHARE_OF_STD * then.gain_std)
@@ -184,8 +191,7 @@ class WeakFormEstimator:
         if renewed is not None:
             averages = block.averages
             values = renewed.followed(averages.spectra[index], averages.edges_rad[index], conditions)
-            has_moved = not (np.abs(values - renewed.values) <= renewed.moved).all()
-            is_current = not (has_moved or renewed.is_outdated(block, index))
+            is_current = not (renewed.has_moved(values) or renewed.is_outdated(block, index))
         if renewed is None or values is None or not is_current:
             found = self._renew(block, index, values)
             if isinstance(found, Reason):
@@ -213,7 +219,9 @@ class WeakFormEstimator:
         offset = conditions.sensor_offset_m / conditions.radius_m
         signal = orders_about(average.radial_mps2, centre, max_order)
         mean = float(signal[0].real)
-        orders = curvature_orders(signal.real[np.newaxis], offset)
+        sides = curvature_orders(np.repeat(signal.real[np.newaxis], 3, axis=0), offset + _OFFSET_STEPS)
+        by_offset_step = (sides[2] - sides[1])[:ORDER_COUNT] / (2.0 * _OFFSET_STEP)
+        orders = plain = sides[:1]
         if not np.isfinite(orders).all():
             return Reason(Code.NO_STEADY_VALUE)
         if (curvature := float(orders[0].sum())) > _MAX_CONTACT_CURVATURE:
@@ -227,7 +235,7 @@ class WeakFormEstimator:
                 orders = curvature_orders((signal.real + damping.correction)[np.newaxis], offset)
             solution = solve_balance(orders, begin, std, warm, 1)
             if self._renewed is not None and followed is not None:
-                limit = _CONVERGED_STDS / _MOVED_STDS * self._renewed.moved
+                limit = _CONVERGED_STDS * self._renewed.std
                 for _ in range(_FURTHER_PASSES):
                     found = solution.unknowns[0, :4]
                     if (np.abs(found - followed) <= limit).all():
@@ -238,17 +246,14 @@ class WeakFormEstimator:
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
             return Reason(Code.NO_BELT_SHAPE)
         self._warm = solution
-        systematic = systematic_errors(signal, conditions, damping)
+        systematic = systematic_errors(mean, plain, by_offset_step, conditions, damping)
         fits = fits_of(solution, std, systematic)
         response = solution.response[0, :4] * fits.free[0][:, np.newaxis]
-        by_offset = np.zeros(4)
-        if conditions.sensor_offset_std_m:
-            by_offset = response @ systematic[0] * (conditions.radius_m / conditions.sensor_offset_std_m)
         return _Renewed(
             values=fits.values[0],
             fits=fits,
             response=response,
-            by_offset=by_offset,
+            by_offset=response[:, 2:] @ by_offset_step[2:],
             signal=relative_orders(block.averages.spectra[index], edges, max_order),
             max_order=max_order,
             count=average.count,
@@ -258,36 +263,34 @@ class WeakFormEstimator:
             edges_std_rad=(average.leading_edge_std_rad, average.trailing_edge_std_rad),
             omega_radps=average.omega_radps,
             conditions=conditions,
-            moved=_MOVED_STDS * np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
+            std=np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
         )
 
 
-def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping: SidewallDamping | None) -> FloatArray:
+def systematic_errors(
+    mean: float, plain: FloatArray, by_offset: FloatArray, conditions: TireConditions, damping: SidewallDamping | None
+) -> FloatArray:
     """Return changes of the relative signal's orders by one standard error each, (k, ORDER_COUNT).
 
     They are those of the sensor's offset, of the signal's steady value, of the correction for damping, and of gravity,
     which is subtracted with a gain of 1.
 
     Args:
-        signal: (MAX_ORDER + 1,) orders about the contact centre.
+        mean: of the signal.
+        plain: (1, MAX_ORDER + 1) curvature orders without the correction for damping.
+        by_offset: (ORDER_COUNT,) their derivative by the sensor's offset over the belt radius.
         conditions: with the standard errors of offset, steady value and gain.
         damping: None where it was not fitted.
     """
-    mean = float(signal[0].real)
     changes = np.zeros((5, ORDER_COUNT))
-    offset, step = conditions.sensor_offset_m / conditions.radius_m, _OFFSET_STEP
-    if conditions.sensor_offset_std_m:
-        sides = [curvature_orders(signal.real[np.newaxis], offset + side)[0] for side in (-step, step)]
-        slope = (sides[1] - sides[0])[:ORDER_COUNT] / (2.0 * step)
-        changes[0] = slope * (conditions.sensor_offset_std_m / conditions.radius_m)
+    changes[0] = by_offset * (conditions.sensor_offset_std_m / conditions.radius_m)
     # Column 0 of the response is that to a relative error of the steady value.
     changes[1, 0] = conditions.steady_std_mps2 / mean
     if damping is not None:
         changes[2] = _DAMPING_ERROR * damping.change[:ORDER_COUNT] / mean
         changes[4] = damping.by_bending[:ORDER_COUNT] / mean
     if conditions.gain_std:
-        shape = belt_shape(curvature_orders(signal.real[np.newaxis], offset))
-        gravity = gravity_orders(shape)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
+        gravity = gravity_orders(plain)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
         changes[3] = conditions.gain_std * gravity
     changes[[0, 2, 3, 4], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     return changes

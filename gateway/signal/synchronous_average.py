@@ -33,8 +33,8 @@ class Shares(NamedTuple):
 @lru_cache(maxsize=256)
 def running_shares(weights: tuple[float, ...]) -> Shares:
     """Return the shares for weights of updates one after the other; only the first may be 1."""
-    weight = np.array(weights)
-    kept: FloatArray = 1.0 - weight
+    weight = np.array(weights, dtype=np.float64)
+    kept = np.ones_like(weight) - weight
     is_fresh = kept[0] == 0.0
     if is_fresh:
         kept[0] = 1.0
