@@ -29,8 +29,8 @@ _ORDERS: Final[FloatArray] = np.arange(MAX_ORDER + 1, dtype=np.float64)
 _STIFFNESS_TERMS: Final[FloatArray] = stiffness_terms(_ORDERS)
 _CUBIC: Final[FloatArray] = _ORDERS * (np.square(_ORDERS) + 1.0)
 _BENDING: Final[FloatArray] = _ORDERS * _STIFFNESS_TERMS[:, 0]
-# One minus the squared cosine between the columns, below which they are one.
-_SINGULAR: Final = 1e-14
+# Share of a column that the ones before do not contain, below which it is one of them.
+_SINGULAR: Final = 1e-13
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,21 +77,19 @@ def sidewall_damping(orders: ComplexArray, numbers: FloatArray, max_order: int) 
     lag[:_FIRST] = bending_lag[:_FIRST] = 0.0
     used = slice(_FIRST, last + 1)
     cosine, sine = orders.real, -orders.imag
-    # Columns of length 1, so that the normal equations are as well conditioned as they can be.
-    columns = np.stack([_ORDERS[used], lag[used], bending_lag[used]]) * cosine[used]
-    length = np.sqrt(np.sum(np.square(columns), axis=1))
-    if not (np.isfinite(length).all() and np.isfinite(sine[used]).all() and length.all()):
+    columns = np.stack([_ORDERS[used], lag[used], bending_lag[used]], axis=1) * cosine[used, np.newaxis]
+    if not (np.isfinite(columns).all() and np.isfinite(sine[used]).all()):
         return None
-    columns /= length[:, np.newaxis]
-    normal, right = columns @ columns.T, columns @ sine[used]
-    if not 1.0 - float(normal[0, 1]) ** 2 > _SINGULAR:
+    # One factorisation serves the fit without and with damping of the bending.
+    basis, upper = np.linalg.qr(columns)
+    right = sine[used] @ basis
+    if not abs(upper[1, 1]) > _SINGULAR * float(np.abs(upper[:2, :2]).max()):
         return None
-    shift_rad, damping = np.linalg.solve(normal[:2, :2], right[:2]) / length[:2]
+    shift_rad, damping = np.linalg.solve(upper[:2, :2], right[:2])
     change = float(damping) * lag * sine
-    try:
-        _, both, bending = np.linalg.solve(normal, right) / length
-    except np.linalg.LinAlgError:
-        both, bending = damping, 0.0
+    both, bending = damping, 0.0
+    if abs(upper[2, 2]) > _SINGULAR * float(np.abs(upper[:, 2]).max()):
+        _, both, bending = np.linalg.solve(upper, right)
     corrected = change if damping > 0.0 else np.zeros_like(change)
     by_bending = (float(both) * lag + float(bending) * bending_lag) * sine - corrected
     return SidewallDamping(max(float(damping), 0.0), float(shift_rad), change, by_bending)

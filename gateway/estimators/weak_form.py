@@ -7,6 +7,7 @@ only mark the beginning of the free belt. docs/explanation/estimators.md has the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -78,7 +79,6 @@ class _Renewed:
         response: (4, ORDER_COUNT) derivative of the numbers by the orders of the relative signal.
         by_offset: (4,) derivative by the sensor's offset over the belt radius.
         signal: (ORDER_COUNT,) orders of the relative signal.
-        max_order: highest order that the sampling carried.
         count: revolutions averaged.
         effective_count: of the average.
         scatter: of the revolutions, mean square.
@@ -94,7 +94,6 @@ class _Renewed:
     response: FloatArray
     by_offset: FloatArray
     signal: FloatArray
-    max_order: int
     count: int
     effective_count: float
     scatter: float
@@ -132,22 +131,20 @@ class _Renewed:
             or differs(block.revolutions[index].omega_radps, self.omega_radps, SHARE_OF_STD * self.omega_radps)
         )
 
-    def followed(
-        self, spectrum: ComplexArray, edges_rad: tuple[float, float], conditions: TireConditions
-    ) -> FloatArray:
+    def followed(self, orders: FloatArray, conditions: TireConditions) -> FloatArray:
         """Return the numbers at load number 1 of a slightly different average, to first order, (4,)."""
         offset = (conditions.sensor_offset_m - self.conditions.sensor_offset_m) / conditions.radius_m
-        change = relative_orders(spectrum, edges_rad, self.max_order) - self.signal
-        result: FloatArray = self.values + self.response @ change + self.by_offset * offset
+        result: FloatArray = self.values + self.response @ (orders - self.signal) + self.by_offset * offset
         return result
 
 
-def relative_orders(spectrum: ComplexArray, edges_rad: tuple[float, float], max_order: int) -> FloatArray:
-    """Return the even orders of the signal about the contact centre, over its mean, (ORDER_COUNT,)."""
-    centre = 0.5 * (edges_rad[0] + edges_rad[1])
-    orders = (spectrum * np.exp(1j * centre * _ORDERS)).real
-    orders[max_order + 1 :] = 0.0
-    result: FloatArray = orders / orders[0]
+def relative_orders(spectra: ComplexArray, edges_rad: Sequence[tuple[float, float]]) -> FloatArray:
+    """Return the even orders of averages about their contact centres, over their means, (k, ORDER_COUNT)."""
+    edges = np.array(edges_rad)
+    angle = np.multiply.outer(0.5 * (edges[:, 0] + edges[:, 1]), _ORDERS)
+    orders = spectra.real * np.cos(angle) - spectra.imag * np.sin(angle)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        result: FloatArray = orders / orders[:, :1]
     return result
 
 
@@ -183,17 +180,17 @@ class WeakFormEstimator:
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution."""
-        return [self._estimates(block, index) for index in range(len(block))]
+        orders = relative_orders(block.averages.spectra, block.averages.edges_rad)
+        return [self._estimates(block, index, orders[index]) for index in range(len(block))]
 
-    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+    def _estimates(self, block: RevolutionBlock, index: int, orders: FloatArray) -> tuple[Estimate, ...]:
         renewed, conditions = self._renewed, block.conditions[index]
         values, is_current = None, False
         if renewed is not None:
-            averages = block.averages
-            values = renewed.followed(averages.spectra[index], averages.edges_rad[index], conditions)
+            values = renewed.followed(orders, conditions)
             is_current = not (renewed.has_moved(values) or renewed.is_outdated(block, index))
         if renewed is None or values is None or not is_current:
-            found = self._renew(block, index, values)
+            found = self._renew(block, index, orders, values)
             if isinstance(found, Reason):
                 self._warm = self._renewed = None
                 return all_invalid(found)
@@ -203,10 +200,13 @@ class WeakFormEstimator:
         fitted = renewed.fits.numbers(0, load_number(conditions), values, renewed.effective_count / count)
         return number_estimates(self.name, fitted, conditions, doubt_about(block.revolutions[index], count))
 
-    def _renew(self, block: RevolutionBlock, index: int, followed: FloatArray | None) -> _Renewed | Reason:
+    def _renew(
+        self, block: RevolutionBlock, index: int, orders_here: FloatArray, followed: FloatArray | None
+    ) -> _Renewed | Reason:
         """Solve the balance of the present average, or return why it cannot be.
 
-        `followed` are the numbers as they followed the average to here; None without an earlier solution.
+        `orders_here` are the relative orders, `followed` the numbers as they followed the average to here; None without
+        an earlier solution.
         """
         average, conditions = block.averages.at(index), block.conditions[index]
         reason = unusable(average, conditions)
@@ -249,13 +249,13 @@ class WeakFormEstimator:
         systematic = systematic_errors(mean, plain, by_offset_step, conditions, damping)
         fits = fits_of(solution, std, systematic)
         response = solution.response[0, :4] * fits.free[0][:, np.newaxis]
+        response[:, max_order + 1 :] = 0.0
         return _Renewed(
             values=fits.values[0],
             fits=fits,
             response=response,
             by_offset=response[:, 2:] @ by_offset_step[2:],
-            signal=relative_orders(block.averages.spectra[index], edges, max_order),
-            max_order=max_order,
+            signal=orders_here,
             count=average.count,
             effective_count=average.effective_count,
             scatter=block.averages.scatters[index],
