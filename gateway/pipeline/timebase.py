@@ -46,7 +46,8 @@ class SampleClock:
             return
         self._indices.append(index)
         self._ticks_us.append(tick_us)
-        if len(self._indices) > 2 * _SAMPLE_WINDOWS:
+        # A time is asked for by up to some ten windows later: what it needs is still held then.
+        if len(self._indices) > 3 * _SAMPLE_WINDOWS:
             del self._indices[:_SAMPLE_WINDOWS], self._ticks_us[:_SAMPLE_WINDOWS]
             self._fit_at = -1
 
