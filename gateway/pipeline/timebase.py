@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -50,6 +51,18 @@ class SampleClock:
         if len(self._indices) > 3 * _SAMPLE_WINDOWS:
             del self._indices[:_SAMPLE_WINDOWS], self._ticks_us[:_SAMPLE_WINDOWS]
             self._fit_at = -1
+
+    def stamp_blocks(self, first: int, block: int, ticks_us: Sequence[int]) -> None:
+        """Add the hub times of the first samples of blocks of `block` samples, the first of which is `first`."""
+        place = 0
+        while place < len(ticks_us):
+            index = first + place * block
+            due = self._indices[-1] + self._window if self._indices else index
+            if index >= due:
+                self.stamp(index, ticks_us[place])
+                place += 1
+            else:
+                place = -((first - due) // block)
 
     def _fitted(self, index: float) -> tuple[float, int, float]:
         """Return rate in Hz, anchor sample and the anchor's hub time in us, from the time stamps up to `index`."""

@@ -84,10 +84,33 @@ class TireEstimates:
         """Add a pressure and temperature reading with its hub time and the error that sensor health gives it."""
         self._environment.append((tick_us, environment, pressure_error_pa))
 
-    def take(
-        self, revolution: Revolution, end_us: float, host_ns: int, doubt: Reason | None = None
-    ) -> RevolutionResult:
-        """Estimate one revolution that ended at hub time `end_us`; a `doubt` makes all but the speed provisional."""
+    def take_block(
+        self,
+        revolutions: Sequence[Revolution],
+        ends_us: Sequence[float],
+        hosts_ns: Sequence[int],
+        doubts: Sequence[Reason | None],
+    ) -> list[RevolutionResult]:
+        """Estimate consecutive revolutions; the size of the blocks does not change the results.
+
+        The running average is known at the end of a block only. Whoever uses it must end blocks at places that do not
+        depend on how the samples arrived. Environment readings up to the last end must have been given.
+
+        Args:
+            revolutions: in order; their arrays may be rows of stacked arrays.
+            ends_us: hub time of the end of each.
+            hosts_ns: host time of the end of each, ns since the epoch.
+            doubts: about the sensor; makes all estimates of that revolution but the speed provisional.
+
+        Returns:
+            One result per revolution.
+        """
+        return [
+            self._take(revolution, end_us, host_ns, doubt)
+            for revolution, end_us, host_ns, doubt in zip(revolutions, ends_us, hosts_ns, doubts, strict=True)
+        ]
+
+    def _take(self, revolution: Revolution, end_us: float, host_ns: int, doubt: Reason | None) -> RevolutionResult:
         uncorrected = revolution.uncorrected is not None
         if uncorrected not in self._series:
             self._series[uncorrected] = _Series(self._names)

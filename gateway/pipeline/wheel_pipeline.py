@@ -189,9 +189,7 @@ class WheelPipeline:
             self._lost += step
             self._make_room(step)
             buffer.bridge(step, counts[0], self._segmenter.oldest_needed)
-        block = len(counts) // len(ticks_us)
-        for place, tick_us in clock.due(first, block, len(ticks_us)):
-            clock.stamp(place, ticks_us[tick_us])
+        clock.stamp_blocks(first, len(counts) // len(ticks_us), ticks_us)
         self._samples += len(counts)
         # At most as many samples at once as the buffer can take without overwriting samples that the segmenter needs.
         piece = buffer.capacity - round(LOOK_BACK_S * sensor.hello.rate_hz) - 1
