@@ -196,7 +196,7 @@ class ContactTimer:
             self._apart_rad = _RunningMean((0.0,))
         self._template = latest
         if self._points is not None:
-            self._weights = _Weights(self._share, *self._apart_rad.values, *self._points)
+            self._weights = _Weights(self._share, self._apart_rad.values[0], *self._points)
 
     def time(
         self,
@@ -350,9 +350,7 @@ class ContactTimer:
         total = v00 + v11 - 2.0 * v01
         share = (v00 - v01) / total if total > 0.0 and math.isfinite(total) else 0.5
         own, mixed, other = (1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2
-        centre_std = math.sqrt(
-            max(own * n00 + mixed * n01 + other * n11, own * v00 + mixed * v01 + other * v11)
-        )
+        centre_std = math.sqrt(max(own * n00 + mixed * n01 + other * n11, own * v00 + mixed * v01 + other * v11))
         # A change of the weights must not move the timed point: only the distance's deviation from its mean counts.
         centre = leading + share * (trailing - leading - apart) + 0.5 * apart
         step = template.middle_rad - 0.5 * (points[0] + points[1])

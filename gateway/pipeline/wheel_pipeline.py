@@ -33,9 +33,7 @@ BUFFER_S: Final = 8.0
 _MAX_GAP_S: Final = 0.25
 # Tolerance between the time stamp and the sample number of a late block. If it is exceeded, the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
-# A reading of pressure and temperature that is older than the end of the last waiting revolution, and this much more,
-# may be one that they would use. More of them than this cannot wait.
-_READING_MARGIN_US: Final = 100_000
+# Readings of pressure and temperature that may come while revolutions wait; with more, an earlier one could be lost.
 _MOST_WAITING: Final = 32
 # Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
 _NO_CONTACTS_WITH: Final = frozenset((Code.SENSOR_DEAD, Code.SENSOR_STUCK, Code.SENSOR_TILTED))
@@ -115,7 +113,7 @@ class WheelPipeline:
         if self._decided:
             self._environments_waiting += 1
             # The revolutions found before this reading must not see it, nor lose an earlier one.
-            if self._environments_waiting > _MOST_WAITING or tick_us < self._end_us() + _READING_MARGIN_US:
+            if self._environments_waiting > _MOST_WAITING or tick_us < self._end_us():
                 self._revolve()
         pressure_error_pa = self._sensor.health.environment(environment) if self._sensor is not None else 0.0
         self._tire.environment(tick_us, environment, pressure_error_pa)
@@ -228,9 +226,10 @@ class WheelPipeline:
                 self._revolve()
 
     def _end_us(self) -> float:
-        """Return the hub time at which the last waiting revolution ended."""
+        """Return a hub time at which the last waiting revolution had ended, however its contact will be timed."""
         assert self._clock is not None
-        return self._clock.hub_us(self._decided[-1].pair.end.centre)
+        end = self._decided[-1].pair.end
+        return self._clock.hub_us(end.centre + 0.5 * end.duration)
 
     def _count_saturated(self) -> None:
         """Check the samples since the last call; once per revolution is cheaper than once per frame."""
@@ -310,7 +309,10 @@ class WheelPipeline:
         reading = sensor.reading
         rates_hz = [clock.rate_hz(pair.end.centre) for pair in pairs]
         all_timed = self._timer.time(
-            pairs, rates_hz, lambda first, end: sign * reading.radial_mps2(buffer.view(first, end)), buffer.missing_between
+            pairs,
+            rates_hz,
+            lambda first, end: sign * reading.radial_mps2(buffer.view(first, end)),
+            buffer.missing_between,
         )
         revolutions: list[TimedRevolution] = []
         ends_us: list[float] = []
@@ -322,9 +324,7 @@ class WheelPipeline:
             )
             start_s = clock.hub_us(timed.start.centre) * 1e-6
             revolutions.append(
-                TimedRevolution(
-                    pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected
-                )
+                TimedRevolution(pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected)
             )
             ends_us.append(end_us)
             self._revolutions += 1

@@ -209,14 +209,12 @@ def _resample_alike(
     scale: Scale | None,
 ) -> FloatArray:
     """Return (revolutions, axes, n) of revolutions that are interpolated in the same way."""
-    count, axes = len(phases), samples_mps2[0].shape[1]
     firsts = [max(0, math.floor(phase.start) - MARGIN_SAMPLES) for phase in phases]
     parts = [
         samples[first : math.ceil(phase.end) + MARGIN_SAMPLES + 1]
         for samples, first, phase in zip(samples_mps2, firsts, phases, strict=True)
     ]
     coefficients = spline_coefficients(parts, order, scale)
-    length = coefficients.shape[1]
     starts, ends, rates, accelerations = np.array(
         [
             (phase.start - first, phase.end - first, phase.rate, phase.acceleration)

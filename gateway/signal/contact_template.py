@@ -244,7 +244,9 @@ class ContactSamples:
             rest2 = np.square(change - fitted @ region.model.T)
             misfit2 = rest2.mean(axis=1)
             fits[of_group] = (
-                (_GAIN_RANGE[0] < gain) & (gain < _GAIN_RANGE[1]) & (misfit2 < (_MAX_RESIDUAL_SHARE * template.span) ** 2)
+                (_GAIN_RANGE[0] < gain)
+                & (gain < _GAIN_RANGE[1])
+                & (misfit2 < (_MAX_RESIDUAL_SHARE * template.span) ** 2)
             )
             shift[of_group] = moved
             residual[of_group] = np.sqrt(

@@ -78,7 +78,8 @@ def band_noise(spectrum: ComplexArray, samples_per_revolution: float) -> float:
     band = spectrum[low:high]
     power = band.real**2 + band.imag**2
     # |C|^2 = 2 sigma^2 * (chi-square of two degrees / 2), whose median is ln 2.
-    return math.sqrt(median(power) / (2.0 * math.log(2.0))) * 2.0 / n
+    coefficient: float = math.sqrt(median(power) / (2.0 * math.log(2.0))) * 2.0 / n
+    return coefficient
 
 
 def sample_std(coefficient_std_mps2: float, samples_per_revolution: float, n: int) -> float:
