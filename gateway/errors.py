@@ -66,3 +66,13 @@ class ImportDataError(TreadlinkError):
 
 class OutputError(TreadlinkError):
     """A result file cannot be written: it exists, its format needs a missing package, or the disk refuses."""
+
+
+class PluginError(TreadlinkError):
+    """A plug-in that was asked for cannot be imported or does not fit its registry."""
+
+    def __init__(self, name: str, package: str) -> None:
+        """Name the plug-in and its package."""
+        super().__init__(
+            f"plug-in '{name}' of package '{package}' cannot be used", "Run `treadlink doctor`: it shows the reason."
+        )

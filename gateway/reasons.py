@@ -47,6 +47,15 @@ class Code(StrEnum):
     WHEEL_STANDS = "wheel_stands"
     WHEEL_TOO_SLOW = "wheel_too_slow"
 
+    # Plug-ins
+    PLUGIN_EFFECT_TAKEN = "plugin_effect_taken"
+    PLUGIN_FAILED = "plugin_failed"
+    PLUGIN_LACKS_MEMBERS = "plugin_lacks_members"
+    PLUGIN_NAME_TAKEN = "plugin_name_taken"
+    PLUGIN_NAME_DIFFERS = "plugin_name_differs"
+    PLUGIN_NOT_IMPORTED = "plugin_not_imported"
+    PLUGIN_WRONG_TYPE = "plugin_wrong_type"
+
     # Estimates
     # Of any estimator
     AC_COUPLED = "ac_coupled"

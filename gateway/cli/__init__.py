@@ -39,7 +39,8 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "command": ("gateway.cli.command:command", "Send a command to a hub and print its reply."),
     "keys": ("gateway.cli.keys:keys", "Manage sensor signing keys."),
     "doctor": ("gateway.cli.doctor:doctor", "Check packages, ports, permissions and configuration."),
-    "protocol": ("gateway.cli.protocol:protocol", "Generate C code and test vectors for the firmware."),
+    "completion": ("gateway.cli.completion:completion", "Print the completion script of a shell."),
+    "protocol": ("gateway.cli.protocol:protocol", "Generate C code, test vectors and parsers of the protocol."),
 }
 
 _logger = logging.getLogger(__name__)

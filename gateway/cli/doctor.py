@@ -40,7 +40,7 @@ _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the checks as JSON.")
 def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path, as_json: bool) -> None:
-    """Check packages, ports, Bluetooth, permissions, disk space, terminal, configuration and each SOURCE.
+    """Check packages, plug-ins, ports, Bluetooth, permissions, disk space, terminal, configuration and each SOURCE.
 
     The exit status is 1 if there is a fault, and 0 if there are only warnings.
     """
@@ -56,6 +56,7 @@ def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path,
 def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> Iterator[Check]:
     yield from checks.check_python()
     yield from checks.check_packages()
+    yield from checks.check_plugins()
     yield from checks.check_ports()
     yield from checks.check_bluetooth()
     yield from checks.check_disk(recordings)

@@ -16,6 +16,7 @@ from typing import Any, Final
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import open_source, parse_source_uri
 from gateway.views.wording import notice_text
+from gateway.views.wording import text as wording
 
 PYTHON_MIN: Final = (3, 11)
 TERMINAL_MIN_COLUMNS: Final = 80
@@ -25,7 +26,8 @@ DISK_FAULT_BYTES: Final = 100_000_000
 BYTES_PER_HOUR: Final = 4 * 9600 / 36 * 242 * 3600
 DISK_WARNING_HOURS: Final = 1.0
 _LISTEN_S: Final = 0.1
-_DEVELOPMENT_EXTRAS: Final = ("dev", "docs")
+# Extras of developers, and the one that only names all others.
+_UNCHECKED_EXTRAS: Final = ("all", "dev", "docs")
 
 _REQUIREMENT: Final = re.compile(
     r"^([A-Za-z0-9._-]+)[^;]*?(?:>=([0-9.]+))?[^;]*(?:;\s*extra\s*==\s*['\"]([^'\"]+)['\"])?\s*$"
@@ -74,25 +76,51 @@ def check_packages() -> Iterator[Check]:
     except importlib.metadata.PackageNotFoundError:
         yield Check("packages", Level.FAULT, "treadlink is not installed", "Run: pip install -e .")
         return
-    missing = {"": False}
+    missing: dict[str, list[str]] = {}
     versions: list[str] = []
     for requirement in requirements:
         match = _REQUIREMENT.match(requirement)
-        if match is None or match[3] in _DEVELOPMENT_EXTRAS:
+        if match is None or match[3] in _UNCHECKED_EXTRAS:
             continue
         name, minimum, extra = match[1], match[2], match[3] or ""
         version = _version_of(name)
         if version is not None and (minimum is None or _release(version) >= _release(minimum)):
             versions.append(f"{name} {version}")
             continue
-        missing[extra] = True
         found = f"{name} is missing" if version is None else f"{name} {version} is older than {minimum}"
         if extra:
-            yield Check(f"package [{extra}]", Level.WARNING, found, f"Optional. Run: pip install 'treadlink[{extra}]'")
+            missing.setdefault(extra, []).append(found)
         else:
+            missing[""] = []
             yield Check("package", Level.FAULT, found, f"Run: pip install '{name}>={minimum or 0}'")
-    if not missing[""]:
-        yield Check("packages", Level.OK, ", ".join(versions))
+    if "" not in missing:
+        yield Check("packages", Level.OK, ", ".join(dict.fromkeys(versions)))
+    for extra, found_in_extra in missing.items():
+        if extra:
+            remedy = f"Optional. Run: pip install 'treadlink[{extra}]'"
+            yield Check(f"packages [{extra}]", Level.WARNING, ", ".join(found_in_extra), remedy)
+
+
+def check_plugins() -> Iterator[Check]:
+    """Check every plug-in of the installed packages: it is imported, and its interface compared with the registry's."""
+    from gateway.closure.effects import catalogue
+    from gateway.estimators import registry
+    from gateway.io import source
+    from gateway.plugins import PluginGroup, statuses
+
+    for group, taken, fault in (
+        (PluginGroup.SOURCES, source.SOURCES, source.plugin_fault),
+        (PluginGroup.ESTIMATORS, registry.ESTIMATORS, registry.plugin_fault),
+        (PluginGroup.EFFECTS, (), catalogue.plugin_fault),
+    ):
+        for plugin, refusal in ((status.plugin, status.refusal) for status in statuses(group, tuple(taken), fault)):
+            name = f"plug-in {plugin.name}"
+            origin = f"{group.removeprefix('treadlink.')} of {plugin.package} {plugin.version}"
+            if refusal is None:
+                yield Check(name, Level.OK, origin)
+            else:
+                remedy = f"Update or remove the package: pip uninstall {plugin.package}"
+                yield Check(name, Level.FAULT, f"{origin} refused: {wording(refusal)}", remedy)
 
 
 def check_ports() -> Iterator[Check]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS
+from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names
 
 config_option = click.option(
     "--config",
@@ -35,7 +35,7 @@ estimator_option = click.option(
     "--estimator",
     "estimators",
     multiple=True,
-    type=click.Choice(list(ESTIMATORS)),
+    type=click.Choice(estimator_names()),
     help=f"Estimator to run; repeat for several.  [default: {', '.join(DEFAULT_ESTIMATORS)}]",
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite existing output files.")

@@ -1,4 +1,4 @@
-"""`treadlink protocol`: C code, test vectors and tables generated from the declaration of the protocol."""
+"""`treadlink protocol`: C code, test vectors, parsers and tables generated from the declaration of the protocol."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OUT = click.option(
 
 @click.group()
 def protocol() -> None:
-    """Generate C code and test vectors for the firmware."""
+    """Generate C code, test vectors and descriptions for other programs."""
 
 
 @protocol.command()
@@ -80,6 +80,33 @@ def vectors(out: Path | None, force: bool) -> None:
     from firmware_protocol.conformance import make_vectors
 
     _write(make_vectors(), out, force=force)
+
+
+@protocol.command()
+@_OUT
+@force_option
+def kaitai(out: Path | None, force: bool) -> None:
+    """Write a Kaitai Struct description of the frames.
+
+    The Kaitai Struct compiler makes parsers from it for a dozen languages.
+    """
+    from firmware_protocol.kaitai import KAITAI_NAME, kaitai_description
+
+    _write({KAITAI_NAME: kaitai_description()}, out, force=force)
+
+
+@protocol.command()
+@_OUT
+@force_option
+def wireshark(out: Path | None, force: bool) -> None:
+    """Write a dissector for Wireshark and tshark, in Lua.
+
+    It shows the fields of each frame with their units, checks the CRC and
+    marks bytes between frames.
+    """
+    from firmware_protocol.wireshark import DISSECTOR_NAME, wireshark_dissector
+
+    _write({DISSECTOR_NAME: wireshark_dissector()}, out, force=force)
 
 
 @protocol.command()

@@ -14,6 +14,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from gateway.clock import Clock
 from gateway.errors import SourceError
+from gateway.plugins import Plugin, PluginGroup, load, names
 from gateway.reasons import Code, Reason
 
 _logger = logging.getLogger(__name__)
@@ -173,7 +174,29 @@ SOURCES: Final[dict[str, SourceKind]] = {
     "replay": SourceKind("gateway.recording.replay_source:open_replay", live=False),
     "sim": SourceKind("gateway.simulator.simulator_source:open_simulator", live=False),
 }
-"""Sources by the scheme of their URI."""
+"""Sources of this package by the scheme of their URI; plug-ins add others."""
+
+
+def source_kind(scheme: str) -> SourceKind | None:
+    """Return the source of a scheme, None when there is none.
+
+    Raises:
+        PluginError: it is a plug-in that cannot be used.
+    """
+    if scheme in SOURCES:
+        return SOURCES[scheme]
+    found = load(PluginGroup.SOURCES, scheme, SOURCES, plugin_fault)
+    return found if isinstance(found, SourceKind) else None
+
+
+def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
+    """Return why the object of a plug-in is no source, None when it is one."""
+    if not isinstance(found, SourceKind):
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.io.source.SourceKind")
+    module_name, _, factory_name = found.factory.partition(":")
+    if not callable(getattr(importlib.import_module(module_name), factory_name, None)):
+        return Reason(Code.PLUGIN_LACKS_MEMBERS, members=found.factory)
+    return None
 
 
 def parse_source_uri(uri: str) -> SourceAddress:
@@ -187,8 +210,8 @@ def parse_source_uri(uri: str) -> SourceAddress:
     except ValueError as error:
         raise SourceError(f"source '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
     scheme = parts.scheme.lower()
-    if scheme not in SOURCES:
-        known = ", ".join(f"{name}:" for name in SOURCES)
+    if source_kind(scheme) is None:
+        known = ", ".join(f"{name}:" for name in (*SOURCES, *names(PluginGroup.SOURCES, SOURCES)))
         raise SourceError(
             f"unknown source '{uri}'", f"A source starts with one of {known}; try `treadlink live sim:demo`."
         )
@@ -200,13 +223,19 @@ def parse_source_uri(uri: str) -> SourceAddress:
     return SourceAddress(uri, scheme, target, dict(parse_qsl(parts.query, keep_blank_values=True)))
 
 
+def _kind_of(address: SourceAddress) -> SourceKind:
+    kind = source_kind(address.scheme)
+    assert kind is not None  # parsing refuses other schemes
+    return kind
+
+
 def is_live(uri: str) -> bool:
     """Return whether the source of a URI delivers bytes as they arrive.
 
     Raises:
         SourceError: no known scheme, or no target.
     """
-    return SOURCES[parse_source_uri(uri).scheme].live
+    return _kind_of(parse_source_uri(uri)).live
 
 
 def positive_option(name: str, text: str, *, or_max: bool = False) -> float:
@@ -256,7 +285,7 @@ def open_source(uri: str, clock: Clock) -> Source:
         SourceError: the URI is wrong, or the source's optional package is missing.
     """
     address = parse_source_uri(uri)
-    factory = SOURCES[address.scheme].factory
+    factory = _kind_of(address).factory
     _logger.debug("opening %s with %s", uri, factory)
     module_name, factory_name = factory.split(":")
     source: Source = getattr(importlib.import_module(module_name), factory_name)(address, clock)

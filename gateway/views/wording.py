@@ -87,6 +87,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WHEEL_TOO_SLOW: (
         "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
     ),
+    # Plug-ins
+    Code.PLUGIN_EFFECT_TAKEN: "its name or its rank is that of {effect} of {by}, rank {rank}",
+    Code.PLUGIN_FAILED: "the plug-in failed: {error}",
+    Code.PLUGIN_LACKS_MEMBERS: "it lacks {members}",
+    Code.PLUGIN_NAME_TAKEN: "its name is taken by {by}",
+    Code.PLUGIN_NAME_DIFFERS: "it calls itself {name}",
+    Code.PLUGIN_NOT_IMPORTED: "it cannot be imported: {error}",
+    Code.PLUGIN_WRONG_TYPE: "it is not {expected}",
     # Estimates
     # Of any estimator
     Code.AC_COUPLED: "AC-coupled: the steady value is lost",

@@ -59,6 +59,8 @@ from tests.testkit.collector_bench import (
 ROOT = Path(__file__).parents[2]
 TREADLINK = [sys.executable, "-m", "gateway.cli"]
 TIMEOUT_S = 30.0
+# Programs start slowly on a busy computer.
+PROGRAM_TIMEOUT_S = 120.0
 NS = 1_000_000_000
 
 
@@ -66,6 +68,32 @@ NS = 1_000_000_000
 def board(board_image: Path) -> Iterator[EmulatedBoard]:
     with EmulatedBoard(board_image) as running:
         yield running
+
+
+class DeliveryClock:
+    """Clock of a feed: its time is that of the samples on the link, so that a busy computer overruns no buffer."""
+
+    # Three records of 40 samples: less than the ring holds, more than a block of 36 of which a part waits.
+    AHEAD_SAMPLES = 120
+
+    def __init__(self, rate_hz: float) -> None:
+        self._rate_hz = rate_hz
+        self._delivered = 0
+        self._changed = threading.Condition()
+
+    def delivered(self, samples: int) -> None:
+        with self._changed:
+            self._delivered = samples
+            self._changed.notify()
+
+    def now_ns(self) -> int:
+        return round(self._delivered / self._rate_hz * NS)
+
+    def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
+        with self._changed:
+            ahead_ns = round(self.AHEAD_SAMPLES / self._rate_hz * NS)
+            assert self._changed.wait_for(lambda: self.now_ns() + ahead_ns >= deadline_ns, TIMEOUT_S)
+        return stop is not None and stop.is_set()
 
 
 class Link:
@@ -78,6 +106,7 @@ class Link:
         self._decoder = FrameDecoder()
         self._frames: list = []
         self.samples = 0
+        self.clock: DeliveryClock | None = None
 
     def replied(self, seq: int) -> bool:
         """Return whether one of the last frames says that a command was carried out."""
@@ -99,6 +128,8 @@ class Link:
             fresh = self._decoder.feed(received)
             self._frames += fresh
             self.samples += sum(len(f.message.counts) for f in fresh if isinstance(f.message, SampleBlock))
+            if self.clock is not None:
+                self.clock.delivered(self.samples)
 
 
 @pytest.fixture
@@ -118,7 +149,8 @@ def test_simulated_tires_arrive_to_the_bit_with_their_estimates(board: EmulatedB
     feed = SensorFeed(simulate(scenario, duration_s=3.0))
     board.provision(feed.hub, feed.wheels)
     played: list[Played] = []
-    thread = threading.Thread(target=lambda: played.append(play(feed, board, 1.0, SystemClock(), threading.Event())))
+    clock = link.clock = DeliveryClock(feed.wheels[0].rate_hz)
+    thread = threading.Thread(target=lambda: played.append(play(feed, board, 1.0, clock, threading.Event())))
     thread.start()
     full = round(3.0 * feed.wheels[0].rate_hz) // 36 * 36
     got = link.until(lambda _: link.samples >= full)
@@ -156,7 +188,8 @@ def test_overrun_shows_as_gaps_in_seq(board: EmulatedBoard, link: Link) -> None:
 
     got = link.until(is_complete)
     assert got.counters.lost == got.status.frames_dropped > 20
-    assert got.status.samples_dropped == 36 * got.counters.lost == 100 * 36 - len(got.samples())
+    # On a busy computer the ring of blocks may overflow before the queue of frames does.
+    assert 36 * got.counters.lost <= got.status.samples_dropped == 100 * 36 - len(got.samples())
     assert got.samples().items() <= rows_of(0, 3600).items()
 
 
@@ -253,7 +286,7 @@ def read_until(process: subprocess.Popen[str], pattern: str) -> re.Match[str]:
     """Return the first match in the output of a program; fails when it ends or takes long."""
     assert process.stdout is not None
     printed = ""
-    impatience = threading.Timer(TIMEOUT_S, process.kill)
+    impatience = threading.Timer(PROGRAM_TIMEOUT_S, process.kill)
     impatience.start()
     try:
         for line in process.stdout:
@@ -269,7 +302,9 @@ def read_until(process: subprocess.Popen[str], pattern: str) -> re.Match[str]:
 @pytest.mark.usefixtures("board_image")
 def test_user_watches_the_emulated_collector(tmp_path: Path) -> None:
     vehicle = tmp_path / "lab.toml"
-    board = started_program("simulate", "lab", "--firmware", "--duration", "60", "--vehicle", str(vehicle))
+    board = started_program(
+        "simulate", "lab", "--firmware", "--speed", "0.5", "--duration", "60", "--vehicle", str(vehicle)
+    )
     with board, contextlib.ExitStack() as stack:
         stack.callback(board.kill)
         uri = read_until(board, r"tcp://\S+(?= --config)")[0]
@@ -283,4 +318,4 @@ def test_user_watches_the_emulated_collector(tmp_path: Path) -> None:
         read_until(command, "hub 0 executed the command")
         board.send_signal(signal.SIGINT)
         read_until(board, r"\d+ samples in [\d.]+ s, at most")
-        assert board.wait(TIMEOUT_S) == 0
+        assert board.wait(PROGRAM_TIMEOUT_S) == 0

@@ -7,6 +7,8 @@ from click.testing import CliRunner
 
 from firmware_protocol.cgen import c_encoder, c_header
 from firmware_protocol.conformance import make_vectors
+from firmware_protocol.kaitai import kaitai_description
+from firmware_protocol.wireshark import wireshark_dissector
 from gateway.cli import treadlink
 from gateway.errors import TreadlinkError
 
@@ -17,7 +19,15 @@ def run(*arguments: str) -> str:
     return result.output
 
 
-@pytest.mark.parametrize(("command", "text"), [("header", c_header), ("encoder", c_encoder)])
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        ("header", c_header),
+        ("encoder", c_encoder),
+        ("kaitai", kaitai_description),
+        ("wireshark", wireshark_dissector),
+    ],
+)
 def test_prints_without_a_directory(command: str, text) -> None:
     assert run(command) == text()
 

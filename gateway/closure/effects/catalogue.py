@@ -1,13 +1,16 @@
-"""Catalogue of the effects: every instance in `EFFECTS` of a module of this package, in the order of its rank."""
+"""Catalogue of the effects: those in `EFFECTS` of the modules of this package and of plug-ins, in order of rank."""
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
 from functools import cache
+from itertools import takewhile
 
 from gateway.closure import effects as package
 from gateway.closure.effects.effect import BaselineModel, Effect
+from gateway.plugins import Plugin, PluginGroup, imported, installed, load_all
+from gateway.reasons import Code, Reason
 
 
 @cache
@@ -15,16 +18,46 @@ def catalogue() -> dict[str, Effect]:
     """Return every effect by name, in the order in which candidates are tried and effects of one stage are applied.
 
     Raises:
-        ValueError: two effects share a name or a rank.
+        ValueError: two effects of this package share a name or a rank.
     """
-    found: list[Effect] = []
-    for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
-        found += getattr(importlib.import_module(module.name), "EFFECTS", ())
+    found = list(_own())
+    for added in load_all(PluginGroup.EFFECTS, (), plugin_fault).values():
+        found += _effects_of(added)
     found.sort(key=lambda effect: effect.rank)
     by_name = {effect.name: effect for effect in found}
     if len(by_name) < len(found) or len({effect.rank for effect in found}) < len(found):
         raise ValueError(f"effects share a name or a rank: {[(effect.rank, effect.name) for effect in found]}")
     return by_name
+
+
+def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
+    """Return why the object of a plug-in holds no effects for the catalogue, None when it does."""
+    effects = _effects_of(found)
+    if not effects:
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a sequence of gateway.closure.effects.effect.Effect")
+    taken = [(effect, "treadlink") for effect in _own()]
+    for earlier in takewhile(lambda other: other != plugin, installed(PluginGroup.EFFECTS)):
+        taken += [(effect, earlier.package) for effect in _effects_of(imported(earlier))]
+    for effect in effects:
+        for other, owner in taken:
+            if effect.name == other.name or effect.rank == other.rank:
+                return Reason(Code.PLUGIN_EFFECT_TAKEN, effect=other.name, rank=str(other.rank), by=owner)
+        taken.append((effect, plugin.package))
+    return None
+
+
+def _effects_of(found: object) -> tuple[Effect, ...]:
+    if not isinstance(found, tuple | list) or not all(isinstance(effect, Effect) for effect in found):
+        return ()
+    return tuple(found)
+
+
+@cache
+def _own() -> tuple[Effect, ...]:
+    found: list[Effect] = []
+    for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+        found += getattr(importlib.import_module(module.name), "EFFECTS", ())
+    return tuple(found)
 
 
 def candidates(model: BaselineModel) -> dict[str, Effect]:

@@ -1,0 +1,28 @@
+"""`treadlink completion`: completion of commands and options in a shell."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command()
+@click.argument("shell", type=click.Choice(["bash", "fish", "zsh"]))
+def completion(shell: str) -> None:
+    """Print the completion script of SHELL.
+
+    Write it where the shell looks for it:
+
+    \b
+    bash  treadlink completion bash > ~/.local/share/bash-completion/completions/treadlink
+    fish  treadlink completion fish > ~/.config/fish/completions/treadlink.fish
+    zsh   treadlink completion zsh > "${fpath[1]}/_treadlink"
+
+    The script asks the installed treadlink, so it stays right after an update.
+    """
+    from click.shell_completion import get_completion_class
+
+    from gateway.cli import treadlink
+
+    found = get_completion_class(shell)
+    assert found is not None  # click has these three
+    click.echo(found(treadlink, {}, "treadlink", "_TREADLINK_COMPLETE").source())

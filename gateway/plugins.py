@@ -1,0 +1,151 @@
+"""Plug-ins: entries of registries that installed packages add through entry points."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import logging
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+
+from gateway.errors import PluginError
+from gateway.reasons import Code, Reason
+
+_logger = logging.getLogger(__name__)
+
+
+class PluginGroup(StrEnum):
+    """Group of entry points, one for each registry."""
+
+    SOURCES = "treadlink.sources"
+    ESTIMATORS = "treadlink.estimators"
+    EFFECTS = "treadlink.effects"
+    SINKS = "treadlink.sinks"
+    IMPORTERS = "treadlink.importers"
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """An entry point of an installed package.
+
+    Attributes:
+        group: the registry that it adds to.
+        name: key of the entry.
+        package: name of the package.
+        version: of the package.
+        target: object that the entry point names, `module:attribute`.
+    """
+
+    group: PluginGroup
+    name: str
+    package: str
+    version: str
+    target: str
+
+
+@dataclass(frozen=True, slots=True)
+class PluginStatus:
+    """A plug-in and the reason for its refusal.
+
+    Attributes:
+        plugin: the plug-in.
+        refusal: why it is not used; None when it is.
+    """
+
+    plugin: Plugin
+    refusal: Reason | None
+
+
+Check = Callable[[Plugin, object], Reason | None]
+"""Returns why an object does not fit a registry, None when it fits."""
+
+
+@cache
+def installed(group: PluginGroup) -> tuple[Plugin, ...]:
+    """Return the plug-ins of a group by name; nothing is imported."""
+    found = []
+    for entry in importlib.metadata.entry_points(group=group):
+        package, version = (entry.dist.name, entry.dist.version) if entry.dist is not None else ("?", "?")
+        found.append(Plugin(group, entry.name, package, version, entry.value))
+    # The same package may be found twice, as in an editable installation.
+    return tuple(sorted(set(found), key=lambda plugin: (plugin.name, plugin.package)))
+
+
+def names(group: PluginGroup, taken: Collection[str]) -> list[str]:
+    """Return the names that plug-ins add to a registry which has the names `taken`; nothing is imported."""
+    return [plugin.name for plugin in installed(group) if _name_refusal(plugin, taken) is None]
+
+
+def load(group: PluginGroup, name: str, taken: Collection[str], check: Check) -> object | None:
+    """Return the object of a plug-in; None where no package adds this name.
+
+    Raises:
+        PluginError: the plug-in cannot be imported or does not fit.
+    """
+    for plugin in installed(group):
+        if plugin.name == name and _name_refusal(plugin, taken) is None:
+            found, refusal = _examined(plugin, check)
+            if refusal is not None:
+                raise PluginError(plugin.name, plugin.package)
+            return found
+    return None
+
+
+def load_all(group: PluginGroup, taken: Collection[str], check: Check) -> Mapping[str, object]:
+    """Return the objects of all plug-ins of a group that fit, by name; the others are logged."""
+    found = {}
+    for plugin in installed(group):
+        refusal = _name_refusal(plugin, taken)
+        if refusal is None:
+            loaded, refusal = _examined(plugin, check)
+            if refusal is None:
+                found[plugin.name] = loaded
+                continue
+        _logger.warning("plug-in %s of %s refused: %s", plugin.name, plugin.package, refusal.code)
+    return found
+
+
+def statuses(group: PluginGroup, taken: Collection[str], check: Check) -> list[PluginStatus]:
+    """Return every plug-in of a group with the verdict; imports them."""
+    return [
+        PluginStatus(plugin, _name_refusal(plugin, taken) or _examined(plugin, check)[1]) for plugin in installed(group)
+    ]
+
+
+def imported(plugin: Plugin) -> object | None:
+    """Return the object of a plug-in as it is, None when it cannot be imported."""
+    return _loaded(plugin)[0]
+
+
+def missing_members(loaded: object, members: Collection[str]) -> Reason | None:
+    """Return the reason that an object lacks callable members, None when it has them all."""
+    missing = [member for member in members if not callable(getattr(loaded, member, None))]
+    return Reason(Code.PLUGIN_LACKS_MEMBERS, members=", ".join(missing)) if missing else None
+
+
+def _name_refusal(plugin: Plugin, taken: Collection[str]) -> Reason | None:
+    if plugin.name in taken:
+        return Reason(Code.PLUGIN_NAME_TAKEN, by="treadlink")
+    others = [other.package for other in installed(plugin.group) if other.name == plugin.name and other != plugin]
+    return Reason(Code.PLUGIN_NAME_TAKEN, by=", ".join(others)) if others else None
+
+
+@cache
+def _loaded(plugin: Plugin) -> tuple[object, Reason | None]:
+    entry = importlib.metadata.EntryPoint(plugin.name, plugin.target, plugin.group)
+    try:
+        return entry.load(), None
+    except Exception as error:  # code of others may raise anything, and must not end the program
+        _logger.debug("plug-in %s of %s cannot be imported", plugin.name, plugin.package, exc_info=True)
+        return None, Reason(Code.PLUGIN_NOT_IMPORTED, error=f"{type(error).__name__}: {error}")
+
+
+def _examined(plugin: Plugin, check: Check) -> tuple[object, Reason | None]:
+    loaded, refusal = _loaded(plugin)
+    if refusal is not None:
+        return None, refusal
+    try:
+        return loaded, check(plugin, loaded)
+    except Exception as error:  # likewise
+        return None, Reason(Code.PLUGIN_NOT_IMPORTED, error=f"{type(error).__name__}: {error}")

@@ -1,0 +1,203 @@
+"""The example package of plug-ins, installed and used; packages that do not fit are refused with the reason."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from firmware_protocol import wire
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "plugin"
+BAD = {
+    "treadlink.sources": {"sim": "bad_plugin:KIND", "late": "bad_plugin:missing"},
+    "treadlink.estimators": {
+        "shape": "bad_plugin:Shape",
+        "torn": "bad_plugin.torn:Anything",
+        "raising": "bad_plugin:Raising",
+        "other": "bad_plugin:Raising",
+    },
+    "treadlink.effects": {"gravity": "bad_plugin:EFFECTS", "number": "bad_plugin:NUMBER"},
+}
+BAD_MODULE = """
+from gateway.closure.effects.wheel_motion import Gravity
+
+KIND = object()
+NUMBER = 7
+EFFECTS = (Gravity(),)
+
+
+class Shape:
+    name = "shape"
+
+
+class Raising:
+    name = "raising"
+
+    def update(self, revolution, average, conditions):
+        raise ZeroDivisionError("of the plug-in")
+
+    def reset(self):
+        pass
+"""
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install the example package into a folder of its own."""
+    folder = tmp_path_factory.mktemp("site")
+    source = tmp_path_factory.mktemp("source") / "plugin"
+    shutil.copytree(EXAMPLE, source)
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check"]
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", *options, "--target", str(folder), str(source)], check=True, cwd=folder
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bad(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Make a folder with an installed package whose plug-ins do not fit."""
+    folder = tmp_path_factory.mktemp("bad")
+    package, info = folder / "bad_plugin", folder / "bad_plugin-9.dist-info"
+    package.mkdir()
+    info.mkdir()
+    (package / "__init__.py").write_text(BAD_MODULE)
+    (package / "torn.py").write_text("import a_package_that_is_not_installed\n")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bad-plugin\nVersion: 9\n")
+    lines = []
+    for group, names in BAD.items():
+        lines += [f"[{group}]", *(f"{name} = {target}" for name, target in names.items())]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("lab") / "lab.mcap"
+    treadlink("simulate", "lab", "--duration", "2", "--out", str(path), folders=())
+    return path
+
+
+def environment(*folders: Path) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (*folders, ROOT)))}
+
+
+def treadlink(*arguments: str, folders: tuple[Path, ...], check: bool = True) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "gateway.cli", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(*folders), check=False)
+    assert not check or done.returncode == 0, done.stderr
+    return done
+
+
+def plugin_checks(*folders: Path) -> dict[str, tuple[str, str]]:
+    done = treadlink("doctor", "--json", folders=folders, check=False)
+    checks = json.loads(done.stdout)
+    return {c["name"]: (c["level"], c["text"]) for c in checks if c["name"].startswith("plug-in")}
+
+
+def test_doctor_lists_plugins(example: Path) -> None:
+    assert plugin_checks(example) == {
+        "plug-in udp": ("ok", "sources of treadlink-example 0.1.0"),
+        "plug-in rotation": ("ok", "estimators of treadlink-example 0.1.0"),
+        "plug-in cross-axis": ("ok", "effects of treadlink-example 0.1.0"),
+    }
+
+
+def test_doctor_refuses_what_does_not_fit(bad: Path) -> None:
+    found = plugin_checks(bad)
+    assert found.pop("plug-in raising") == ("ok", "estimators of bad-plugin 9")
+    assert {level for level, _ in found.values()} == {"fault"}
+    reasons = {name.removeprefix("plug-in "): text.partition("refused: ")[2] for name, (_, text) in found.items()}
+    assert reasons.pop("late").startswith("it cannot be imported: AttributeError")
+    assert reasons.pop("torn").startswith("it cannot be imported: ModuleNotFoundError")
+    assert reasons == {
+        "sim": "its name is taken by treadlink",
+        "shape": "it lacks update, reset",
+        "other": "it calls itself raising",
+        "gravity": "its name or its rank is that of gravity of treadlink, rank 140",
+        "number": "it is not a sequence of gateway.closure.effects.effect.Effect",
+    }
+
+
+def test_two_packages_of_one_name_are_both_refused(example: Path, bad: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "again"
+    shutil.copytree(bad, copy)
+    points = copy / "bad_plugin-9.dist-info" / "entry_points.txt"
+    points.write_text("[treadlink.estimators]\nrotation = bad_plugin:Raising\n")
+    found = plugin_checks(example, copy)
+    assert "plug-in rotation" in found
+    assert "taken by" in found["plug-in rotation"][1]
+
+
+def test_estimator_of_a_plugin_is_in_the_table(example: Path, recording: Path, tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    treadlink("estimate", str(recording), "--estimator", "rotation", "--csv", str(table), folders=(example,))
+    header, *rows = table.read_text().splitlines()
+    columns = header.split(",")
+    place = columns.index("rotation_rpm")
+    values = [float(row.split(",")[place]) for row in rows]
+    # 65 km/h on a radius of 0.32 m
+    assert values[-1] == pytest.approx(65 / 3.6 / 0.32 * 60 / 6.2832, rel=0.05)
+
+
+def test_failing_estimator_stops_nothing_else(bad: Path, recording: Path, tmp_path: Path) -> None:
+    table = tmp_path / "table.jsonl"
+    options = ("--estimator", "raising", "--estimator", "kinematic", "--json", str(table))
+    treadlink("estimate", str(recording), *options, folders=(bad,))
+    rows = [json.loads(line) for line in table.read_text().splitlines()]
+    assert rows[-1]["speed_mps_status"] == "valid"
+    assert rows[-1]["raising_status"] == "invalid"
+    assert rows[-1]["raising_reasons"][0]["values"]["error"] == "ZeroDivisionError: of the plug-in"
+
+
+def test_refused_plugin_that_is_asked_for_is_an_error(bad: Path, tmp_path: Path) -> None:
+    done = treadlink("live", "late:x", "--plain", folders=(bad,), check=False)
+    assert done.returncode == 1
+    assert "plug-in 'late' of package 'bad-plugin' cannot be used" in done.stderr
+    assert "doctor" in done.stderr
+
+
+def test_effect_of_a_plugin_is_in_the_catalogue(example: Path, bad: Path) -> None:
+    done = treadlink("diagnose", "--list-effects", "cross-axis", folders=(example, bad))
+    assert "cross-axis sensitivity" in done.stdout
+    assert "a_circumferential + s a_lateral" in done.stdout
+
+
+def test_source_of_a_plugin_delivers_frames(example: Path, tmp_path: Path) -> None:
+    link = tmp_path / "lab.bin"
+    treadlink("simulate", "lab", "--duration", "3", "--out", str(link), folders=())
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    uri = f"udp:127.0.0.1:{port}"
+    command = [sys.executable, "-m", "gateway.cli", "live", uri, "--plain"]
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, text=True, env=environment(example), **streams) as process:
+        assert process.stdout is not None
+        assert any("connected" in line for line in process.stdout)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for frame in frames_of(link.read_bytes(), 200):
+                sender.sendto(frame, ("127.0.0.1", port))
+        assert any(re.match(r"hub0\.wheel0 +3 ", line) for line in process.stdout)
+        process.send_signal(signal.SIGINT)
+        rest = process.stdout.read()
+    assert re.search(rf"{uri}: \d+ frames, 0 lost", rest)
+
+
+def frames_of(data: bytes, count: int) -> list[bytes]:
+    frames, at = [], 0
+    for _ in range(count):
+        end = at + wire.OVERHEAD_BYTES + data[at + wire.LENGTH_OFFSET]
+        frames.append(data[at:end])
+        at = end
+    return frames
