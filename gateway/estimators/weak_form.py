@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from gateway.estimators.determination import (
 )
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
+from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differs, is_due
+from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
@@ -53,11 +55,100 @@ _DAMPING_ERROR: Final = 0.5
 # Step of the derivative by the sensor's offset, over the belt radius.
 _OFFSET_STEP: Final = 1e-3
 
+# Standard errors by which a number may follow the average until the solution is renewed.
+_MOVED_STDS: Final = 0.5
+# A pass that changes a number by more standard errors is followed by another.
+_CONVERGED_STDS: Final = 0.1
+_FURTHER_PASSES: Final = 2
+# Relative change of the revolutions' scatter, which weights the orders, from which the solution is renewed.
+_SCATTER_CHANGE: Final = 0.25
+_ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
+
 _WAVEFORMS_PER_BLOCK: Final = 32
 
 
+class _Renewed(NamedTuple):
+    """The solution at the latest renewal, and what it rests on.
+
+    Attributes:
+        values: (4,) numbers at load number 1.
+        fits: with their covariances.
+        response: (4, ORDER_COUNT) derivative of the numbers by the orders of the relative signal.
+        by_offset: (4,) derivative by the sensor's offset over the belt radius.
+        signal: (ORDER_COUNT,) orders of the relative signal.
+        max_order: highest order that the sampling carried.
+        count: revolutions averaged.
+        effective_count: of the average.
+        scatter: of the revolutions, mean square.
+        edges_rad: contact edges.
+        edges_std_rad: their standard errors.
+        omega_radps: angular speed.
+        conditions: of the revolution.
+        moved: (4,) change from which the solution is renewed.
+    """
+
+    values: FloatArray
+    fits: WaveformFits
+    response: FloatArray
+    by_offset: FloatArray
+    signal: FloatArray
+    max_order: int
+    count: int
+    effective_count: float
+    scatter: float
+    edges_rad: tuple[float, float]
+    edges_std_rad: tuple[float, float]
+    omega_radps: float
+    conditions: TireConditions
+    moved: FloatArray
+
+    def is_outdated(self, block: RevolutionBlock, index: int) -> bool:
+        """Return whether to renew, by the count of revolutions and the conditions."""
+        count = block.averages.counts[index]
+        if count != self.count and (is_due(count) or not 0 < count - self.count <= LONGEST):
+            return True
+        now, then = block.conditions[index], self.conditions
+        offset_std = SHARE_OF_STD * then.sensor_offset_std_m
+        return (
+            any(
+                differs(edge, old, SHARE_OF_STD * std)
+                for edge, old, std in zip(
+                    block.averages.edges_rad[index], self.edges_rad, self.edges_std_rad, strict=True
+                )
+            )
+            or differs(block.averages.scatters[index], self.scatter, _SCATTER_CHANGE * self.scatter)
+            or differs(now.sensor_offset_m, then.sensor_offset_m, offset_std)
+            or differs(now.sensor_offset_std_m, then.sensor_offset_std_m, offset_std)
+            or differs(now.steady_std_mps2, then.steady_std_mps2, SHARE_OF_STD * then.steady_std_mps2)
+            or differs(now.gain_std, then.gain_std, SHARE_OF_STD * then.gain_std)
+            or differs(block.revolutions[index].omega_radps, self.omega_radps, SHARE_OF_STD * self.omega_radps)
+        )
+
+    def followed(
+        self, spectrum: ComplexArray, edges_rad: tuple[float, float], conditions: TireConditions
+    ) -> FloatArray:
+        """Return the numbers at load number 1 of a slightly different average, to first order, (4,)."""
+        offset = (conditions.sensor_offset_m - self.conditions.sensor_offset_m) / conditions.radius_m
+        change = relative_orders(spectrum, edges_rad, self.max_order) - self.signal
+        result: FloatArray = self.values + self.response @ change + self.by_offset * offset
+        return result
+
+
+def relative_orders(spectrum: ComplexArray, edges_rad: tuple[float, float], max_order: int) -> FloatArray:
+    """Return the even orders of the signal about the contact centre, over its mean, (ORDER_COUNT,)."""
+    centre = 0.5 * (edges_rad[0] + edges_rad[1])
+    orders = (spectrum * np.exp(1j * centre * _ORDERS)).real
+    orders[max_order + 1 :] = 0.0
+    result: FloatArray = orders / orders[0]
+    return result
+
+
 class WeakFormEstimator:
-    """Bs, Cw, Rs, Ts and their ratios to Cw from the running average, one pass per revolution."""
+    """Bs, Cw, Rs, Ts and their ratios to Cw from the running average.
+
+    The solution is renewed at the pace of `gateway.estimators.pace`; between renewals the numbers follow the average by
+    the solution's own response to its orders.
+    """
 
     def __init__(self) -> None:
         """Start cold."""
@@ -71,6 +162,7 @@ class WeakFormEstimator:
     def reset(self) -> None:
         """Forget the warm start."""
         self._warm: WeakFormSolution | None = None
+        self._renewed: _Renewed | None = None
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
@@ -79,11 +171,39 @@ class WeakFormEstimator:
         Q / (p0 R^2). Provisional until the average has settled, on a revolution with faults, and where the data do not
         determine a number, model error included. Never raises on values.
         """
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of every revolution."""
+        return [self._estimates(block, index) for index in range(len(block))]
+
+    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+        renewed, conditions = self._renewed, block.conditions[index]
+        values = None
+        if renewed is not None and not renewed.is_outdated(block, index):
+            averages = block.averages
+            values = renewed.followed(averages.spectra[index], averages.edges_rad[index], conditions)
+            if not (np.abs(values - renewed.values) <= renewed.moved).all():
+                values = None
+        if renewed is None or values is None:
+            found = self._renew(block, index)
+            if isinstance(found, Reason):
+                self._warm = self._renewed = None
+                return all_invalid(found)
+            renewed = self._renewed = found
+            values = renewed.values
+        count = block.averages.effective_counts[index]
+        fitted = renewed.fits.numbers(0, load_number(conditions), values, renewed.effective_count / count)
+        return number_estimates(self.name, fitted, conditions, doubt_about(block.revolutions[index], count))
+
+    def _renew(self, block: RevolutionBlock, index: int) -> _Renewed | Reason:
+        """Solve the balance of the present average, or return why it cannot be."""
+        average, conditions = block.averages.at(index), block.conditions[index]
         reason = unusable(average, conditions)
         if reason:
-            return self._cold(reason)
-        half_angle = 0.5 * (average.trailing_edge_rad - average.leading_edge_rad)
-        centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
+            return reason
+        edges = average.leading_edge_rad, average.trailing_edge_rad
+        half_angle, centre = 0.5 * (edges[1] - edges[0]), 0.5 * (edges[1] + edges[0])
         carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         max_order = MAX_ORDER if carried >= ORDER_COUNT - 1 else carried
         offset = conditions.sensor_offset_m / conditions.radius_m
@@ -91,9 +211,9 @@ class WeakFormEstimator:
         mean = float(signal[0].real)
         orders = curvature_orders(signal.real[np.newaxis], offset)
         if not np.isfinite(orders).all():
-            return self._cold(Reason(Code.NO_STEADY_VALUE))
+            return Reason(Code.NO_STEADY_VALUE)
         if (curvature := float(orders[0].sum())) > _MAX_CONTACT_CURVATURE:
-            return self._cold(Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE))
+            return Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE)
         std = relative_std(average.orders_std_mps2, mean, orders[0], max_order)[np.newaxis]
         begin = motion_begin(half_angle)
         try:
@@ -102,18 +222,39 @@ class WeakFormEstimator:
             if damping is not None:
                 orders = curvature_orders((signal.real + damping.correction)[np.newaxis], offset)
             solution = solve_balance(orders, begin, std, warm, 1)
+            if self._renewed is not None:
+                limit = _CONVERGED_STDS / _MOVED_STDS * self._renewed.moved
+                for _ in range(_FURTHER_PASSES):
+                    if (np.abs(solution.unknowns - warm.unknowns)[0, :4] <= limit).all():
+                        break
+                    warm, solution = solution, solve_balance(orders, begin, std, solution, 1)
         except np.linalg.LinAlgError:
-            return self._cold(Reason(Code.NO_BELT_SHAPE))
+            return Reason(Code.NO_BELT_SHAPE)
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
-            return self._cold(Reason(Code.NO_BELT_SHAPE))
+            return Reason(Code.NO_BELT_SHAPE)
         self._warm = solution
         systematic = systematic_errors(signal, conditions, damping)
-        fitted = fits_of(solution, std, systematic).numbers(0, load_number(conditions))
-        return number_estimates(self.name, fitted, conditions, doubt_about(revolution, average))
-
-    def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
-        self._warm = None
-        return all_invalid(reason)
+        fits = fits_of(solution, std, systematic)
+        response = solution.response[0, :4] * fits.free[0][:, np.newaxis]
+        by_offset = np.zeros(4)
+        if conditions.sensor_offset_std_m:
+            by_offset = response @ systematic[0] * (conditions.radius_m / conditions.sensor_offset_std_m)
+        return _Renewed(
+            values=fits.values[0],
+            fits=fits,
+            response=response,
+            by_offset=by_offset,
+            signal=relative_orders(block.averages.spectra[index], edges, max_order),
+            max_order=max_order,
+            count=average.count,
+            effective_count=average.effective_count,
+            scatter=block.averages.scatters[index],
+            edges_rad=edges,
+            edges_std_rad=(average.leading_edge_std_rad, average.trailing_edge_std_rad),
+            omega_radps=average.omega_radps,
+            conditions=conditions,
+            moved=_MOVED_STDS * np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
+        )
 
 
 def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping: SidewallDamping | None) -> FloatArray:
@@ -167,13 +308,15 @@ class WaveformFits:
     deflection: FloatArray
     misfit: FloatArray
 
-    def numbers(self, index: int, load_number: float) -> FittedNumbers:
-        """Return one waveform's numbers at a load number."""
+    def numbers(
+        self, index: int, load_number: float, values: FloatArray | None = None, noise: float = 1.0
+    ) -> FittedNumbers:
+        """Return one waveform's numbers at a load number, with other `values` and a change of the noise's variance."""
         square = load_number**2
         return FittedNumbers(
-            self.values[index] * load_number,
+            (self.values[index] if values is None else values) * load_number,
             self.free[index],
-            self.noise[index] * square,
+            self.noise[index] * (noise * square),
             self.model[index] * square,
         )
 
