@@ -38,8 +38,8 @@ class SampleClock:
         self._window = max(1, round(_SAMPLE_WINDOW_S * nominal_rate_hz))
         self._indices: list[int] = []
         self._ticks_us: list[int] = []
-        self._fit_at = -1
-        self._fit = (nominal_rate_hz, 0, 0.0)
+        # Fits by their last sample: times are asked for in no fixed order.
+        self._fits: dict[int, tuple[float, int, float]] = {}
 
     def stamp(self, index: int, tick_us: int) -> None:
         """Add the hub time `tick_us` (unwrapped) of sample `index`."""
@@ -50,7 +50,6 @@ class SampleClock:
         # A time is asked for by up to some ten windows later: what it needs is still held then.
         if len(self._indices) > 3 * _SAMPLE_WINDOWS:
             del self._indices[:_SAMPLE_WINDOWS], self._ticks_us[:_SAMPLE_WINDOWS]
-            self._fit_at = -1
 
     def stamp_blocks(self, first: int, block: int, ticks_us: Sequence[int]) -> None:
         """Add the hub times of the first samples of blocks of `block` samples, the first of which is `first`."""
@@ -68,8 +67,9 @@ class SampleClock:
         """Return rate in Hz, anchor sample and the anchor's hub time in us, from the time stamps up to `index`."""
         until = max(1, bisect_right(self._indices, index))
         last = self._indices[until - 1]
-        if last == self._fit_at:
-            return self._fit
+        known = self._fits.get(last)
+        if known is not None:
+            return known
         indices = np.array(self._indices[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         ticks = np.array(self._ticks_us[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         rate = self.nominal_rate_hz
@@ -80,8 +80,10 @@ class SampleClock:
             if abs(measured / rate - 1.0) <= _MAX_RATE_ERROR:
                 rate = measured
         anchor_us = float(ticks.mean() + (last - indices.mean()) * 1e6 / rate)
-        self._fit_at, self._fit = last, (rate, last, anchor_us)
-        return self._fit
+        while len(self._fits) >= _SAMPLE_WINDOWS:
+            del self._fits[next(iter(self._fits))]
+        self._fits[last] = rate, last, anchor_us
+        return self._fits[last]
 
     def rate_hz(self, index: float) -> float:
         """Return the sampling rate, Hz, estimated from samples up to `index`."""
@@ -103,8 +105,8 @@ class HostClock:
         self._open: dict[int, tuple[int, int, int]] = {}
         self._open_from = 0
         self._first: tuple[int, int] | None = None
-        self._fit_key: tuple[int, int] | None = None
-        self._fit = (0.0, 0.0)
+        # The latest fits by their newest window: last point, offset in ns and drift in ns/us.
+        self._fits: dict[int, tuple[tuple[int, int, int], float, float]] = {}
         self.latency_s: float | None = None
 
     def stamp(self, tick_us: int, host_ns: int) -> None:
@@ -131,15 +133,19 @@ class HostClock:
         """Return the host time of hub time `tick_us`, with the least delay of the link included; 0 if unknown."""
         if self._first is None:
             return 0
-        newest = tick_us // _HOST_WINDOW_US - _USED_AFTER_WINDOWS
-        used = [point for point in self._closed if point[0] <= newest][-_HOST_WINDOWS:]
-        if not used:
-            return self._first[1] + round((tick_us - self._first[0]) * 1000.0)
-        key = (used[0][0], used[-1][0])
-        if key != self._fit_key:
-            self._fit_key, self._fit = key, self._line(used)
-        offset_ns, drift = self._fit
-        _, base_us, base_ns = used[-1]
+        newest = int(tick_us // _HOST_WINDOW_US) - _USED_AFTER_WINDOWS
+        fit = self._fits.get(newest)
+        if fit is None:
+            used = [point for point in self._closed if point[0] <= newest][-_HOST_WINDOWS:]
+            if not used:
+                return self._first[1] + round((tick_us - self._first[0]) * 1000.0)
+            fit = used[-1], *self._line(used)
+            # Windows that can still be closed belong to no fit that is kept.
+            if newest < self._open_from:
+                while len(self._fits) >= _HOST_WINDOWS:
+                    del self._fits[next(iter(self._fits))]
+                self._fits[newest] = fit
+        (_, base_us, base_ns), offset_ns, drift = fit
         return base_ns + round(tick_us * 1000.0 + offset_ns + drift * (tick_us - base_us))
 
     @staticmethod

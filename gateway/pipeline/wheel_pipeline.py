@@ -328,11 +328,8 @@ class WheelPipeline:
             )
             ends_us.append(end_us)
             self._revolutions += 1
-        doubts: list[Reason | None] = []
         in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m)
-        for revolution in in_angle:
-            sensor.health.revolution(revolution)
-            doubts.append(sensor.health.doubt())
+        doubts = sensor.health.revolutions(in_angle)
         self._results += self._tire.take_block(in_angle, ends_us, [host.host_ns(end_us) for end_us in ends_us], doubts)
 
     @property

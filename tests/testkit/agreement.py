@@ -5,13 +5,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
-from gateway.estimators.estimator import Estimate, Revolution
+from gateway.estimators.estimator import Estimate, Revolution, TireConditions
 from gateway.pipeline.results import RevolutionResult
 
+_CONDITIONS = [field.name for field in dataclasses.fields(TireConditions) if field.name != "sensor_offset_m"]
 # Largest difference over the standard error.
 TOLERANCE = 1e-9
 
@@ -20,8 +22,10 @@ def assert_agree(some: Sequence[RevolutionResult], others: Sequence[RevolutionRe
     """Fail unless both are the same results, wheel by wheel, to `TOLERANCE` of their standard errors."""
     ours, theirs = by_wheel(some), by_wheel(others)
     assert {name: len(results) for name, results in ours.items()} == {n: len(r) for n, r in theirs.items()}
-    worst = max((largest_difference(a, b) for name in ours for a, b in zip(ours[name], theirs[name], strict=True)))
-    assert worst <= TOLERANCE, f"results differ by {worst:.1e} standard errors"
+    for name, results in ours.items():
+        for place, (one, other) in enumerate(zip(results, theirs[name], strict=True)):
+            where, worst = max(differences(one, other).items(), key=itemgetter(1))
+            assert worst <= TOLERANCE, f"{where} of result {place} of {name} differs by {worst:.1e} standard errors"
 
 
 def by_wheel(results: Sequence[RevolutionResult]) -> dict[str, list[RevolutionResult]]:
@@ -32,15 +36,14 @@ def by_wheel(results: Sequence[RevolutionResult]) -> dict[str, list[RevolutionRe
     return wheels
 
 
-def largest_difference(one: RevolutionResult, other: RevolutionResult) -> float:
-    """Return the largest difference of two results in standard errors; infinite where anything else differs."""
-    worst = _of_revolution(one.revolution, other.revolution)
+def differences(one: RevolutionResult, other: RevolutionResult) -> dict[str, float]:
+    """Return the differences of two results by name, in standard errors; infinite where they are no numbers."""
+    found = _of_revolution(one.revolution, other.revolution)
     for field in dataclasses.fields(RevolutionResult):
         if field.name not in ("revolution", "estimates"):
-            worst = max(worst, _of(getattr(one, field.name), getattr(other, field.name)))
-    if len(one.estimates) != len(other.estimates):
-        return math.inf
-    return max([worst, *(_of_estimate(a, b) for a, b in zip(one.estimates, other.estimates, strict=True))])
+            found[field.name] = _of(getattr(one, field.name), getattr(other, field.name))
+    found["estimates"] = 0.0 if len(one.estimates) == len(other.estimates) else math.inf
+    return found | {a.name: _of_estimate(a, b) for a, b in zip(one.estimates, other.estimates, strict=False)}
 
 
 def _of_estimate(one: Estimate, other: Estimate) -> float:
@@ -52,7 +55,7 @@ def _of_estimate(one: Estimate, other: Estimate) -> float:
     )
 
 
-def _of_revolution(one: Revolution, other: Revolution) -> float:
+def _of_revolution(one: Revolution, other: Revolution) -> dict[str, float]:
     scales = {
         "period_s": one.period_std_s,
         "start_s": one.period_std_s,
@@ -64,10 +67,10 @@ def _of_revolution(one: Revolution, other: Revolution) -> float:
         "axes_mps2": one.noise_mps2,
         "orders_mps2": one.noise_mps2 * math.sqrt(2.0 / len(one.radial_mps2)),
     }
-    return max(
-        _of(getattr(one, field.name), getattr(other, field.name), scales.get(field.name))
+    return {
+        field.name: _of(getattr(one, field.name), getattr(other, field.name), scales.get(field.name))
         for field in dataclasses.fields(Revolution)
-    )
+    }
 
 
 def _of(one: Any, other: Any, scale: float | None = None) -> float:
@@ -79,6 +82,10 @@ def _of(one: Any, other: Any, scale: float | None = None) -> float:
         return difference / (scale or float(np.nanmax(np.abs(one), initial=0.0)) or 1.0)
     if isinstance(one, float):
         return _over(one, other, scale or abs(one))
+    if isinstance(one, TireConditions) and isinstance(other, TireConditions):
+        # What is measured about the sensor may be near 0.
+        offset = _over(one.sensor_offset_m, other.sensor_offset_m, one.sensor_offset_std_m)
+        return max(offset, *(_of(getattr(one, name), getattr(other, name)) for name in _CONDITIONS))
     if dataclasses.is_dataclass(one):
         pairs = [(getattr(one, field.name), getattr(other, field.name)) for field in dataclasses.fields(one)]
         return max((_of(a, b) for a, b in pairs), default=0.0) if type(one) is type(other) else math.inf
