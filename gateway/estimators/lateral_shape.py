@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -104,7 +105,8 @@ class LateralSteps(NamedTuple):
     records: list[Callable[[], LateralRecord]]
 
 
-class Roll(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Roll:
     """Roll tilt and the number of revolutions that it rests on."""
 
     rad: float

@@ -11,20 +11,17 @@ import math
 from typing import Final
 
 # Revolutions up to which everything is renewed in each, and the longest pause between renewals afterwards.
-_EVERY_UP_TO: Final = 8
+_EVERY_UP_TO: Final = 4
 LONGEST: Final = 32
 SHARE_OF_STD: Final = 0.2
 """Share of a standard error within which a condition may differ from that of the last renewal."""
 
 
 def is_due(count: int) -> bool:
-    """Return whether to renew after `count` revolutions: in each up to 8, then as they grow by an eighth to a quarter.
-
-    From 128 on it is every 32nd.
-    """
+    """Return whether to renew after `count` revolutions: 1, 2, 3, 4, 6, 8, 12, 16, 24, ..., 96, 128, 160, ..."""
     if count <= _EVERY_UP_TO:
         return True
-    step = min(1 << ((count - 1).bit_length() - 3), LONGEST)
+    step = min(1 << ((count - 1).bit_length() - 2), LONGEST)
     return count % step == 0
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -195,7 +196,8 @@ class PlySteerEstimator:
         return (*estimates, _roll_estimate(followed.roll))
 
 
-class _Followed(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Followed:
     """The average after the latest revolution.
 
     Attributes:
@@ -215,7 +217,8 @@ class _Followed(NamedTuple):
     record: Callable[[], LateralRecord]
 
 
-class _Renewed(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Renewed:
     """Linear maps from the average to the slopes, and their errors, at the latest renewal.
 
     Attributes:

@@ -131,7 +131,8 @@ class Measured:
     offset_m: tuple[float, float] | None
 
 
-class _Step(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Step:
     """State after one revolution.
 
     Attributes:
@@ -206,7 +207,8 @@ class SelfCalibrationEstimator:
         taken: list[int] = []
         for index, revolution in enumerate(block.revolutions):
             refused = _refused(revolution, block.conditions[index])
-            due = self._belt is None or is_due(self._last.count + len(taken) + 1)
+            count = self._last.count + len(taken) + 1
+            due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1
             if refused is not None or due:
                 steps += self._take(block, taken)
                 taken = []
@@ -215,7 +217,7 @@ class SelfCalibrationEstimator:
             if refused is None:
                 taken.append(index)
             else:
-                steps.append(self._last._replace(refused=refused))
+                steps.append(replace(self._last, refused=refused))
         steps += self._take(block, taken)
         self._steps = steps
         return [step.measured for step in steps]
@@ -245,7 +247,7 @@ class SelfCalibrationEstimator:
         self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
         self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
         if block.revolutions[index].ac_coupled:
-            self._last = self._last._replace(floor=_floor_gain(average, conditions))
+            self._last = replace(self._last, floor=_floor_gain(average, conditions))
         return None
 
     def _offset_ratio(self, conditions: TireConditions) -> float:
@@ -315,36 +317,37 @@ class SelfCalibrationEstimator:
         """Set the two equations of each revolution; return the steady value that is expected of each, (k,)."""
         revolutions = [block.revolutions[index] for index in taken]
         orders = np.array([revolution.orders_mps2[:2] for revolution in revolutions])
-        radius = np.array([block.conditions[index].radius_m for index in taken])
-        steady = radius * np.square([revolution.omega_radps for revolution in revolutions])
-        expected = steady * (1.0 - self._ratio * belt.mean_square)
+        at = np.array(taken)
+        omega = block.arrays.omega_radps[at]
+        steady = block.conditions[taken[0]].radius_m * omega * omega
+        expected: FloatArray = steady * (1.0 - self._ratio * belt.mean_square)
         mean = orders[:, 0].real
         order_1 = orders[:, 1] * complex(math.cos(self._centre_rad), math.sin(self._centre_rad))
         # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
         gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
         left = order_1.real - belt.signal_order_1 * mean
-        change = np.array([abs(r.omega_dot_radps2 * r.period_s / r.omega_radps) for r in revolutions])
+        change = np.abs(block.arrays.omega_dot_radps2[at]) * (2.0 * math.pi) / (omega * omega)
         settled = self._last.count + 1 + np.arange(len(taken)) > 2
         is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled
         usable = np.isfinite(left) & np.isfinite(expected)
-        by_mean = np.stack([expected, np.ones_like(expected), expected * warm, np.zeros_like(expected)], axis=1)
-        by_gravity = np.stack([np.full_like(warm, gravity), np.zeros_like(warm), gravity * warm, steady], axis=1)
-        by_mean *= (usable / _MEAN_STD_MPS2)[:, np.newaxis]
-        by_gravity *= (usable & is_steady)[:, np.newaxis] / self._scatter_mps2
-        by_mean, by_gravity = np.nan_to_num(by_mean), np.nan_to_num(by_gravity)
-        off = np.where(usable, mean - expected, 0.0) / _MEAN_STD_MPS2
-        order = np.where(usable & is_steady, left, 0.0) / self._scatter_mps2
-        for place, row, found, (one, other) in (
-            (_MEAN, by_mean, off, (0, 1)),
-            (_GRAVITY, by_gravity, order, (0, 3)),
-        ):
-            a, b = row[:, one], row[:, other]
-            rows[:, place] = np.stack([a * a, a * b, b * b, a * found, b * found], axis=1)
+        # Factors of G, z, G' and a, then the left-hand side, of both equations.
+        both = np.zeros((len(taken), 2, 5))
+        by_mean, by_gravity = both[:, 0], both[:, 1]
+        by_mean[:, 0], by_mean[:, 1], by_mean[:, 2], by_mean[:, 4] = expected, 1.0, expected * warm, mean - expected
+        by_gravity[:, 0], by_gravity[:, 2], by_gravity[:, 3], by_gravity[:, 4] = gravity, gravity * warm, steady, left
+        by_mean /= _MEAN_STD_MPS2
+        by_gravity /= self._scatter_mps2
+        by_gravity[~is_steady] = 0.0
+        if not usable.all():
+            both[~usable] = 0.0
+        products = both[:, :, :, np.newaxis] * both[:, :, np.newaxis, :]
+        rows[:, _MEAN] = products[:, 0][:, (0, 0, 1, 0, 1), (0, 1, 1, 4, 4)]
+        rows[:, _GRAVITY] = products[:, 1][:, (0, 0, 3, 0, 3), (0, 3, 3, 4, 4)]
         if is_calibrated:
-            both = np.stack([by_mean, by_gravity], axis=1)
-            rows[:, _MATRIX] = (both.transpose(0, 2, 1) @ both).reshape(-1, 16)
-            rows[:, _RIGHT] = by_mean * off[:, np.newaxis] + by_gravity * order[:, np.newaxis]
-            rows[:, _STEADY] = by_mean * (np.nan_to_num(expected) / _MEAN_STD_MPS2)[:, np.newaxis]
+            total = products.sum(axis=1)
+            rows[:, _MATRIX] = total[:, :4, :4].reshape(-1, 16)
+            rows[:, _RIGHT] = total[:, :4, 4]
+            rows[:, _STEADY] = by_mean[:, :4] * by_mean[:, :1]
         return expected
 
     def _record(
@@ -396,9 +399,10 @@ class SelfCalibrationEstimator:
 @lru_cache(maxsize=64)
 def _decay(count: int) -> tuple[FloatArray, FloatArray]:
     """Return the shares of the sums before, (k,), and of each new row, (k, k), in the sums after k rows."""
-    place = np.arange(count)
-    powers = _KEEP ** (place + 1.0)
-    rows = np.tril(_KEEP ** np.maximum(place[:, np.newaxis] - place, 0.0))
+    place: FloatArray = np.arange(count, dtype=np.float64)
+    powers: FloatArray = _KEEP ** (place + 1.0)
+    later: FloatArray = np.maximum(place[:, np.newaxis] - place, 0.0)
+    rows: FloatArray = np.tril(np.power(_KEEP, later))
     for array in (powers, rows):
         array.setflags(write=False)
     return powers, rows

@@ -7,8 +7,9 @@ only mark the beginning of the free belt. docs/explanation/estimators.md has the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -30,7 +31,6 @@ from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
 from gateway.physics.belt_shape import (
     MAX_ORDER,
-    belt_shape,
     curvature_orders,
     even_orders,
     gravity_orders,
@@ -54,9 +54,11 @@ EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0015, -0.0025, 0.0045, -0.04]
 _DAMPING_ERROR: Final = 0.5
 # Step of the derivative by the sensor's offset, over the belt radius.
 _OFFSET_STEP: Final = 1e-3
+_OFFSET_STEPS: Final[FloatArray] = np.array([[0.0], [-_OFFSET_STEP], [_OFFSET_STEP]])
 
-# Standard errors by which a number may follow the average until the solution is renewed.
-_MOVED_STDS: Final = 0.5
+# Largest error of following the average by the response, in standard errors: a term of second order, (change / value)^2
+# of the value. A change of one standard error renews the solution in any case.
+_FOLLOWING_STDS: Final = 0.05
 # A pass that changes a number by more standard errors is followed by another.
 _CONVERGED_STDS: Final = 0.1
 _FURTHER_PASSES: Final = 2
@@ -67,7 +69,8 @@ _ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
 _WAVEFORMS_PER_BLOCK: Final = 32
 
 
-class _Renewed(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Renewed:
     """The solution at the latest renewal, and what it rests on.
 
     Attributes:
@@ -76,7 +79,6 @@ class _Renewed(NamedTuple):
         response: (4, ORDER_COUNT) derivative of the numbers by the orders of the relative signal.
         by_offset: (4,) derivative by the sensor's offset over the belt radius.
         signal: (ORDER_COUNT,) orders of the relative signal.
-        max_order: highest order that the sampling carried.
         count: revolutions averaged.
         effective_count: of the average.
         scatter: of the revolutions, mean square.
@@ -84,7 +86,7 @@ class _Renewed(NamedTuple):
         edges_std_rad: their standard errors.
         omega_radps: angular speed.
         conditions: of the revolution.
-        moved: (4,) change from which the solution is renewed.
+        std: (4,) standard errors of the numbers at load number 1.
     """
 
     values: FloatArray
@@ -92,7 +94,6 @@ class _Renewed(NamedTuple):
     response: FloatArray
     by_offset: FloatArray
     signal: FloatArray
-    max_order: int
     count: int
     effective_count: float
     scatter: float
@@ -100,7 +101,13 @@ class _Renewed(NamedTuple):
     edges_std_rad: tuple[float, float]
     omega_radps: float
     conditions: TireConditions
-    moved: FloatArray
+    std: FloatArray
+
+    def has_moved(self, values: FloatArray) -> bool:
+        """Return whether numbers that followed the average are too far from the solution to follow further."""
+        square = np.square(values - self.values)
+        allowed = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values))
+        return not bool((square <= allowed * self.std).all())
 
     def is_outdated(self, block: RevolutionBlock, index: int) -> bool:
         """Return whether to renew, by the count of revolutions and the conditions."""
@@ -117,29 +124,27 @@ class _Renewed(NamedTuple):
                 )
             )
             or differs(block.averages.scatters[index], self.scatter, _SCATTER_CHANGE * self.scatter)
-            or differs(now.sensor_offset_m, then.sensor_offset_m, offset_std)
+            or differs(now.sensor_offset_m, then.sensor_offset_m, then.sensor_offset_std_m)
             or differs(now.sensor_offset_std_m, then.sensor_offset_std_m, offset_std)
             or differs(now.steady_std_mps2, then.steady_std_mps2, SHARE_OF_STD * then.steady_std_mps2)
             or differs(now.gain_std, then.gain_std, SHARE_OF_STD * then.gain_std)
             or differs(block.revolutions[index].omega_radps, self.omega_radps, SHARE_OF_STD * self.omega_radps)
         )
 
-    def followed(
-        self, spectrum: ComplexArray, edges_rad: tuple[float, float], conditions: TireConditions
-    ) -> FloatArray:
+    def followed(self, orders: FloatArray, conditions: TireConditions) -> FloatArray:
         """Return the numbers at load number 1 of a slightly different average, to first order, (4,)."""
         offset = (conditions.sensor_offset_m - self.conditions.sensor_offset_m) / conditions.radius_m
-        change = relative_orders(spectrum, edges_rad, self.max_order) - self.signal
-        result: FloatArray = self.values + self.response @ change + self.by_offset * offset
+        result: FloatArray = self.values + self.response @ (orders - self.signal) + self.by_offset * offset
         return result
 
 
-def relative_orders(spectrum: ComplexArray, edges_rad: tuple[float, float], max_order: int) -> FloatArray:
-    """Return the even orders of the signal about the contact centre, over its mean, (ORDER_COUNT,)."""
-    centre = 0.5 * (edges_rad[0] + edges_rad[1])
-    orders = (spectrum * np.exp(1j * centre * _ORDERS)).real
-    orders[max_order + 1 :] = 0.0
-    result: FloatArray = orders / orders[0]
+def relative_orders(spectra: ComplexArray, edges_rad: Sequence[tuple[float, float]]) -> FloatArray:
+    """Return the even orders of averages about their contact centres, over their means, (k, ORDER_COUNT)."""
+    edges = np.array(edges_rad)
+    angle = np.multiply.outer(0.5 * (edges[:, 0] + edges[:, 1]), _ORDERS)
+    orders = spectra.real * np.cos(angle) - spectra.imag * np.sin(angle)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        result: FloatArray = orders / orders[:, :1]
     return result
 
 
@@ -175,18 +180,17 @@ class WeakFormEstimator:
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution."""
-        return [self._estimates(block, index) for index in range(len(block))]
+        orders = relative_orders(block.averages.spectra, block.averages.edges_rad)
+        return [self._estimates(block, index, orders[index]) for index in range(len(block))]
 
-    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+    def _estimates(self, block: RevolutionBlock, index: int, orders: FloatArray) -> tuple[Estimate, ...]:
         renewed, conditions = self._renewed, block.conditions[index]
-        values = None
-        if renewed is not None and not renewed.is_outdated(block, index):
-            averages = block.averages
-            values = renewed.followed(averages.spectra[index], averages.edges_rad[index], conditions)
-            if not (np.abs(values - renewed.values) <= renewed.moved).all():
-                values = None
-        if renewed is None or values is None:
-            found = self._renew(block, index)
+        values, is_current = None, False
+        if renewed is not None:
+            values = renewed.followed(orders, conditions)
+            is_current = not (renewed.has_moved(values) or renewed.is_outdated(block, index))
+        if renewed is None or values is None or not is_current:
+            found = self._renew(block, index, orders, values)
             if isinstance(found, Reason):
                 self._warm = self._renewed = None
                 return all_invalid(found)
@@ -196,8 +200,14 @@ class WeakFormEstimator:
         fitted = renewed.fits.numbers(0, load_number(conditions), values, renewed.effective_count / count)
         return number_estimates(self.name, fitted, conditions, doubt_about(block.revolutions[index], count))
 
-    def _renew(self, block: RevolutionBlock, index: int) -> _Renewed | Reason:
-        """Solve the balance of the present average, or return why it cannot be."""
+    def _renew(
+        self, block: RevolutionBlock, index: int, orders_here: FloatArray, followed: FloatArray | None
+    ) -> _Renewed | Reason:
+        """Solve the balance of the present average, or return why it cannot be.
+
+        `orders_here` are the relative orders, `followed` the numbers as they followed the average to here; None without
+        an earlier solution.
+        """
         average, conditions = block.averages.at(index), block.conditions[index]
         reason = unusable(average, conditions)
         if reason:
@@ -209,7 +219,9 @@ class WeakFormEstimator:
         offset = conditions.sensor_offset_m / conditions.radius_m
         signal = orders_about(average.radial_mps2, centre, max_order)
         mean = float(signal[0].real)
-        orders = curvature_orders(signal.real[np.newaxis], offset)
+        sides = curvature_orders(np.repeat(signal.real[np.newaxis], 3, axis=0), offset + _OFFSET_STEPS)
+        by_offset_step = (sides[2] - sides[1])[:ORDER_COUNT] / (2.0 * _OFFSET_STEP)
+        orders = plain = sides[:1]
         if not np.isfinite(orders).all():
             return Reason(Code.NO_STEADY_VALUE)
         if (curvature := float(orders[0].sum())) > _MAX_CONTACT_CURVATURE:
@@ -222,30 +234,28 @@ class WeakFormEstimator:
             if damping is not None:
                 orders = curvature_orders((signal.real + damping.correction)[np.newaxis], offset)
             solution = solve_balance(orders, begin, std, warm, 1)
-            if self._renewed is not None:
-                limit = _CONVERGED_STDS / _MOVED_STDS * self._renewed.moved
+            if self._renewed is not None and followed is not None:
+                limit = _CONVERGED_STDS * self._renewed.std
                 for _ in range(_FURTHER_PASSES):
-                    if (np.abs(solution.unknowns - warm.unknowns)[0, :4] <= limit).all():
+                    found = solution.unknowns[0, :4]
+                    if (np.abs(found - followed) <= limit).all():
                         break
-                    warm, solution = solution, solve_balance(orders, begin, std, solution, 1)
+                    followed, solution = found, solve_balance(orders, begin, std, solution, 1)
         except np.linalg.LinAlgError:
             return Reason(Code.NO_BELT_SHAPE)
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
             return Reason(Code.NO_BELT_SHAPE)
         self._warm = solution
-        systematic = systematic_errors(signal, conditions, damping)
+        systematic = systematic_errors(mean, plain, by_offset_step, conditions, damping)
         fits = fits_of(solution, std, systematic)
         response = solution.response[0, :4] * fits.free[0][:, np.newaxis]
-        by_offset = np.zeros(4)
-        if conditions.sensor_offset_std_m:
-            by_offset = response @ systematic[0] * (conditions.radius_m / conditions.sensor_offset_std_m)
+        response[:, max_order + 1 :] = 0.0
         return _Renewed(
             values=fits.values[0],
             fits=fits,
             response=response,
-            by_offset=by_offset,
-            signal=relative_orders(block.averages.spectra[index], edges, max_order),
-            max_order=max_order,
+            by_offset=response[:, 2:] @ by_offset_step[2:],
+            signal=orders_here,
             count=average.count,
             effective_count=average.effective_count,
             scatter=block.averages.scatters[index],
@@ -253,36 +263,34 @@ class WeakFormEstimator:
             edges_std_rad=(average.leading_edge_std_rad, average.trailing_edge_std_rad),
             omega_radps=average.omega_radps,
             conditions=conditions,
-            moved=_MOVED_STDS * np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
+            std=np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
         )
 
 
-def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping: SidewallDamping | None) -> FloatArray:
+def systematic_errors(
+    mean: float, plain: FloatArray, by_offset: FloatArray, conditions: TireConditions, damping: SidewallDamping | None
+) -> FloatArray:
     """Return changes of the relative signal's orders by one standard error each, (k, ORDER_COUNT).
 
     They are those of the sensor's offset, of the signal's steady value, of the correction for damping, and of gravity,
     which is subtracted with a gain of 1.
 
     Args:
-        signal: (MAX_ORDER + 1,) orders about the contact centre.
+        mean: of the signal.
+        plain: (1, MAX_ORDER + 1) curvature orders without the correction for damping.
+        by_offset: (ORDER_COUNT,) their derivative by the sensor's offset over the belt radius.
         conditions: with the standard errors of offset, steady value and gain.
         damping: None where it was not fitted.
     """
-    mean = float(signal[0].real)
     changes = np.zeros((5, ORDER_COUNT))
-    offset, step = conditions.sensor_offset_m / conditions.radius_m, _OFFSET_STEP
-    if conditions.sensor_offset_std_m:
-        sides = [curvature_orders(signal.real[np.newaxis], offset + side)[0] for side in (-step, step)]
-        slope = (sides[1] - sides[0])[:ORDER_COUNT] / (2.0 * step)
-        changes[0] = slope * (conditions.sensor_offset_std_m / conditions.radius_m)
+    changes[0] = by_offset * (conditions.sensor_offset_std_m / conditions.radius_m)
     # Column 0 of the response is that to a relative error of the steady value.
     changes[1, 0] = conditions.steady_std_mps2 / mean
     if damping is not None:
         changes[2] = _DAMPING_ERROR * damping.change[:ORDER_COUNT] / mean
         changes[4] = damping.by_bending[:ORDER_COUNT] / mean
     if conditions.gain_std:
-        shape = belt_shape(curvature_orders(signal.real[np.newaxis], offset))
-        gravity = gravity_orders(shape)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
+        gravity = gravity_orders(plain)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
         changes[3] = conditions.gain_std * gravity
     changes[[0, 2, 3, 4], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     return changes

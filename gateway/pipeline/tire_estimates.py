@@ -20,7 +20,7 @@ from gateway.pipeline.old_pressure import old_pressure_s, rest_on_old_pressure
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
-from gateway.signal.synchronous_average import AverageSteps, OneAverage, RunningAverage
+from gateway.signal.synchronous_average import AverageSteps, RunningAverage
 from gateway.types import ComplexArray, FloatArray
 
 # Environment readings kept for revolutions that are not complete yet.
@@ -80,23 +80,23 @@ class _PausedSteps:
         revolutions: Sequence[Revolution],
         taken: Sequence[int],
         steps: AverageSteps | None,
-        before: AngleAverage | None,
+        before: AverageSteps | None,
     ) -> None:
         self._revolutions = revolutions
         self._steps, self._before = steps, before
         # Step after each revolution, -1 before the first.
         self._step = np.searchsorted(np.array(taken, dtype=np.intp), np.arange(len(revolutions)), side="right") - 1
 
-    def _one(self, index: int) -> AverageSteps:
+    def _one(self, index: int) -> tuple[AverageSteps, int]:
         if self._before is not None:
-            return OneAverage(self._before)
+            return self._before, len(self._before.counts) - 1
         # Without any average the revolution stands for itself, in spite of its faults.
-        return _average(RunningAverage(), [self._revolutions[index]])
+        return _average(RunningAverage(), [self._revolutions[index]]), 0
 
     @cached_property
     def _parts(self) -> list[tuple[AverageSteps, int]]:
         return [
-            (self._steps, int(step)) if self._steps is not None and step >= 0 else (self._one(index), 0)
+            (self._steps, int(step)) if self._steps is not None and step >= 0 else self._one(index)
             for index, step in enumerate(self._step)
         ]
 
@@ -313,7 +313,7 @@ class TireEstimates:
         """Update the running average with the revolutions that have no faults; return it after each revolution."""
         taken = [index for index, revolution in enumerate(revolutions) if not revolution.faults]
         self.rejected += len(revolutions) - len(taken)
-        before = self._current.average.latest if len(taken) < len(revolutions) else None
+        before = self._current.average.steps
         steps = _average(self._current.average, [revolutions[index] for index in taken]) if taken else None
         if steps is not None and len(taken) == len(revolutions):
             return steps

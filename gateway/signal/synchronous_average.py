@@ -33,14 +33,14 @@ class Shares(NamedTuple):
 @lru_cache(maxsize=256)
 def running_shares(weights: tuple[float, ...]) -> Shares:
     """Return the shares for weights of updates one after the other; only the first may be 1."""
-    weight = np.array(weights)
-    kept = 1.0 - weight
+    weight = np.array(weights, dtype=np.float64)
+    kept = np.subtract(1.0, weight, dtype=np.float64)
     is_fresh = kept[0] == 0.0
     if is_fresh:
         kept[0] = 1.0
-    left = np.cumprod(kept)
-    values = np.tril(np.multiply.outer(left, weight / left))
-    prior = np.zeros_like(left) if is_fresh else left
+    left = np.asarray(np.cumprod(kept), dtype=np.float64)
+    values: FloatArray = np.tril(np.multiply.outer(left, weight / left))
+    prior: FloatArray = np.zeros_like(left) if is_fresh else left
     for array in (prior, values):
         array.setflags(write=False)
     return Shares(prior, values)
@@ -426,6 +426,12 @@ class RunningAverage:
         orders = _Moments.empty(ORDER_COUNT)
         self._state = _State(_Moments.empty(self._n), orders, orders, np.zeros(ORDER_COUNT))
         self._latest: AngleAverage | None = None
+        self._steps: AverageSteps | None = None
+
+    @property
+    def steps(self) -> AverageSteps | None:
+        """The steps of the last update, None before the first."""
+        return self._steps
 
     @property
     def latest(self) -> AngleAverage | None:
@@ -501,6 +507,6 @@ class RunningAverage:
                 edges = edges.and_then(both, stds, floor)
             scalars.append((count, weight_square, weight, order_noise, edges))
         steps = _Steps(state, radial_mps2, orders_mps2, omega_radps, scalars, floor)
-        self._state = steps.state(len(scalars) - 1)
+        self._state, self._steps = steps.state(len(scalars) - 1), steps
         self._latest = None
         return steps
