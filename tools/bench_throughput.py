@@ -1,8 +1,8 @@
 """Throughput of estimation: times real time, CPU by stage and estimator, and peak memory.
 
-A recording of the demo car is estimated as `treadlink estimate` does (batch) and chunk by chunk as `treadlink live` does
-(live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one process without its imports. With `--against` an
-older version runs beside this one, alternating in the same run.
+A recording of the demo car is estimated as `treadlink estimate` does (batch) and chunk by chunk as `treadlink live`
+does (live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one process without its imports. With
+`--against` an older version runs beside this one, alternating in the same run.
 
 Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures one case only.
 """

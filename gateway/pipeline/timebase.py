@@ -9,9 +9,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 # Distance of the support points of the sample clock, and their number in a fit.
 _SAMPLE_WINDOW_S: Final = 0.5
@@ -124,6 +126,18 @@ class HostClock:
         if window - _CLOSED_AFTER_WINDOWS >= self._open_from:
             self._open_from = window - _CLOSED_AFTER_WINDOWS + 1
             self._closed.extend(self._open.pop(done) for done in sorted(self._open) if done < self._open_from)
+
+    def stamp_all(self, ticks_us: NDArray[np.int64], hosts_ns: NDArray[np.int64]) -> None:
+        """Add the arrivals of frames, (n,) each, in their order, n > 0."""
+        if self._first is None:
+            self.stamp(int(ticks_us[0]), int(hosts_ns[0]))
+        windows = ticks_us // _HOST_WINDOW_US
+        delays_ns = hosts_ns - ticks_us * 1000
+        edges = [0, *(np.flatnonzero(windows[1:] != windows[:-1]) + 1).tolist(), len(windows)]
+        for begin, end in pairwise(edges):
+            # Of the frames of one window only the earliest counts.
+            earliest = begin + int(delays_ns[begin:end].argmin())
+            self.stamp(int(ticks_us[earliest]), int(hosts_ns[earliest]))
 
     def measure_latency(self, tick_us: int, host_ns: int) -> None:
         """Set the latency: delay of this frame relative to the fastest frames."""

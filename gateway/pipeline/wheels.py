@@ -165,8 +165,7 @@ class Pipeline:
             first = hub.unwrap(int(ticks[own[0]]))
             steps = np.diff(ticks[own].astype(np.uint32)).astype(np.int32).astype(np.int64)
             unwrapped[own] = first + np.concatenate(([0], np.cumsum(steps)))
-            for tick_us, arrival_ns in zip(unwrapped[own].tolist(), arrivals[own].tolist(), strict=True):
-                hub.host.stamp(tick_us, arrival_ns)
+            hub.host.stamp_all(unwrapped[own], arrivals[own])
             hub.last_us = int(unwrapped[own[-1]])
         return unwrapped
 
