@@ -126,6 +126,7 @@ def campaign(
     from gateway.fleet.worker_tasks import WorkerTasks
 
     found = find_recordings(paths)
+    key_file = key_file.resolve() if key_file is not None else None  # workers have other working folders
     chosen = tuple(in_order(estimators or CAMPAIGN_ESTIMATORS))
     settings = EstimationSettings(
         estimators=chosen,
