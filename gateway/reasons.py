@@ -71,6 +71,7 @@ class Code(StrEnum):
     NOT_SETTLED = "not_settled"
     REVOLUTION_NOT_USED = "revolution_not_used"
     SAMPLES_LOST_SHARE = "samples_lost_share"
+    SIGNAL_MISSING = "signal_missing"
     SPEED_OR_RADIUS_UNKNOWN = "speed_or_radius_unknown"
     TOO_FEW_ORDERS = "too_few_orders"
     # Of what the signal says against what is stated
@@ -87,6 +88,8 @@ class Code(StrEnum):
     STEADY_VALUE_CONTRADICTED = "steady_value_contradicted"
     UNIT_IS_G = "unit_is_g"
     UNIT_IS_MPS2 = "unit_is_mps2"
+    VEHICLE_SPEED_CONTRADICTED = "vehicle_speed_contradicted"
+    WHEEL_SPEED_CONTRADICTED = "wheel_speed_contradicted"
     WIDTH_CONTRADICTED = "width_contradicted"
     ZERO_CONTRADICTED = "zero_contradicted"
     ZERO_WOULD_FIT = "zero_would_fit"
@@ -216,6 +219,17 @@ class Code(StrEnum):
     NOTIFICATIONS_DROPPED = "notifications_dropped"
     QUOTED_TEXT = "quoted_text"
     RETRY_INTERVAL = "retry_interval"
+    # - Live outputs
+    SINK_CLOSED = "sink_closed"
+    SINK_CONNECTED = "sink_connected"
+    SINK_CONNECTING = "sink_connecting"
+    SINK_DOWN = "sink_down"
+    SINK_DROPS = "sink_drops"
+    SINK_ENDED = "sink_ended"
+    SINK_FAULT = "sink_fault"
+    SINK_FULL = "sink_full"
+    SINK_LOST = "sink_lost"
+    SINK_STALLED = "sink_stalled"
     # - Health of links
     FIRMWARE_TOO_NEW = "firmware_too_new"
     FIRMWARE_TOO_OLD = "firmware_too_old"
@@ -250,7 +264,7 @@ class Code(StrEnum):
     WHEEL_ADDRESS = "wheel_address"
     WHEEL_NOT_CONFIGURED = "wheel_not_configured"
     WHEEL_NOT_IN_CONFIGURATION = "wheel_not_in_configuration"
-    # - Contradictions of a hub
+    # - False statements of a hub
     HELLO_AXES_DIFFER = "hello_axes_differ"
     HELLO_HIGHPASS_WITH_DC = "hello_highpass_with_dc"
     HELLO_KEEPS_CHANGING = "hello_keeps_changing"

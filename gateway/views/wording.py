@@ -111,6 +111,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NO_STEADY_VALUE: "the radial signal has no positive mean: its steady value is missing",
     Code.NOT_SETTLED: "settling: {revolutions:.0f} of {needed:.0f} revolutions",
     Code.REVOLUTION_NOT_USED: "this revolution was not used: {faults}",
+    Code.SIGNAL_MISSING: "the bus has not sent it lately",
     Code.SAMPLES_LOST_SHARE: "{share:.1%} of the samples were lost",
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
@@ -135,6 +136,12 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.UNIT_IS_G: "values in g taken for m/s² would fit",
     Code.UNIT_IS_MPS2: "values in m/s² taken for g would fit",
+    Code.VEHICLE_SPEED_CONTRADICTED: (
+        "the speed of the car is {ratio:.3f} ± {std:.3f} times that of belt radius and rotation: {causes}"
+    ),
+    Code.WHEEL_SPEED_CONTRADICTED: (
+        "the car's wheel turns {ratio:.3f} ± {std:.3f} times as fast as the contacts in the signal say: {causes}"
+    ),
     Code.WIDTH_CONTRADICTED: (
         "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
         "radius are not as stated"
@@ -304,6 +311,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NOTIFICATIONS_DROPPED: "{count} notifications dropped because this computer is too slow",
     Code.QUOTED_TEXT: "{text}",
     Code.RETRY_INTERVAL: "trying again every {interval_s:g s} or sooner",
+    # - Live outputs
+    Code.SINK_CLOSED: "finished",
+    Code.SINK_CONNECTED: "publishing",
+    Code.SINK_CONNECTING: "connecting",
+    Code.SINK_DOWN: "nothing is published, {waiting} items wait: {state}",
+    Code.SINK_DROPS: "items are dropped, {dropped} so far: {state}",
+    Code.SINK_ENDED: "the reader has closed its end",
+    Code.SINK_FAULT: "internal error: {error}",
+    Code.SINK_FULL: "the receiver is slower than the session",
+    Code.SINK_LOST: "{error}; trying again every {interval_s:g s} or sooner",
+    Code.SINK_STALLED: "the receiver takes nothing",
     # - Health of links
     Code.FIRMWARE_TOO_NEW: (
         "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update treadlink"
@@ -376,7 +394,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WHEEL_NOT_IN_CONFIGURATION: (
         "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
     ),
-    # - Contradictions of a hub
+    # - False statements of a hub
     Code.HELLO_AXES_DIFFER: (
         "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
     ),

@@ -32,6 +32,7 @@ OVERWRITING = [
         *((("--effects effects.json", f"{option} effects.json"),) if command == "estimate" else ()),
     )
 ]
+OVERWRITING.append("import --guess rec.csv --out rec.csv")
 # Commands that write only new files.
 NEVER = [
     "import rec.csv --map car.toml --out rec.csv",
