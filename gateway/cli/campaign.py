@@ -76,7 +76,7 @@ _GB: Final = 1e9
     help="Memory of a worker process of this machine, at which it is ended.",
 )
 @click.option(
-    "--scheduler", metavar="ADDRESS", help="Use the workers of a dask scheduler, such as tcp://10.0.0.5:8786."
+    "--scheduler", metavar="ADDRESS", help="Use the workers of a dask scheduler instead, such as tcp://10.0.0.5:8786."
 )
 @click.option("--retry", is_flag=True, help="Try recordings again that failed before and have not changed.")
 @keys_option
@@ -112,6 +112,8 @@ def campaign(
     A recording that cannot be estimated is a row of the table failures and does not stop the others. One whose worker
     process is killed or runs out of memory is tried once more. The exit status is 1 if there is a failure.
     """
+    if scheduler is not None and jobs is not None:
+        raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
     from gateway.fleet.parquet_parts import require_campaign_packages
 
     require_campaign_packages()

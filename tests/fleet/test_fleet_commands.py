@@ -65,6 +65,7 @@ def test_unreachable_scheduler_is_an_error(recordings, tmp_path, monkeypatch):
     monkeypatch.setattr("gateway.fleet.worker_cluster._CONNECT_S", 0.5)
     arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), "--scheduler", "tcp://127.0.0.1:9"]
     found = CliRunner().invoke(treadlink, arguments)
+    assert CliRunner().invoke(treadlink, [*arguments, "--jobs", "2"]).exit_code == 2
     assert "no dask scheduler answers at 'tcp://127.0.0.1:9'" in str(found.exception)
 
 
