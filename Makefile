@@ -62,7 +62,7 @@ $(DOCS_STAMP): requirements-docs.lock
 
 # The pages that the site generator reads: those of docs/ and those generated from the code.
 docs-pages: $(STAMP)
-	$(BIN)/python -m tools.docs_site build/docs
+	$(BIN)/python -m tools.docs_site build/docs --run-notebooks
 
 # The site, in build/site. A broken link is an error.
 docs: docs-pages $(DOCS_STAMP)

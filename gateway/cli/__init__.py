@@ -29,7 +29,11 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "replay": ("gateway.cli.replay:replay", "Replay a recording with live estimates."),
     "inspect": ("gateway.cli.inspect:inspect", "Show the links, losses, rates and time line of recordings."),
     "estimate": ("gateway.cli.estimate:estimate", "Estimate recordings in one pass and write tables."),
+    "export": ("gateway.cli.export:export", "Write measurements to CSV, Parquet, MATLAB, MDF, TYDEX or MCAP files."),
+    "orders": ("gateway.cli.orders:orders", "Show the order spectra and the average of every wheel."),
     "diagnose": ("gateway.cli.diagnose:diagnose", "Identify the physical effects that the model lacks."),
+    "campaign": ("gateway.cli.campaign:campaign", "Estimate many recordings into a dataset."),
+    "trends": ("gateway.cli.trends:trends", "Report how tires and sensors of a dataset change."),
     "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load and reference numbers of a tire."),
     "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT or Parquet measurement to a recording."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
@@ -41,7 +45,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "keys": ("gateway.cli.keys:keys", "Manage sensor signing keys."),
     "doctor": ("gateway.cli.doctor:doctor", "Check packages, ports, permissions and configuration."),
     "completion": ("gateway.cli.completion:completion", "Print the completion script of a shell."),
-    "protocol": ("gateway.cli.protocol:protocol", "Generate C code, test vectors and parsers of the protocol."),
+    "protocol": ("gateway.cli.protocol:protocol", "Generate C code, test vectors, parsers, DBC file and schema."),
 }
 
 _logger = logging.getLogger(__name__)

@@ -82,6 +82,9 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
         f"    {file_size(link.bytes_received)} in {link.chunks} chunks, "
         f"{link.bytes_received / seconds / 1e3:.1f} kB/s, longest gap {link.longest_silence_s:.2f} s"
     )
+    if link.bus_frames:
+        yield f"    {link.bus_frames} frames of a vehicle bus, {link.bus_frames / seconds:.1f} per second"
+        return
     total = counted.frames + counted.lost
     yield (
         f"    {counted.frames} frames, {counted.lost} lost ({percent(counted.lost, total)}), "
@@ -190,6 +193,7 @@ def _link_json(link: LinkInspection) -> dict[str, Any]:
             for line in link.log
         ],
         "log_lines": link.log_lines,
+        "bus_frames": link.bus_frames,
         "sources": [
             {
                 "hub": hub,

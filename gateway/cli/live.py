@@ -15,6 +15,7 @@ from gateway.cli.options import (
     estimator_option,
     keys_option,
     plain_option,
+    publish_option,
 )
 from gateway.cli.stop_signals import StopRequest, stop_request
 
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     help="Also record to this new .mcap file, or to a new file in this folder.",
 )
 @plain_option
+@publish_option
 @duration_option
 @keys_option
 @estimator_option
@@ -43,6 +45,7 @@ def live(
     config_path: Path | None,
     record: Path | None,
     plain: bool,
+    publish: tuple[str, ...],
     duration_s: float | None,
     key_file: Path | None,
     estimators: tuple[str, ...],
@@ -57,6 +60,7 @@ def live(
       ble://NAME-or-ADDRESS                   a hub on Bluetooth LE (treadlink scan lists them)
       sim:demo                                a simulated vehicle (treadlink simulate --list)
       replay:FILE?speed=1                     a recording; speed=10, speed=max
+      can:INTERFACE:CHANNEL?dbc=FILE          signals of the vehicle, beside the wheels; can:FILE.blf a log of them
 
     Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, ? shows
     help, q quits. A summary is printed at the end.
@@ -72,16 +76,19 @@ def live(
             key_file=key_file,
             effects_paths=effects_paths,
             duration_s=duration_s,
+            publish=publish,
         )
         show_session(session, stop, plain=plain)
 
 
 def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> None:
     """Run the screen, or print lines if there is no terminal, then print the summary."""
-    from gateway.cli.session_setup import ending, is_terminal, run_plain
+    from gateway.cli.session_setup import ending, is_terminal, run_plain, run_published
 
     with ending(session, stop):
-        if plain or not is_terminal():
+        if session.publisher is not None and session.publisher.uses_standard_output:
+            run_published(session, stop)
+        elif plain or not is_terminal():
             run_plain(session, stop, click.echo)
         else:
             from gateway.cli.logs import held_back

@@ -11,17 +11,21 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.cli.estimate_run import EstimateOrder, RecordingEstimated
-from gateway.cli.session_setup import choose_vehicle, open_effects
-from gateway.config.vehicle import ASSUMED_RADIUS_MM
+from gateway.config.effects_file import open_effects
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, choose_vehicle
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.reasons import Code
 from gateway.recording.reader import RecordingReader
+from gateway.recording.reference_topic import ReferenceItems
 from gateway.security.guard import open_guard
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.session.reference_check import ReferenceCheck
+from gateway.session.signal_decoding import open_decoder
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, positions
+from gateway.views.reference_lines import reference_lines
 from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
 from gateway.views.tables.result_table import RowMaker
 from gateway.views.tables.row_spool import open_spool
@@ -61,9 +65,11 @@ def estimate_recording(
     summary, sensors, alarms = ResultSummary(), SensorsHeard(), BatchAlarms(vehicle)
     watch = StatementWatch(positions(vehicle))
     states: list[WheelSnapshot] = []
+    check = ReferenceCheck(ReferenceItems(reader), vehicle)
     name = order.path.name
 
     def take(result: RevolutionResult) -> None:
+        check.add(result)
         summary.add(result)
         for table in tables:
             table.write(result, name)
@@ -73,7 +79,7 @@ def estimate_recording(
         watch.batch(link, batch)
 
     counters = estimate_items(
-        reader,
+        check,
         vehicle,
         take,
         estimators=order.estimators,
@@ -83,6 +89,7 @@ def estimate_recording(
         on_wheels=states.extend,
         effects=effects,
         alarms=alarms,
+        signals=open_decoder(vehicle, order.config_path, (), [reader.dbc_text]),
     )
     on_position(reader.info.size_bytes)
     assumed = "" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)"
@@ -101,7 +108,10 @@ def estimate_recording(
     for alarm in found:
         for rows in tables:
             rows.write_alarm(alarm, name)
-    lines += [clean(f"  {line}".rstrip()) for line in summary_lines(wheels, alarms=found)]
+    lines += [
+        clean(f"  {line}".rstrip())
+        for line in (*summary_lines(wheels, alarms=found), *reference_lines(check.comparisons()))
+    ]
     lines += _link_lines(counters)
     links = {link: FrameCounts(counted.frames, counted.refused) for link, counted in counters.items()}
     missing = (*missing_frames(links), *missing_revolutions(states, links))

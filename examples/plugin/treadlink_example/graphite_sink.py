@@ -6,7 +6,15 @@ import socket
 import threading
 
 from gateway.estimators.estimator import Status
-from gateway.publishing.sink import Item, PublishedRevolution, SinkAddress, SinkDownError, SinkError, SinkKind, SinkSetting
+from gateway.publishing.sink import (
+    Item,
+    PublishedRevolution,
+    SinkAddress,
+    SinkDownError,
+    SinkError,
+    SinkKind,
+    SinkSetting,
+)
 
 _TIMEOUT_S = 2.0
 
@@ -63,7 +71,9 @@ def open_graphite(address: SinkAddress, setting: SinkSetting) -> GraphiteSink:
     address.check_options(("prefix",))
     host, _, port = address.target.rpartition(":")
     if not host or not port.isdecimal():
-        raise SinkError(f"'{address.name}' names no port", "Write graphite:HOST:PORT, for example graphite:localhost:2003.")
+        raise SinkError(
+            f"'{address.name}' names no port", "Write graphite:HOST:PORT, for example graphite:localhost:2003."
+        )
     return GraphiteSink(host, int(port), address.options.get("prefix", "treadlink"))
 
 

@@ -25,7 +25,7 @@ class WavColumns:
         """
         self._path = path
         try:
-            self._file = wave.open(str(path), "rb")
+            self._file = wave.open(str(path), "rb")  # noqa: SIM115 - `close` closes it
         except (wave.Error, EOFError) as error:
             raise ImportDataError(f"{path} is not a WAV file: {error}", "Check the file and its format.") from error
         if self._file.getsampwidth() not in _TYPES:
