@@ -16,7 +16,6 @@ from gateway.cli.options import config_option, effects_option, keys_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
-from gateway.views.numbers import duration, file_size
 from gateway.views.text import clean
 from gateway.views.wording import text
 
@@ -274,6 +273,8 @@ def _files_text(progress: CampaignProgress) -> str:
 
 
 def _left_text(progress: CampaignProgress) -> str:
+    from gateway.views.numbers import duration
+
     left_s = progress.left_s
     return "time left not known yet" if left_s is None else f"{duration(left_s)} left"
 
