@@ -281,6 +281,8 @@ def _left_text(progress: CampaignProgress) -> str:
 
 def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], root: Path) -> None:
     """Print what was done, and the failures."""
+    from gateway.views.numbers import duration, file_size
+
     rate = progress.estimated / progress.elapsed_s if progress.elapsed_s > 0.0 else 0.0
     took = f" in {duration(progress.elapsed_s)} ({rate:.2g} per second)" if progress.estimated else ""
     click.echo(f"{progress.estimated} recordings estimated{took}, {progress.revolutions} revolutions")
