@@ -78,9 +78,10 @@ class SensorReading:
         return radial * self.sign
 
     def samples_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
-        """Return samples (n, channels) as accelerations, the radial axis positive inward."""
+        """Return samples (n, channels) as accelerations, the radial axis, if there is one, positive inward."""
         samples: FloatArray = (counts - self.offset_counts) * self.scale_mps2
-        samples[:, self.radial_column] *= self.sign
+        if Axis.RADIAL in self.columns:
+            samples[:, self.radial_column] *= self.sign
         return samples
 
     def is_saturated(self, counts: NDArray[np.integer[Any]]) -> bool:
