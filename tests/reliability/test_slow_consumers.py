@@ -19,6 +19,7 @@ from gateway.session import live as live_module
 from gateway.session import recording_stage
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.recording_stage import Stage
+from gateway.session.session_opening import OpenedSession
 from tests.reliability.sessions import TIMEOUT_S, Items, SlowWriter, prepare, start
 from tests.reliability.streams import simulated
 
@@ -128,7 +129,7 @@ def test_blocked_terminal_does_not_delay_the_session(lab) -> None:
         assert live.wait(TIMEOUT_S)
         printed.append(line)
 
-    session = RunningSession(live, live._summary, None)
+    session = RunningSession(OpenedSession(live, live._summary, None, None))
     run_plain(session, StopRequest(), terminal)
     end_session(session, printed.append)
     assert any("revolutions" in line for line in printed)
