@@ -24,13 +24,13 @@ demo: $(STAMP)
 	$(BIN)/treadlink live sim:demo --duration 30 --record recordings/
 
 test: lint types
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
 # Every test, hypothesis with fresh examples, then a longer fuzz. A failure prints what repeats it.
 nightly: $(STAMP)
 	@echo "seed $(SEED): repeat with make nightly SEED=$(SEED)"
 	@status=0; \
-	  $(BIN)/python -m pytest -n 2 --hypothesis-profile nightly --hypothesis-seed $(SEED) || status=1; \
+	  $(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile nightly --hypothesis-seed $(SEED) || status=1; \
 	  $(BIN)/python -m tools.fuzz_files --count 20000 --seed $(SEED) || status=1; \
 	  exit $$status
 
@@ -62,7 +62,7 @@ $(DOCS_STAMP): requirements-docs.lock
 
 # The pages that the site generator reads: those of docs/ and those generated from the code.
 docs-pages: $(STAMP)
-	$(BIN)/python -m tools.docs_site build/docs
+	$(BIN)/python -m tools.docs_site build/docs --run-notebooks
 
 # The site, in build/site. A broken link is an error.
 docs: docs-pages $(DOCS_STAMP)

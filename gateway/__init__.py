@@ -1,13 +1,93 @@
 """Treadlink, the gateway between intelligent tires and the engineer's computer.
 
-The command `treadlink` (`gateway.cli`) offers everything. Programs may use the same parts:
+Programs and notebooks use it by these names; the command `treadlink` has the same options:
 
-    gateway.io.source.open_source           bytes of a hub, the simulator or a recording
-    gateway.recording.reader                recordings, read in one pass
-    gateway.config.vehicle.load_vehicle     vehicle configurations
-    gateway.session.batch_estimation.estimate_items    estimates of a whole recording
-    gateway.session.live.LiveSession        estimates while the data arrive
-    gateway.session.campaign_diagnosis      diagnosis of recordings
+    gateway.open("drive.mcap")           a recording: wheels, samples, revolutions, averages, orders, estimates, alarms
+    gateway.live("serial:///dev/ttyUSB0")    an iterator over revolutions and their estimates as they complete
+    gateway.simulate("demo", duration_s=30)  a simulated recording with the true state of its tires
+    gateway.diagnose(["drive.mcap"])     the physical effects that the model of a wheel lacks, with a report
+    gateway.Error                        base of every error, with `remedy`
+
+Everything is loaded when it is first used.
 """
 
+# Type checkers and editors take this name for true. It is not imported from `typing`: that alone would take most of the
+# time of the import.
+TYPE_CHECKING = False
+
+if TYPE_CHECKING:
+    from gateway.api.diagnosis_report import DiagnosisReport as DiagnosisReport
+    from gateway.api.diagnosis_report import diagnose as diagnose
+    from gateway.api.estimate_tables import Alarms as Alarms
+    from gateway.api.estimate_tables import Estimates as Estimates
+    from gateway.api.live_revolutions import LiveRevolutions as LiveRevolutions
+    from gateway.api.live_revolutions import live as live
+    from gateway.api.recording_access import Recording as Recording
+    from gateway.api.recording_access import Wheel as Wheel
+    from gateway.api.recording_access import WheelNotFoundError as WheelNotFoundError
+    from gateway.api.recording_access import open as open
+    from gateway.api.revolution_view import Revolution as Revolution
+    from gateway.api.signal_tables import AngleWaveforms as AngleWaveforms
+    from gateway.api.signal_tables import AverageWaveform as AverageWaveform
+    from gateway.api.signal_tables import Environment as Environment
+    from gateway.api.signal_tables import OrderSpectra as OrderSpectra
+    from gateway.api.signal_tables import Revolutions as Revolutions
+    from gateway.api.signal_tables import Samples as Samples
+    from gateway.api.simulated_recording import simulate as simulate
+    from gateway.errors import ConfigError as ConfigError
+    from gateway.errors import OutputError as OutputError
+    from gateway.errors import RecordingError as RecordingError
+    from gateway.errors import SourceError as SourceError
+    from gateway.errors import TreadlinkError
+
+    Error = TreadlinkError
+
 __version__ = "0.1.0"
+
+# Name -> module and name there; the block above says the same to type checkers and editors.
+_LAZY = {
+    "Alarms": "gateway.api.estimate_tables:Alarms",
+    "AngleWaveforms": "gateway.api.signal_tables:AngleWaveforms",
+    "AverageWaveform": "gateway.api.signal_tables:AverageWaveform",
+    "ConfigError": "gateway.errors:ConfigError",
+    "DiagnosisReport": "gateway.api.diagnosis_report:DiagnosisReport",
+    "Environment": "gateway.api.signal_tables:Environment",
+    "Error": "gateway.errors:TreadlinkError",
+    "Estimates": "gateway.api.estimate_tables:Estimates",
+    "LiveRevolutions": "gateway.api.live_revolutions:LiveRevolutions",
+    "OrderSpectra": "gateway.api.signal_tables:OrderSpectra",
+    "OutputError": "gateway.errors:OutputError",
+    "Recording": "gateway.api.recording_access:Recording",
+    "RecordingError": "gateway.errors:RecordingError",
+    "Revolution": "gateway.api.revolution_view:Revolution",
+    "Revolutions": "gateway.api.signal_tables:Revolutions",
+    "Samples": "gateway.api.signal_tables:Samples",
+    "SourceError": "gateway.errors:SourceError",
+    "Wheel": "gateway.api.recording_access:Wheel",
+    "WheelNotFoundError": "gateway.api.recording_access:WheelNotFoundError",
+    "diagnose": "gateway.api.diagnosis_report:diagnose",
+    "live": "gateway.api.live_revolutions:live",
+    "open": "gateway.api.recording_access:open",
+    "simulate": "gateway.api.simulated_recording:simulate",
+}
+
+
+def names() -> tuple[str, ...]:
+    """Return the names that are loaded on first use."""
+    return tuple(_LAZY)
+
+
+def __getattr__(name: str) -> object:
+    """Load a name on first use (PEP 562)."""
+    if name not in _LAZY:
+        raise AttributeError(f"module 'gateway' has no attribute '{name}'")
+    import importlib
+
+    module, _, attribute = _LAZY[name].partition(":")
+    value: object = getattr(importlib.import_module(module), attribute)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LAZY})

@@ -19,6 +19,8 @@ class TreadlinkError(Exception):
         """
         super().__init__(_presentable(message))
         self.remedy = _presentable(remedy)
+        if self.remedy:
+            self.add_note(self.remedy)  # a traceback shows it below the message
 
 
 def _presentable(text: str) -> str:

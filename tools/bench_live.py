@@ -1,19 +1,23 @@
 """CPU of a live session on a serial link, and processing time from samples to estimate.
 
 Prints two tables:
-  * share of one core that `treadlink live serial://... --plain --record` takes for 4 wheels x 3 axes x 9600 Hz, fed
-    through a pseudo-terminal by another process in real time, start-up left out;
+  * share of one core that `treadlink live serial://...` takes for 4 wheels x 3 axes x 9600 Hz, as lines, with a
+    recording and with the screen, fed through a pseudo-terminal by another process in real time, start-up left out;
   * time of work from the chunk that completes a revolution to its estimates, in process, at full speed.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import fcntl
 import os
 import platform
+import struct
 import subprocess
 import sys
 import tempfile
+import termios
 import threading
 import time
 import tty
@@ -28,6 +32,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.session.core import SessionCore
 
 WARM_UP_S = 4.0
+COLUMNS, ROWS = 120, 40
 
 
 def cpu_s(pid: int) -> float:
@@ -48,7 +53,7 @@ def feed(master: int, source_uri: str, stop: threading.Event) -> None:
                     return
 
 
-def measure_process(scenario: str, seconds: float, *, record: bool) -> tuple[float, str]:
+def measure_process(scenario: str, seconds: float, *, record: bool = False, screen: bool = False) -> tuple[float, str]:
     """Return the share of one core of a live session, and its last link line."""
     master, slave = os.openpty()
     tty.setraw(slave)
@@ -58,16 +63,15 @@ def measure_process(scenario: str, seconds: float, *, record: bool) -> tuple[flo
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "vehicle.toml"
         config.write_text(toml or "")
-        command = [sys.executable, "-m", "gateway.cli", "live", f"serial://{port}?baudrate=921600", "--plain"]
+        command = [sys.executable, "-m", "gateway.cli", "live", f"serial://{port}?baudrate=921600"]
         command += ["--config", str(config), "--duration", str(WARM_UP_S + seconds + 2)]
         if record:
             command += ["--record", str(Path(folder) / "bench.mcap")]
+        process, output = on_terminal(command) if screen else as_lines([*command, "--plain"])
         stop = threading.Event()
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         feeder = threading.Thread(target=feed, args=(master, uri, stop), daemon=True)
-        lines: list[str] = []
-        assert process.stdout is not None
-        reader = threading.Thread(target=lambda: lines.extend(process.stdout or ()))
+        printed: list[bytes] = []
+        reader = threading.Thread(target=read_all, args=(output, printed))
         feeder.start()
         reader.start()
         time.sleep(WARM_UP_S)
@@ -80,7 +84,35 @@ def measure_process(scenario: str, seconds: float, *, record: bool) -> tuple[flo
         os.close(master)
         feeder.join(5)
         reader.join(5)
-    return share, next((line.strip() for line in lines if "frames" in line), "no link line")
+    lines = b"".join(printed).decode(errors="replace").splitlines()
+    return share, next((line.strip() for line in reversed(lines) if " frames, " in line), "no link line")
+
+
+def as_lines(command: list[str]) -> tuple[subprocess.Popen[bytes], int]:
+    """Start a command whose output is a pipe; return its reading end too."""
+    read_end, write_end = os.pipe()
+    process = subprocess.Popen(command, stdout=write_end)
+    os.close(write_end)
+    return process, read_end
+
+
+def on_terminal(command: list[str]) -> tuple[subprocess.Popen[bytes], int]:
+    """Start a command on a terminal of COLUMNS x ROWS; return the terminal's other end too."""
+    other_end, terminal = os.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+    environment = {**os.environ, "TERM": "xterm-256color"}
+    process = subprocess.Popen(
+        command, stdin=terminal, stdout=terminal, stderr=terminal, env=environment, start_new_session=True
+    )
+    os.close(terminal)
+    return process, other_end
+
+
+def read_all(output: int, printed: list[bytes]) -> None:
+    """Collect what a command prints until it ends."""
+    with contextlib.suppress(OSError):  # how Linux reports the end of a pseudo-terminal
+        while piece := os.read(output, 1 << 16):
+            printed.append(piece)
 
 
 def measure_work(scenario: str, seconds: float) -> dict[str, np.ndarray]:
@@ -108,9 +140,14 @@ def main() -> None:
     arguments = parser.parse_args()
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     print(f"4 wheels x 3 axes x 9600 Hz, scenario '{arguments.scenario}', {arguments.seconds:g} s of real time")
-    for record in (False, True):
-        share, link = measure_process(arguments.scenario, arguments.seconds, record=record)
-        print(f"  live --plain{' --record' if record else '':9}  {share:6.1%} of one core   {link}")
+    kinds = {
+        "live --plain": {},
+        "live --plain --record": {"record": True},
+        f"live, screen {COLUMNS} x {ROWS}": {"screen": True},
+    }
+    for kind, options in kinds.items():
+        share, link = measure_process(arguments.scenario, arguments.seconds, **options)
+        print(f"  {kind:22} {share:6.1%} of one core   {link}")
     print("work from the chunk that completes a revolution to its estimates (ms)")
     for name, values in measure_work(arguments.scenario, arguments.seconds).items():
         p50, p99, top = np.percentile(values, 50), np.percentile(values, 99), values.max()

@@ -6,7 +6,8 @@
 
 Each case ends with success or with a message for the user. Anything else is a failure: a traceback, a warning, a
 crash of the process, more than MEMORY_MB of further memory, more than LIMIT_S seconds of computing. A failing input is
-kept in `build/fuzz`.
+kept in `build/fuzz`. The parsers of foreign files have a process of their own, which serves many cases; its crash by a
+signal is a message, counted, and the next case gets a new process.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.reliability.fuzz_targets import TARGETS
+from tools.reliability.fuzz_targets import TARGETS, parser_crashes
 from tools.reliability.mutations import mutate
 
 MEMORY_MB = 256
@@ -52,12 +53,14 @@ class Outcome:
     Attributes:
         accepted: cases that were read.
         rejected: cases that ended with a message.
+        crashes: those among them that crashed the process of a foreign parser.
         failures: number and description of each failed case.
         slowest_s: longest time of a case.
     """
 
     accepted: int = 0
     rejected: int = 0
+    crashes: list[int] = field(default_factory=list)
     failures: list[tuple[int, str]] = field(default_factory=list)
     slowest_s: float = 0.0
 
@@ -100,7 +103,7 @@ def run_cases(
         if descriptor >= 0:
             os.pwrite(descriptor, f"{number:12d}{json.dumps(asdict(outcome))}".encode(), 0)
         data = case(kind, seed, number)
-        begin = time.process_time()
+        begin, crashes = time.process_time(), parser_crashes()
         try:
             with _alarm():
                 accepted = target.run(data)
@@ -110,6 +113,7 @@ def run_cases(
         else:
             outcome.accepted += accepted
             outcome.rejected += not accepted
+            outcome.crashes += [number] * (parser_crashes() - crashes)
         outcome.slowest_s = max(outcome.slowest_s, time.process_time() - begin)
     if descriptor >= 0:
         os.close(descriptor)
@@ -145,6 +149,7 @@ def run(kind: str, seed: int, count: int, most_s: float = math.inf) -> Outcome:
 def _add(total: Outcome, counts: dict) -> None:
     total.accepted += counts["accepted"]
     total.rejected += counts["rejected"]
+    total.crashes += counts["crashes"]
     total.failures += [(number, text) for number, text in counts["failures"]]
     total.slowest_s = max(total.slowest_s, counts["slowest_s"])
 
@@ -200,17 +205,19 @@ def main() -> None:
         return
     failed = False
     print(
-        f"seed {options.seed}\n{'kind':<18}{'cases':>9}{'accepted':>10}{'rejected':>10}{'failures':>10}{'slowest':>9}"
+        f"seed {options.seed}\n{'kind':<18}{'cases':>9}{'accepted':>10}{'rejected':>10}{'crashes':>9}"
+        f"{'failures':>10}{'slowest':>9}"
     )
     for kind in kinds:
         found = run(kind, options.seed, options.count, 60 * options.minutes)
         print(
-            f"{kind:<18}{found.cases:>9}{found.accepted:>10}{found.rejected:>10}{len(found.failures):>10}"
-            f"{found.slowest_s:>7.2f} s",
+            f"{kind:<18}{found.cases:>9}{found.accepted:>10}{found.rejected:>10}{len(found.crashes):>9}"
+            f"{len(found.failures):>10}{found.slowest_s:>7.2f} s",
             flush=True,
         )
-        for number, text in found.failures[:20]:
-            failed = True
+        crashed = [(number, "the parser crashed, which was a message") for number in found.crashes]
+        failed = failed or bool(found.failures)
+        for number, text in [*found.failures[:20], *crashed[:5]]:
             _SAVED.mkdir(parents=True, exist_ok=True)
             (_SAVED / f"{kind}-{options.seed}-{number}").write_bytes(case(kind, options.seed, number))
             print(f"  --kind {kind} --seed {options.seed} --only {number}: {text}", flush=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
+from click.shell_completion import CompletionItem
 
 from gateway import __version__
 from gateway.errors import TreadlinkError
@@ -28,7 +29,11 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "replay": ("gateway.cli.replay:replay", "Replay a recording with live estimates."),
     "inspect": ("gateway.cli.inspect:inspect", "Show the links, losses, rates and time line of recordings."),
     "estimate": ("gateway.cli.estimate:estimate", "Estimate recordings in one pass and write tables."),
+    "export": ("gateway.cli.export:export", "Write measurements to CSV, Parquet, MATLAB, MDF, TYDEX or MCAP files."),
+    "orders": ("gateway.cli.orders:orders", "Show the order spectra and the average of every wheel."),
     "diagnose": ("gateway.cli.diagnose:diagnose", "Identify the physical effects that the model lacks."),
+    "campaign": ("gateway.cli.campaign:campaign", "Estimate many recordings into a dataset."),
+    "trends": ("gateway.cli.trends:trends", "Report how tires and sensors of a dataset change."),
     "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load and reference numbers of a tire."),
     "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT or Parquet measurement to a recording."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
@@ -40,7 +45,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "keys": ("gateway.cli.keys:keys", "Manage sensor signing keys."),
     "doctor": ("gateway.cli.doctor:doctor", "Check packages, ports, permissions and configuration."),
     "completion": ("gateway.cli.completion:completion", "Print the completion script of a shell."),
-    "protocol": ("gateway.cli.protocol:protocol", "Generate C code, test vectors and parsers of the protocol."),
+    "protocol": ("gateway.cli.protocol:protocol", "Generate C code, test vectors, parsers, DBC file and schema."),
 }
 
 _logger = logging.getLogger(__name__)
@@ -60,6 +65,12 @@ class LazyGroup(click.Group):
         module_name, attribute = COMMANDS[cmd_name][0].split(":")
         command: click.Command = getattr(importlib.import_module(module_name), attribute)
         return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete the name of a subcommand without importing any."""
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        found = [CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)]
+        return [*found, *options]
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the options before the subcommand; `--help` prints here."""

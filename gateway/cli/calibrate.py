@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 import click
-import numpy as np
 
 from gateway.cli.options import force_option
-from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, load_vehicle, recorded_vehicle
-from gateway.errors import ConfigError, TreadlinkError
-from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
-from gateway.estimators.tire_fit import LoadFit, TirePoint, fit_load_calibration, reference_numbers
-from gateway.pipeline.results import RevolutionResult
-from gateway.recording.reader import RecordingReader
-from gateway.session.batch_estimation import estimate_items
+from gateway.errors import TreadlinkError
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
-
-ESTIMATOR: Final = "weak-form"
-# The first revolutions of a wheel are timed without a running average to compare them with.
-_SKIPPED_REVOLUTIONS: Final = 5
-_MIN_REVOLUTIONS: Final = 20
 
 
 @click.command()
@@ -63,22 +47,24 @@ def calibrate(
     also with each recording left out in turn.
     """
     check_outputs((out_path,), (*recordings, config_path), force=force)
+    from gateway.cli.calibration_points import ESTIMATOR, MIN_REVOLUTIONS, calibration_toml, fit_lines, recording_points
+    from gateway.config.vehicle import load_vehicle
+    from gateway.estimators.tire_fit import fit_load_calibration, reference_numbers
+
     fallback = load_vehicle(config_path) if config_path is not None else None
-    points: list[TirePoint] = []
-    for path in recordings:
-        points += _points(path, fallback, positions)
+    points = [point for path in recordings for point in recording_points(path, fallback, positions)]
     if not points:
         raise TreadlinkError(
             "no wheel of these recordings can be used",
-            f"A wheel needs a stated load, a pressure and {_MIN_REVOLUTIONS} valid revolutions"
+            f"A wheel needs a stated load, a pressure and {MIN_REVOLUTIONS} valid revolutions"
             + (f", and must be one of {', '.join(positions)}." if positions else "."),
         )
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
     to_stdout = is_stdout(out_path)
-    for line in _report(points, fit):
+    for line in fit_lines(points, fit):
         click.echo(line, err=to_stdout)
-    text = _toml(fit.calibration, reference)
+    text = calibration_toml(fit.calibration, reference)
     if out_path is None:
         click.echo("\n" + text, nl=False)
         return
@@ -86,121 +72,3 @@ def calibrate(
     if to_stdout:
         return
     click.echo(f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)")
-
-
-def _points(path: Path, fallback: VehicleConfig | None, positions: Sequence[str]) -> list[TirePoint]:
-    """Estimate one recording and return its usable wheels; the others are reported."""
-    reader = RecordingReader(path)
-    try:
-        vehicle = recorded_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
-    except ConfigError:
-        if fallback is None:
-            raise
-        vehicle = fallback
-    if vehicle is None:
-        raise TreadlinkError(
-            f"'{path}' contains no vehicle configuration", "Give one that states the loads: --config VEHICLE.toml."
-        )
-    wheels: dict[str, list[RevolutionResult]] = defaultdict(list)
-
-    def take(result: RevolutionResult) -> None:
-        if not positions or result.position in positions:
-            wheels[result.position].append(result)
-
-    estimate_items(reader, vehicle, take, estimators=("kinematic", ESTIMATOR))
-    points = []
-    for position, results in wheels.items():
-        point = _point(f"{path.name} {position}", results)
-        if isinstance(point, str):
-            click.echo(f"left out: {path.name} {position}: {point}", err=True)
-        else:
-            points.append(point)
-    return points
-
-
-def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
-    """Return one wheel of a recording, or the reason for leaving it out."""
-    good = [result for result in results[_SKIPPED_REVOLUTIONS:] if not result.revolution.faults]
-    if len(good) < _MIN_REVOLUTIONS:
-        return f"it has {len(good)} valid revolutions, {_MIN_REVOLUTIONS} are required"
-    conditions = good[-1].conditions
-    if conditions.load_n is None:
-        return "its load is not stated"
-    pressures = [result.conditions.pressure_pa for result in good if result.conditions.pressure_pa is not None]
-    if not pressures:
-        return "its pressure is unknown"
-    temperatures = [r.conditions.temperature_degc for r in good if r.conditions.temperature_degc is not None]
-    return TirePoint(
-        name=name,
-        load_n=conditions.load_n,
-        load_std_n=conditions.load_std_n,
-        pressure_pa=float(np.mean(pressures)),
-        half_angle_rad=float(
-            np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in good])
-        ),
-        numbers={found.name: found for found in good[-1].estimates},
-        temperature_degc=float(np.mean(temperatures)) if temperatures else None,
-    )
-
-
-def _report(points: Sequence[TirePoint], fit: LoadFit) -> list[str]:
-    """Return the fit as a table with its validity."""
-    width = max(len("recording and wheel"), *(len(point.name) for point in points))
-    lines = [f"{'recording and wheel':<{width}}   load N  p kPa  half rad  fit err  left out"]
-    for point, residual, left_out in zip(points, fit.residuals, fit.left_out, strict=True):
-        other = f"{left_out:+8.1%}" if np.isfinite(left_out) else "       -"
-        lines.append(
-            f"{point.name:<{width}} {point.load_n:8.0f} {1e-3 * point.pressure_pa:6.1f} {point.half_angle_rad:9.4f} "
-            f"{residual:+8.1%}  {other}"
-        )
-    found = fit.calibration
-    low, high = (found.load_at(half, found.pressure_pa) for half in found.half_angle_range_rad)
-    lines += [
-        "",
-        f"ln(load / {found.load_n:.0f} N) = {found.angle_exponent:.3f} x {found.angle_curvature:+.3f} x^2 "
-        f"{found.pressure_exponent:+.3f} ln(pressure / {1e-3 * found.pressure_pa:.1f} kPa), "
-        f"x = ln(half angle / {found.half_angle_rad:.4f} rad)",
-        f"standard error {found.relative_std:.1%}"
-        + ("" if len(points) >= 3 else " (assumed; three recordings with different loads are needed to estimate it)"),
-        f"valid for {low:.0f} to {high:.0f} N at {1e-3 * found.pressure_pa:.0f} kPa, "
-        f"{1e-3 * found.pressure_range_pa[0]:.0f} to {1e-3 * found.pressure_range_pa[1]:.0f} kPa, at the present wear",
-    ]
-    return lines
-
-
-def _toml(calibration: LoadCalibration, reference: ReferenceNumbers) -> str:
-    """Return the tables for the vehicle configuration, checked against its schema."""
-    half, pressure = calibration.half_angle_range_rad, calibration.pressure_range_pa
-    table = LoadCalibrationTable(
-        load_n=_rounded(calibration.load_n),
-        half_angle_rad=_rounded(calibration.half_angle_rad),
-        pressure_kpa=_rounded(1e-3 * calibration.pressure_pa),
-        angle_exponent=_rounded(calibration.angle_exponent),
-        angle_curvature=_rounded(calibration.angle_curvature),
-        pressure_exponent=_rounded(calibration.pressure_exponent),
-        relative_std_percent=_rounded(100.0 * calibration.relative_std),
-        half_angle_min_rad=_rounded(half[0]),
-        half_angle_max_rad=_rounded(half[1]),
-        pressure_min_kpa=_rounded(1e-3 * pressure[0]),
-        pressure_max_kpa=_rounded(1e-3 * pressure[1]),
-    )
-    known: dict[str, float] = {}
-    for name in ("Bs", "Cw", "Rs", "Ts"):
-        value = getattr(reference, name)
-        if value is not None:
-            known[name] = _rounded(value)
-            known[f"{name}_std"] = _rounded(getattr(reference, f"{name}_std"))
-    tire: dict[str, object] = {"load_calibration": table.model_dump()}
-    if known and reference.pressure_pa is not None:
-        numbers = Reference(
-            **known,
-            pressure_kpa=_rounded(1e-3 * reference.pressure_pa),
-            temperature_degc=None if reference.temperature_degc is None else _rounded(reference.temperature_degc),
-            estimator=reference.estimator,
-        )
-        tire["reference"] = numbers.model_dump(exclude_none=True)
-    return toml_text({"tire": tire})
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")

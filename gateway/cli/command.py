@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from firmware_protocol.messages import Command, SetRate, SetStream, SetTime
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
 from gateway.cli.options import keys_option
 from gateway.clock import SystemClock
 from gateway.errors import SourceError
-from gateway.io.source import open_source
-from gateway.security.key_file import command_keys
-from gateway.session.commands import Executed, TwoWaySource, execute
+
+if TYPE_CHECKING:
+    from firmware_protocol.messages import Command
+    from gateway.session.commands import Executed
 
 _clock = SystemClock()
 
@@ -32,6 +33,8 @@ def command() -> None:
 @keys_option
 def start(source: str, key_file: Path | None) -> None:
     """Start sending samples."""
+    from firmware_protocol.messages import SetStream
+
     _send(source, SetStream(True), key_file)
 
 
@@ -43,6 +46,8 @@ def stop(source: str, key_file: Path | None) -> None:
 
     The hub continues to send its status.
     """
+    from firmware_protocol.messages import SetStream
+
     _send(source, SetStream(False), key_file)
 
 
@@ -55,6 +60,8 @@ def rate(source: str, rate_hz: float, key_file: Path | None) -> None:
 
     The hub uses the nearest rate that it supports.
     """
+    from firmware_protocol.messages import SetRate
+
     _send(source, SetRate(rate_hz), key_file)
 
 
@@ -63,10 +70,16 @@ def rate(source: str, rate_hz: float, key_file: Path | None) -> None:
 @keys_option
 def time(source: str, key_file: Path | None) -> None:
     """Set the hub's clock to the time of this computer."""
+    from firmware_protocol.messages import SetTime
+
     _send(source, SetTime(_clock.now_ns()), key_file)
 
 
 def _send(uri: str, what: Command, key_file: Path | None) -> None:
+    from gateway.io.source import open_source
+    from gateway.security.key_file import command_keys
+    from gateway.session.commands import TwoWaySource, execute
+
     opened = open_source(uri, _clock)
     try:
         if not isinstance(opened, TwoWaySource):

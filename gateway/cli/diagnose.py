@@ -6,17 +6,12 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import click
 
 from gateway.cli.options import config_option, force_option, keys_option
-from gateway.config.effects_file import effects_text
-from gateway.config.vehicle import load_vehicle
 from gateway.errors import TreadlinkError
 from gateway.security.key_file import default_key_file
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
@@ -27,7 +22,6 @@ if TYPE_CHECKING:
 
 MODELS: Final = ("exact", "series", "paper")
 
-_PROGRESS_STEPS: Final = 1000
 _LABEL_CELLS: Final = 36
 _ALL_EFFECTS: Final = "all"
 
@@ -163,12 +157,14 @@ def diagnose(
         from gateway.views.report.figures import require_report_packages
 
         require_report_packages()
-    vehicle = load_vehicle(config_path) if config_path is not None else None
     from gateway.closure.effects.effect import BaselineModel
+    from gateway.config.vehicle import load_vehicle
     from gateway.session.campaign_diagnosis import diagnose_recordings
+    from gateway.views.progress import progress_bar
     from gateway.views.report.terminal import closure_summary_lines
 
-    with _lost_process_reported(), _progress() as on_progress:
+    vehicle = load_vehicle(config_path) if config_path is not None else None
+    with progress_bar(" " * _LABEL_CELLS) as bar:
         diagnosis = diagnose_recordings(
             _distinct(recordings),
             vehicle=vehicle,
@@ -179,7 +175,7 @@ def diagnose(
             jobs=jobs or min(2, os.cpu_count() or 1),
             reverse=reverse,
             key_file=key_file,
-            on_progress=on_progress,
+            on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
         )
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
     columns = shutil.get_terminal_size().columns if sys.stdout.isatty() and not outputs_to_stdout else 0
@@ -226,6 +222,8 @@ def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
 
         reason, remedy = why_unsaved(diagnosis)
         raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
+    from gateway.config.effects_file import effects_text
+
     write_whole(path, effects_text(diagnosis.correction), force=force)
 
 
@@ -239,29 +237,3 @@ def _distinct(recordings: tuple[Path, ...]) -> list[Path]:
         if before is not path:
             raise TreadlinkError(f"'{path}' is given twice", "Give each recording once.")
     return list(found.values())
-
-
-@contextmanager
-def _lost_process_reported() -> Iterator[None]:
-    """Raise TreadlinkError when a worker process was terminated from outside."""
-    try:
-        yield
-    except BrokenProcessPool as error:
-        raise TreadlinkError(
-            "a process of the diagnosis was terminated from outside, possibly for lack of memory",
-            "Close other programs, or use one process: --jobs 1.",
-        ) from error
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[float, str], None]]:
-    """Yield a function that draws a progress bar on a terminal, and does nothing otherwise."""
-    shown = sys.stderr.isatty()
-    with click.progressbar(length=_PROGRESS_STEPS, label=" " * _LABEL_CELLS, file=sys.stderr, hidden=not shown) as bar:
-
-        def on_progress(share: float, text: str) -> None:
-            bar.label = f"{clean(text)[:_LABEL_CELLS]:<{_LABEL_CELLS}}"
-            bar.update(max(0, min(_PROGRESS_STEPS, round(share * _PROGRESS_STEPS)) - bar.pos))
-            bar.render_progress()
-
-        yield on_progress

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import click
 
+from gateway.cli.options import force_option
+
 if TYPE_CHECKING:
     from gateway.importing.importer import ImportReport
-
-_PROGRESS_FROM_BYTES: Final = 4_000_000
 
 
 @click.command("import")
@@ -21,7 +18,6 @@ _PROGRESS_FROM_BYTES: Final = 4_000_000
 @click.option(
     "--map",
     "map_path",
-    required=True,
     type=click.Path(path_type=Path),
     metavar="MAP.toml",
     help="Import map: the meaning of the columns; see docs/how-to/import-measurements.md.",
@@ -30,18 +26,69 @@ _PROGRESS_FROM_BYTES: Final = 4_000_000
     "--out",
     type=click.Path(path_type=Path),
     metavar="PATH",
-    help="New .mcap file, or a folder for it.  [default: the name of FILE with .mcap, in the current folder]",
+    help="New .mcap file, or a folder for it; with --guess, the new map, - for standard output.  "
+    "[default: the name of FILE with .mcap or .map.toml, in the current folder]",
 )
-def import_(file: Path, map_path: Path, out: Path | None) -> None:
-    """Convert the CSV, MAT or Parquet measurement FILE to a recording."""
+@click.option("--guess", is_flag=True, help="Write a first import map for FILE, with what is not known as comments.")
+@force_option
+def import_(file: Path, map_path: Path | None, out: Path | None, guess: bool, force: bool) -> None:
+    """Convert the measurement FILE to a recording.
+
+    FILE is CSV, MATLAB (MAT), HDF5, MDF (MF4) or Parquet. The import map states the meaning of its columns; --guess
+    writes a first one. A recording is never overwritten; --force overwrites a map.
+    """
     from gateway.importing.import_map import load_map
     from gateway.importing.importer import import_file
+    from gateway.views.progress import progress_bar
+    from gateway.views.text import clean
 
+    if guess == (map_path is not None):
+        raise click.UsageError("Give either --map with an import map, or --guess to write a first one.")
+    if guess:
+        _guess(file, out, force=force)
+        return
+    assert map_path is not None
     import_map = load_map(map_path)
-    with _progress(file) as progress:
-        report = import_file(file, import_map, out or Path(f"{file.stem}.mcap"), progress)
+    with progress_bar(f"importing {file.name}") as bar:
+        report = import_file(file, import_map, out or Path(f"{file.stem}.mcap"), bar.show)
     for line in report_lines(report):
-        click.echo(line)
+        click.echo(clean(line))
+    if report.references:
+        for line in _comparison_lines(report.recording):
+            click.echo(clean(line))
+    click.echo(f"next: treadlink estimate {report.recording}, or treadlink replay {report.recording}")
+
+
+def _comparison_lines(recording: Path) -> list[str]:
+    """Estimate the revolutions of a new recording, and return their differences from its references."""
+    from gateway.config.vehicle import recorded_vehicle
+    from gateway.recording.reader import RecordingReader
+    from gateway.recording.reference_topic import ReferenceItems
+    from gateway.session.batch_estimation import estimate_items
+    from gateway.session.reference_check import ReferenceCheck
+    from gateway.views.reference_lines import reference_lines
+
+    reader = RecordingReader(recording)
+    vehicle = recorded_vehicle(reader.vehicle_toml or "", str(recording))
+    check = ReferenceCheck(ReferenceItems(reader), vehicle)
+    estimate_items(check, vehicle, check.add, estimators=())
+    return reference_lines(check.comparisons())
+
+
+def _guess(file: Path, out: Path | None, *, force: bool) -> None:
+    """Write a first import map for a file."""
+    from gateway.importing.map_guess import guess_map
+    from gateway.views.output_file import check_outputs, is_stdout, write_whole
+    from gateway.views.progress import progress_bar
+
+    target = out or Path(f"{file.stem}.map.toml")
+    check_outputs([target], [file], force=force)
+    with progress_bar(f"reading {file.name}") as bar:
+        text = guess_map(file, bar.show)
+    write_whole(target, text, force=force)
+    if not is_stdout(target):
+        click.echo(f"written: {target}")
+        click.echo(f"next: check what it assumes, then treadlink import {file} --map {target}")
 
 
 def report_lines(report: ImportReport) -> list[str]:
@@ -49,27 +96,27 @@ def report_lines(report: ImportReport) -> list[str]:
     from gateway.views.wording import text
 
     skipped = f", {report.skipped} earlier rows left out" if report.skipped else ""
-    lines = [
-        f"{report.samples} samples{skipped}, {report.duration_s:.6g} s at {_rate(report)}",
-        f"wheel {report.position}; range and quantisation in m/s^2:",
-    ]
-    lines += [
-        f"  {axis.axis.name.lower():<16}{axis.low_mps2:>10.2f} to {axis.high_mps2:>9.2f}"
-        f"   step {axis.step_mps2:.3g}, largest error {axis.error_mps2:.3g}"
-        for axis in report.axes
-    ]
-    if report.gaps:
-        lines.append(f"{report.gaps} rows without a value in an axis are gaps between samples")
-    lines += [f"check: {text(finding)}" for finding in report.findings]
-    if report.environment_frames:
-        lines.append(f"{report.environment_frames} messages with pressure or temperature")
+    lines = [f"{report.samples} samples{skipped}, {report.duration_s:.6g} s at {_rate(report)}"]
+    if report.left_out:
+        lines.append(f"{report.left_out} samples that the time column skips are gaps between samples")
+    for wheel in report.wheels:
+        lines.append(f"wheel {wheel.position}; range and quantisation in m/s^2:")
+        lines += [
+            f"  {axis.axis.name.lower():<16}{axis.low_mps2:>10.2f} to {axis.high_mps2:>9.2f}"
+            f"   step {axis.step_mps2:.3g}, largest error {axis.error_mps2:.3g}"
+            for axis in wheel.axes
+        ]
+        gaps = wheel.gaps if report.decimation is not None else wheel.gaps - report.left_out
+        if gaps > 0:
+            lines.append(f"{gaps} rows without a value in an axis are gaps between samples")
+        lines += [f"check: {text(finding)}" for finding in wheel.findings]
+        if wheel.environment_frames:
+            lines.append(f"{wheel.environment_frames} messages with pressure or temperature")
+    lines += [f"reference {name}: {count} values" for name, count in report.references.items()]
     lines += [f"assumed: {assumption}" for assumption in report.assumed]
     if report.start_is_file_date:
         lines.append("assumed: start time is the modification time of the file (start_utc is not stated in the map)")
-    lines += [
-        f"recording: {report.recording} ({report.size_bytes / 1e6:.3g} MB)",
-        f"next: treadlink estimate {report.recording}, or treadlink replay {report.recording}",
-    ]
+    lines.append(f"recording: {report.recording} ({report.size_bytes / 1e6:.3g} MB)")
     return lines
 
 
@@ -82,14 +129,3 @@ def _rate(report: ImportReport) -> str:
         f"{report.rate_hz:.8g} +- {report.rate_std_hz:.1g} Hz by the time column, whose times are rounded to "
         f"{report.rounding_s * 1e3:g} ms; if the rate is known exactly, state rate_hz instead"
     )
-
-
-@contextlib.contextmanager
-def _progress(file: Path) -> Iterator[Callable[[float], None]]:
-    """Yield a function that draws a progress bar for large files on a terminal, and does nothing otherwise."""
-    big = file.is_file() and file.stat().st_size >= _PROGRESS_FROM_BYTES
-    if not big or not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    with click.progressbar(length=1000, label="importing", file=sys.stderr) as bar:
-        yield lambda share: bar.update(round(share * 1000) - bar.pos)

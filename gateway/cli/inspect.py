@@ -3,30 +3,11 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
 
 import click
 
-from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
 from gateway.cli import exit_status
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.io.source import LinkEventKind
-from gateway.reasons import Code, Notice, Reason
-from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection, inspect_recording
-from gateway.recording.writer import utc_text
-from gateway.session.contradictions import ContradictionWatch
-from gateway.views.numbers import duration, file_size, percent
-from gateway.views.recording_topics import log_level
-from gateway.views.text import clean, escaped
-from gateway.views.wording import as_json, notice_text, text
-
-_BARS: Final = " ▁▂▃▄▅▆▇█"
-_LINE_CELLS: Final = 60
-_EVENTS_SHOWN: Final = 30
-_BOOTS_SHOWN: Final = 10
 
 
 @click.command()
@@ -40,208 +21,30 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
 
     The exit status is 1 if a recording is damaged or has no frames.
     """
+    from gateway.cli.inspection_report import inspection_json, inspection_lines
+    from gateway.recording.inspection import inspect_recording
+    from gateway.session.statement_watch import StatementWatch
+    from gateway.views.progress import progress_bar
+    from gateway.views.text import clean
+
     without_result = False
     for path in recordings:
-        bar = click.progressbar(length=path.stat().st_size if path.exists() else 0, label=path.name, file=sys.stderr)
-        bar.hidden = not sys.stderr.isatty()
-        with bar as progress:
-            watch = ContradictionWatch()
+        size = max(path.stat().st_size if path.exists() else 0, 1)
+        watch = StatementWatch()
+        with progress_bar(path.name) as bar:
             found = inspect_recording(
                 path,
-                lambda position, bar=progress: bar.update(position - bar.pos),  # type: ignore[misc]
+                lambda position, bar=bar, size=size: bar.show(position / size),  # type: ignore[misc]
                 watch.batch,
             )
         for name, link in found.links.items():
             watch.counters(name, link.counters)
         notices = watch.found()
         if as_json:
-            click.echo(json.dumps(_as_json(found, notices)))
+            click.echo(json.dumps(inspection_json(found, notices)))
         else:
-            for line in _lines(found, notices):
+            for line in inspection_lines(found, notices):
                 click.echo(clean(line))
         without_result |= found.damage is not None or not any(link.counters.frames for link in found.links.values())
     if without_result:
         raise SystemExit(exit_status.NO_RESULT)
-
-
-def _lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[str]:
-    info = found.info
-    begin, end = found.span_ns
-    yield f"{info.path}"
-    state = "finished" if info.finished else "NOT FINISHED (recording was interrupted); `treadlink repair` completes it"
-    yield f"  {file_size(info.size_bytes)}, {duration((end - begin) * 1e-9)} of data, {state}"
-    if info.start_ns is not None:
-        version = f" by treadlink {info.treadlink}" if info.treadlink else ""
-        yield f"  started {utc_text(info.start_ns)}{version} from {', '.join(info.sources) or 'an unknown source'}"
-    yield "  vehicle configuration: " + ("included" if info.vehicle_toml else "none")
-    for name, link in found.links.items():
-        yield ""
-        yield from _link_lines(name, link, begin, end)
-    if notices:
-        yield ""
-        yield "  notices"
-        for notice in notices:
-            yield f"    {notice_text(notice)}"
-    for name, link in found.links.items():
-        yield from _log_lines(name, link, begin)
-    if found.events:
-        yield ""
-        yield "  events"
-        for event in found.events[:_EVENTS_SHOWN]:
-            at = (event.host_ns - begin) * 1e-9
-            words = text(event.reason)
-            what = words if event.kind is LinkEventKind.MARK else f"{event.link}: {words}"
-            yield f"    {at:9.2f} s  {what}"
-        if len(found.events) > _EVENTS_SHOWN:
-            printed = f"the first {len(found.events)}" if found.events_omitted else "all"
-            more = len(found.events) + found.events_omitted - _EVENTS_SHOWN
-            yield f"    ... and {more} more (--json prints {printed})"
-    if found.topics:
-        yield ""
-        yield "  decoded topics: " + ", ".join(f"{topic} ({count})" for topic, count in sorted(found.topics.items()))
-    if found.damage:
-        yield ""
-        yield f"  DAMAGED: {text(found.damage)}"
-
-
-def _log_lines(name: str, link: LinkInspection, begin: int) -> Iterator[str]:
-    if link.log:
-        yield ""
-        yield f"  log of the hubs of {name}"
-    for line in link.log[:_EVENTS_SHOWN]:
-        at = (line.host_ns - begin) * 1e-9
-        yield f"    {at:9.2f} s  hub {line.hub}: {log_level(line.message)}: {escaped(line.message.text)}"
-    if link.log_lines > _EVENTS_SHOWN:
-        yield f"    ... and {link.log_lines - _EVENTS_SHOWN} more (--json prints up to {len(link.log)})"
-
-
-def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterator[str]:
-    counted = link.counters
-    seconds = max((link.last_ns - link.first_ns) * 1e-9, 1e-9)
-    yield f"  {name}"
-    yield (
-        f"    {file_size(link.bytes_received)} in {link.chunks} chunks, "
-        f"{link.bytes_received / seconds / 1e3:.1f} kB/s, longest gap {link.longest_silence_s:.2f} s"
-    )
-    total = counted.frames + counted.lost
-    yield (
-        f"    {counted.frames} frames, {counted.lost} lost ({percent(counted.lost, total)}), "
-        f"{counted.crc_errors} with a bad CRC, {counted.duplicates} duplicate, {counted.reordered} late, "
-        f"{counted.skipped} skipped, {counted.noise_bytes} noise bytes, {counted.restarts} counter restarts"
-        + (f", {counted.bad_payload} with a bad payload" if counted.bad_payload else "")
-    )
-    for (hub, wheel), source in sorted(link.wheels.items()):
-        of = f"hub {hub}" if wheel == HUB_ITSELF else f"hub {hub} wheel {wheel}"
-        kinds = ", ".join(f"{count} {kind}" for kind, count in source.frames.most_common())
-        yield f"    {of}: {kinds}"
-        if source.hello is not None:
-            yield f"      {_hello_text(source.hello)}"
-        elif source.samples:
-            yield f"      {text(Reason(Code.SAMPLES_WITHOUT_HELLO, count=source.frames['samples']))}"
-        if len(source.boots) > 1:
-            known = [*map(str, source.boots[:_BOOTS_SHOWN])]
-            more = f" and {len(source.boots) - _BOOTS_SHOWN} more" if len(source.boots) > _BOOTS_SHOWN else ""
-            yield f"      the hub restarted: boot counts {', '.join(known)}{more}"
-        if source.samples:
-            lost = source.samples_lost
-            share = percent(lost, source.samples + lost)
-            rate = f", {source.measured_hz:.2f} Hz by the hub's clock" if source.measured_hz else ""
-            yield f"      {source.samples} samples, {lost} lost ({share}){rate}"
-            yield from _time_line(source, begin, end)
-
-
-def _hello_text(hello: Hello) -> str:
-    axes = [axis for axis in Axis if hello.axes >> axis & 1]
-    names = ", ".join(f"{axis.name.lower()} ±{hello.range_mps2[axis] / STANDARD_GRAVITY_MPS2:.0f} g" for axis in axes)
-    highpass = f" above {hello.highpass_hz:g} Hz" if hello.coupling and hello.highpass_hz else ""
-    firmware = ".".join(map(str, hello.firmware))
-    return (
-        f"sensor {hello.sensor_id:08x} of hub {hello.hub_id:016x}, firmware {firmware}, protocol "
-        f"{hello.protocol_major}.{hello.protocol_minor}, {hello.rate_hz:g} Hz, {names}, {hello.coupling.name}{highpass}"
-    )
-
-
-def _time_line(source: WheelInspection, begin: int, end: int) -> Iterator[str]:
-    """Yield two rows: the received share of the nominal rate, and the places of lost samples."""
-    first_s, last_s = begin // 1_000_000_000, end // 1_000_000_000
-    cells = min(_LINE_CELLS, last_s - first_s + 1)
-    got, lost = [0] * cells, [0] * cells
-    for second, (samples, missing) in source.seconds.items():
-        cell = min(cells - 1, max(0, (second - first_s) * cells // (last_s - first_s + 1)))
-        got[cell] += samples
-        lost[cell] += missing
-    full = max(got) or 1
-    top = len(_BARS) - 1
-    yield "      " + "".join(_BARS[max(1, round(top * value / full)) if value else 0] for value in got)
-    if any(lost):
-        yield "      " + "".join("x" if value else " " for value in lost) + "  x: samples lost"
-
-
-def _as_json(found: Inspection, notices: Sequence[Notice]) -> dict[str, Any]:
-    info = found.info
-    begin, end = found.span_ns
-    return {
-        "recording": str(info.path),
-        "size_bytes": info.size_bytes,
-        "finished": info.finished,
-        "damage": None if found.damage is None else text(found.damage),
-        "damage_reason": None if found.damage is None else as_json(found.damage),
-        "treadlink": info.treadlink,
-        "start_ns": info.start_ns,
-        "sources": list(info.sources),
-        "duration_s": (end - begin) * 1e-9,
-        "links": {name: _link_json(link) for name, link in found.links.items()},
-        "notices": [
-            {"subject": notice.subject, "level": str(notice.level), "reason": as_json(notice.reason)}
-            for notice in notices
-        ],
-        "events": [
-            {
-                "host_ns": event.host_ns,
-                "link": event.link,
-                "kind": str(event.kind),
-                "text": event.text or text(event.reason),
-                "reason": as_json(event.reason),
-            }
-            for event in found.events
-        ],
-        "events_omitted": found.events_omitted,
-        "topics": found.topics,
-    }
-
-
-def _link_json(link: LinkInspection) -> dict[str, Any]:
-    counted = link.counters
-    return {
-        "bytes": link.bytes_received,
-        "chunks": link.chunks,
-        "longest_silence_s": link.longest_silence_s,
-        "frames": counted.frames,
-        "frames_lost": counted.lost,
-        "crc_errors": counted.crc_errors,
-        "duplicates": counted.duplicates,
-        "reordered": counted.reordered,
-        "skipped": counted.skipped,
-        "bad_payload": counted.bad_payload,
-        "noise_bytes": counted.noise_bytes,
-        "restarts": counted.restarts,
-        "log": [
-            {"host_ns": line.host_ns, "hub": line.hub, "level": log_level(line.message), "text": line.message.text}
-            for line in link.log
-        ],
-        "log_lines": link.log_lines,
-        "sources": [
-            {
-                "hub": hub,
-                "wheel": None if wheel == HUB_ITSELF else wheel,
-                "frames": dict(source.frames),
-                "sensor_id": f"{source.hello.sensor_id:08x}" if source.hello is not None else None,
-                "rate_hz": source.hello.rate_hz if source.hello is not None else None,
-                "measured_hz": source.measured_hz,
-                "samples": source.samples,
-                "samples_lost": source.samples_lost,
-                "boots": source.boots,
-            }
-            for (hub, wheel), source in sorted(link.wheels.items())
-        ],
-    }

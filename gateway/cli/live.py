@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from gateway.cli.logs import held_back
 from gateway.cli.options import (
     config_option,
     duration_option,
@@ -15,11 +15,14 @@ from gateway.cli.options import (
     estimator_option,
     keys_option,
     plain_option,
+    publish_option,
 )
-from gateway.cli.session_setup import RunningSession, ending, is_terminal, run_plain, start_session
 from gateway.cli.stop_signals import StopRequest, stop_request
-from gateway.pipeline.results import SessionSnapshot
-from gateway.session.live import LiveSession
+
+if TYPE_CHECKING:
+    from gateway.cli.session_setup import RunningSession
+    from gateway.pipeline.results import SessionSnapshot
+    from gateway.session.live import LiveSession
 
 
 @click.command()
@@ -32,6 +35,7 @@ from gateway.session.live import LiveSession
     help="Also record to this new .mcap file, or to a new file in this folder.",
 )
 @plain_option
+@publish_option
 @duration_option
 @keys_option
 @estimator_option
@@ -41,6 +45,7 @@ def live(
     config_path: Path | None,
     record: Path | None,
     plain: bool,
+    publish: tuple[str, ...],
     duration_s: float | None,
     key_file: Path | None,
     estimators: tuple[str, ...],
@@ -55,10 +60,13 @@ def live(
       ble://NAME-or-ADDRESS                   a hub on Bluetooth LE (treadlink scan lists them)
       sim:demo                                a simulated vehicle (treadlink simulate --list)
       replay:FILE?speed=1                     a recording; speed=10, speed=max
+      can:INTERFACE:CHANNEL?dbc=FILE          signals of the vehicle, beside the wheels; can:FILE.blf a log of them
 
     Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, ? shows
     help, q quits. A summary is printed at the end.
     """
+    from gateway.cli.session_setup import start_session
+
     with stop_request() as stop:
         session = start_session(
             sources,
@@ -68,16 +76,22 @@ def live(
             key_file=key_file,
             effects_paths=effects_paths,
             duration_s=duration_s,
+            publish=publish,
         )
         show_session(session, stop, plain=plain)
 
 
 def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> None:
     """Run the screen, or print lines if there is no terminal, then print the summary."""
+    from gateway.cli.session_setup import ending, is_terminal, run_plain, run_published
+
     with ending(session, stop):
-        if plain or not is_terminal():
+        if session.publisher is not None and session.publisher.uses_standard_output:
+            run_published(session, stop)
+        elif plain or not is_terminal():
             run_plain(session, stop, click.echo)
         else:
+            from gateway.cli.logs import held_back
             from gateway.views.console.screen import run_console
 
             with held_back():

@@ -46,6 +46,14 @@ keys_option = click.option(
     metavar="FILE",
     help="Sensor signing keys.  [default: the key file of `treadlink keys`]",
 )
+publish_option = click.option(
+    "--publish",
+    "publish",
+    multiple=True,
+    metavar="URI",
+    help="Publish revolutions and alarms while they arrive; repeat for several receivers. jsonl:- or jsonl:PATH (lines "
+    "of JSON), mqtt://HOST/PREFIX or mqtts://, foxglove://127.0.0.1:8765, can:INTERFACE:CHANNEL.",
+)
 plain_option = click.option(
     "--plain", is_flag=True, help="Print one line per revolution instead of the screen; the default without a terminal."
 )

@@ -1,4 +1,4 @@
-"""`treadlink protocol`: C code, test vectors, parsers and tables generated from the declaration of the protocol."""
+"""`treadlink protocol`: files generated from the declarations of the wire protocol and of the live outputs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.options import force_option
+from gateway.cli.options import config_option, force_option
 from gateway.errors import TreadlinkError
 from gateway.views.output_file import write_whole
 
@@ -85,6 +85,40 @@ def vectors(out: Path | None, force: bool) -> None:
 @protocol.command()
 @_OUT
 @force_option
+@config_option
+@click.option(
+    "--base-id",
+    default="0x500",
+    show_default=True,
+    metavar="ID",
+    help="Identifier of the first frame, as in --publish can:INTERFACE:CHANNEL?base_id=ID.",
+)
+def dbc(out: Path | None, force: bool, config_path: Path | None, base_id: str) -> None:
+    """Write the DBC file of the frames that `--publish can:` sends.
+
+    Wheels have the names of --config; without it FL, FR, RL, RR and four more.
+    """
+    from gateway.config.vehicle import load_vehicle
+    from gateway.publishing.can_frames import dbc_text
+
+    positions = [wheel.position for wheel in load_vehicle(config_path).wheel] if config_path is not None else []
+    try:
+        first = int(base_id, 0)
+    except ValueError as error:
+        raise click.BadParameter(f"'{base_id}' is not a number such as 0x500", param_hint="--base-id") from error
+    try:
+        text = dbc_text(first, positions)
+    except ModuleNotFoundError as error:
+        raise TreadlinkError(
+            f"a DBC file needs the package '{error.name}', which is not installed",
+            "Install it with: pip install 'treadlink[can]'",
+        ) from error
+    _write({"treadlink.dbc": text}, out, force=force)
+
+
+@protocol.command()
+@_OUT
+@force_option
 def kaitai(out: Path | None, force: bool) -> None:
     """Write a Kaitai Struct description of the frames.
 
@@ -93,6 +127,18 @@ def kaitai(out: Path | None, force: bool) -> None:
     from firmware_protocol.kaitai import KAITAI_NAME, kaitai_description
 
     _write({KAITAI_NAME: kaitai_description()}, out, force=force)
+
+
+@protocol.command()
+@_OUT
+@force_option
+def schema(out: Path | None, force: bool) -> None:
+    """Write the JSON schema of the objects that `--publish` sends as JSON lines and to MQTT."""
+    import json
+
+    from gateway.publishing.line_schema import line_schema
+
+    _write({"treadlink-live.schema.json": json.dumps(line_schema(), indent=2) + "\n"}, out, force=force)
 
 
 @protocol.command()

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
 from gateway.cli.options import config_option, duration_option, effects_option, estimator_option, keys_option
-from gateway.cli.session_setup import RunningSession, ending, start_session
 from gateway.cli.stop_signals import StopRequest, stop_request
-from gateway.views.text import clean
-from gateway.views.wording import notice_text
+
+if TYPE_CHECKING:
+    from gateway.cli.session_setup import RunningSession
+    from gateway.pipeline.results import SessionSnapshot
 
 _POLL_S: Final = 0.1
-_REPORT_S: Final = 1.0
 
 
 @click.command()
@@ -47,6 +46,8 @@ def record(
     The bytes of the links are written to disk before they are decoded. Estimates are recorded as additional topics,
     which plotting programs can show. Sources are those of `treadlink live`. Existing files are never overwritten.
     """
+    from gateway.cli.session_setup import ending, start_session
+
     with stop_request() as stop:
         session = start_session(
             sources,
@@ -62,27 +63,29 @@ def record(
 
 
 def _watch(session: RunningSession, stop: StopRequest) -> None:
+    from gateway.views.progress import progress_view
+    from gateway.views.text import clean
+    from gateway.views.wording import notice_text
+
     live = session.live
-    shown_s = 0.0
-    on_terminal = sys.stderr.isatty()
     ended = False
-    try:
+    with progress_view() as view:
         while not ended and not stop.is_set():
             ended = live.wait(_POLL_S)
             live.results()
-            for notice in live.notices():
-                click.echo(f"* {clean(notice_text(notice))}", err=True)
-            snapshot = live.snapshot()
-            if on_terminal and snapshot.elapsed_s >= shown_s:
-                shown_s = snapshot.elapsed_s + _REPORT_S
-                frames = sum(link.frames for link in snapshot.links)
-                lost = sum(link.frames_lost for link in snapshot.links)
-                size_mb = snapshot.recorded_bytes / 1e6
-                alarms = f", {len(snapshot.alarms)} ALARMS" if snapshot.alarms else ""
-                text = f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost{alarms}"
-                click.echo(f"\r{text}\033[K", nl=False, err=True)
+            notices = live.notices()
+            if notices:
+                with view.hidden():
+                    for notice in notices:
+                        click.echo(f"* {clean(notice_text(notice))}", err=True)
+            view.text(_state_text(live.snapshot()))
             if session.time_is_up():
                 live.request_stop()
-    finally:
-        if on_terminal:
-            click.echo("", err=True)
+
+
+def _state_text(snapshot: SessionSnapshot) -> str:
+    frames = sum(link.frames for link in snapshot.links)
+    lost = sum(link.frames_lost for link in snapshot.links)
+    alarms = f", {len(snapshot.alarms)} ALARMS" if snapshot.alarms else ""
+    size_mb = snapshot.recorded_bytes / 1e6
+    return f"{snapshot.elapsed_s:7.0f} s  {size_mb:8.1f} MB  {frames} frames, {lost} lost{alarms}"

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gateway.errors import RecordingError
-from gateway.recording.compact import compact_recording
-from gateway.recording.repair import RepairReport, needs_repair, repair_recording
-from gateway.views.numbers import file_size
-from gateway.views.text import clean
+
+if TYPE_CHECKING:
+    from gateway.recording.repair import RepairReport
+    from gateway.views.progress import Bar
 
 
 @click.command()
@@ -27,13 +26,17 @@ def repair(recording: Path, out: Path | None, force: bool) -> None:
     Only damaged frames are lost. In a compressed recording, whole chunks of about a second are lost. RECORDING itself
     is not changed.
     """
-    with _progress(recording, "checking") as progress:
-        whole = not needs_repair(recording, progress)
+    from gateway.recording.repair import needs_repair, repair_recording
+    from gateway.views.progress import progress_bar
+    from gateway.views.text import clean
+
+    with progress_bar(f"checking {recording.name}") as bar:
+        whole = not needs_repair(recording, _shown(bar))
     if whole and not force:
         click.echo(f"{clean(str(recording))} is finished and undamaged. There is nothing to repair.")
         return
-    with _progress(recording, "repairing") as progress:
-        report = repair_recording(recording, out or _beside(recording, "repaired"), progress)
+    with progress_bar(f"repairing {recording.name}") as bar:
+        report = repair_recording(recording, out or _beside(recording, "repaired"), _shown(bar))
     for line in _report_lines(report):
         click.echo(clean(line))
 
@@ -49,10 +52,15 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
     """
     if out is not None and (in_place or len(recordings) > 1):
         raise click.UsageError("--out requires a single recording and cannot be combined with --in-place.")
+    from gateway.recording.compact import compact_recording
+    from gateway.views.numbers import file_size
+    from gateway.views.progress import progress_bar
+    from gateway.views.text import clean
+
     for recording in recordings:
         target = _hidden_beside(recording) if in_place else out or _beside(recording, "compact")
-        with _progress(recording, "compacting") as progress:
-            report = compact_recording(recording, target, replace=in_place, progress=progress)
+        with progress_bar(f"compacting {recording.name}") as bar:
+            report = compact_recording(recording, target, replace=in_place, progress=_shown(bar))
         share = 100.0 * report.bytes_after / max(report.bytes_before, 1)
         click.echo(
             clean(
@@ -63,6 +71,8 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
 
 
 def _report_lines(report: RepairReport) -> Iterator[str]:
+    from gateway.views.numbers import file_size
+
     losses = report.losses
     yield f"{report.target}"
     size = file_size(report.link_bytes)
@@ -97,15 +107,6 @@ def _hidden_beside(recording: Path) -> Path:
     return next(name for name in names if not name.exists())
 
 
-@contextlib.contextmanager
-def _progress(recording: Path, word: str) -> Iterator[Callable[[int, int], None]]:
-    """Yield a function of (done, total) that draws a progress bar on a terminal."""
-    length = recording.stat().st_size if recording.is_file() else 0
-    bar = click.progressbar(length=length, label=f"{word} {clean(recording.name)}", file=sys.stderr)
-    bar.hidden = not sys.stderr.isatty()
-    with bar:
-
-        def update(done: int, total: int) -> None:
-            bar.update(int(length * done / max(total, 1)) - bar.pos)
-
-        yield update
+def _shown(bar: Bar) -> Callable[[int, int], None]:
+    """Return a function of (done, total) that shows their ratio."""
+    return lambda done, total: bar.show(done / max(total, 1))

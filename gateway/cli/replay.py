@@ -15,8 +15,8 @@ from gateway.cli.options import (
     estimator_option,
     keys_option,
     plain_option,
+    publish_option,
 )
-from gateway.cli.session_setup import start_session
 from gateway.cli.stop_signals import stop_request
 
 
@@ -31,6 +31,7 @@ from gateway.cli.stop_signals import stop_request
 )
 @config_option
 @plain_option
+@publish_option
 @duration_option
 @keys_option
 @estimator_option
@@ -40,6 +41,7 @@ def replay(
     speed: str,
     config_path: Path | None,
     plain: bool,
+    publish: tuple[str, ...],
     duration_s: float | None,
     key_file: Path | None,
     estimators: tuple[str, ...],
@@ -49,6 +51,8 @@ def replay(
 
     The vehicle configuration is the one in the recording, unless --config gives another.
     """
+    from gateway.cli.session_setup import start_session
+
     uri = f"replay:{quote(str(recording))}?speed={speed}"
     with stop_request() as stop:
         session = start_session(
@@ -59,5 +63,6 @@ def replay(
             key_file=key_file,
             effects_paths=effects_paths,
             duration_s=duration_s,
+            publish=publish,
         )
         show_session(session, stop, plain=plain)

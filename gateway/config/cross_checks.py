@@ -33,10 +33,26 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             if "sensor_id" not in wheel:
                 key = key_of(data, ("wheel", index, "sensor_id"))
                 yield Fault(key, None, 'required by security.policy = "require"')
+    yield from _bus_signals(data, wheels)
     thresholds = _table(data.get("thresholds"))
     low, high = thresholds.get("pressure_min_kpa"), thresholds.get("pressure_max_kpa")
     if _is_number(low) and _is_number(high) and low >= high:
         yield Fault("thresholds.pressure_min_kpa", show(low), f"allowed: less than pressure_max_kpa = {show(high)}")
+
+
+def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
+    positions = [wheel["position"] for _, wheel in wheels if isinstance(wheel.get("position"), str)]
+    seen: dict[tuple[object, object], int] = {}
+    for index, signal in _tables(_table(data.get("vehicle_signals")).get("signal")):
+        key = f"vehicle_signals.signal[#{index + 1}]"
+        quantity, wheel = signal.get("quantity"), signal.get("wheel")
+        if quantity == "wheel_speed" and wheel is None:
+            yield Fault(f"{key}.wheel", None, "required for wheel_speed")
+        if isinstance(wheel, str) and wheel not in positions:
+            yield Fault(f"{key}.wheel", show(wheel), f"no wheel has this position; known: {', '.join(positions)}")
+        first = seen.setdefault((str(quantity), wheel), index)
+        if first != index:
+            yield Fault(f"{key}.quantity", show(quantity), f"vehicle_signals.signal[#{first + 1}] is the same quantity")
 
 
 def _calibrations(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:

@@ -170,6 +170,17 @@ def load_effects(path: Path) -> CorrectionTable:
         raise ConfigError(f"{path}: {error}", remedy) from error
 
 
+def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:
+    """Return the tables of effects files.
+
+    Raises:
+        ConfigError: a file cannot be read, or does not belong to the vehicle.
+    """
+    tables = tuple(map(load_effects, paths))
+    check_effects(tables, vehicle)
+    return tables
+
+
 def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> None:
     """Check that tables belong to the vehicle.
 

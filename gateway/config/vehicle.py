@@ -11,6 +11,7 @@ from typing import Final
 
 from pydantic import Field, model_validator
 
+from gateway.config.bus_signals import VehicleSignals
 from gateway.config.cross_checks import cross_faults
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
@@ -354,6 +355,9 @@ class VehicleConfig(Section):
     )
     thresholds: Thresholds = Field(default=Thresholds(), description="alarm limits")
     security: Security = Field(default=Security(), description="checks of signatures")
+    vehicle_signals: VehicleSignals = Field(
+        default=VehicleSignals(), description="signals of the vehicle's bus, beside the wheels"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> VehicleConfig:
@@ -456,3 +460,20 @@ def recorded_vehicle(text: str, origin: str) -> VehicleConfig:
         raise ConfigError(
             str(error), "Give the configuration with --config VEHICLE.toml; it replaces that of the recording."
         ) from error
+
+
+def choose_vehicle(config_path: Path | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
+    """Return the configuration in a file, else the first of the texts that sources provide, else None.
+
+    Args:
+        config_path: the file, None without one.
+        provided: TOML of each source, None for a source without a configuration.
+        origin: names the sources in messages.
+
+    Raises:
+        ConfigError: the configuration cannot be read, or has faults.
+    """
+    if config_path is not None:
+        return load_vehicle(config_path)
+    texts = [text for text in provided if text]
+    return recorded_vehicle(texts[0], origin) if texts else None

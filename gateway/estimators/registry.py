@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import importlib
-import logging
-from collections.abc import Callable, Iterable
-from typing import Final
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Final
 
 from gateway.errors import ConfigError
-from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, TireConditions
 from gateway.plugins import Plugin, PluginGroup, load, missing_members, names
 from gateway.reasons import Code, Reason
 
-_logger = logging.getLogger(__name__)
+if TYPE_CHECKING:
+    from gateway.estimators.estimator import Estimator
 
 # name -> "module:class"; the class is called without arguments, once per wheel. Estimators run in this order: one that
 # uses the estimates of others comes after them.
@@ -58,7 +57,9 @@ def make_estimator(name: str) -> Estimator:
     found = load(PluginGroup.ESTIMATORS, name, ESTIMATORS, plugin_fault)
     if not callable(found):
         raise ConfigError(f"unknown estimator '{name}'", f"Known estimators: {', '.join(estimator_names())}.")
-    return _PluginEstimator(name, found)
+    from gateway.estimators.plugin_estimator import PluginEstimator
+
+    return PluginEstimator(name, found)
 
 
 def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
@@ -70,29 +71,3 @@ def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
         return fault
     name = getattr(made, "name", "")
     return None if name == plugin.name else Reason(Code.PLUGIN_NAME_DIFFERS, name=str(name))
-
-
-class _PluginEstimator:
-    """Estimator of a plug-in. An error in it makes its estimates invalid and stops nothing else."""
-
-    def __init__(self, name: str, make: Callable[[], Estimator]) -> None:
-        self.name = name
-        self._estimator = make()
-        self._names: tuple[str, ...] = (name,)
-
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return the plug-in's estimates; those that it gave last, without values, when it fails."""
-        try:
-            found = tuple(self._estimator.update(revolution, average, conditions))
-            if not all(isinstance(estimate, Estimate) for estimate in found):
-                raise TypeError("update returns other things than estimates")
-        except Exception as error:  # code of others may raise anything, and must not end the session
-            _logger.warning("estimator %s failed", self.name, exc_info=True)
-            failed = Reason(Code.PLUGIN_FAILED, error=f"{type(error).__name__}: {error}")
-            return tuple(Estimate.invalid(name, failed) for name in self._names)
-        self._names = tuple(estimate.name for estimate in found) or self._names
-        return found
-
-    def reset(self) -> None:
-        """Forget everything."""
-        self._estimator.reset()

@@ -95,6 +95,8 @@ class Subject(StrEnum):
     GRAVITY = "gravity"
     OFFSET = "sensor offset"
     STEADY = "steady value"
+    VEHICLE_SPEED = "vehicle speed"
+    WHEEL_SPEED = "wheel speed"
     ZERO = "zero-g offset"
 
 

@@ -1,1 +1,1 @@
-"""Foreign measurements in: CSV, MAT and Parquet become recordings."""
+"""Foreign measurements in: CSV, MATLAB, HDF5, MDF and Parquet become recordings."""

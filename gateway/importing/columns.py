@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -12,6 +12,8 @@ from gateway.errors import ImportDataError
 from gateway.types import FloatArray
 
 BLOCK_ROWS: Final = 65536
+# A matrix with more columns has its channels in rows.
+MAX_MATRIX_COLUMNS: Final = 1000
 _LISTED_COLUMNS: Final = 40
 
 
@@ -32,12 +34,33 @@ class Block:
     progress: float
 
 
-class ColumnReader(Protocol):
-    """A file with named columns."""
+@dataclass(frozen=True, slots=True)
+class FileFacts:
+    """Statements of a file about its columns.
+
+    Attributes:
+        names: columns of numbers.
+        units: unit of a column, where the file states one.
+        unusable: reason and remedy for a column that cannot be imported.
+        start_ns: start of the measurement in ns since 1970 (UTC), None where the file has none.
+        dates: columns of dates with times, read as seconds from the first; its ns since 1970, None without a time zone.
+        time_column: column of the file's own time base, None where the file has none.
+    """
+
+    names: Sequence[str]
+    units: dict[str, str] = field(default_factory=dict)
+    unusable: dict[str, Sequence[str]] = field(default_factory=dict)
+    start_ns: int | None = None
+    dates: dict[str, int | None] = field(default_factory=dict)
+    time_column: str | None = None
+
+
+class BlockReader(Protocol):
+    """A file with named columns, read from the first row to the last."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of all columns."""
+    def facts(self) -> FileFacts:
+        """Statements of the file about its columns."""
         ...
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
@@ -53,23 +76,54 @@ class ColumnReader(Protocol):
         ...
 
 
+class ColumnReader(BlockReader, Protocol):
+    """A file with named columns, of which a sample can be read."""
+
+    def sample(self, names: Sequence[str]) -> Block | None:
+        """Return the first block of the named columns, None without rows.
+
+        Raises:
+            ImportDataError: as `blocks`.
+        """
+        ...
+
+
 def row_places(first_row: int) -> Callable[[int], str]:
     """Return the names of the rows of a block for messages, counted from 1."""
     return lambda k: f"row {first_row + k + 1}"
 
 
-def require_columns(reader: ColumnReader, path: Path, names: Sequence[str]) -> None:
+def require_equal_lengths(path: Path, lengths: Mapping[str, int]) -> None:
+    """Check that columns have the same number of rows.
+
+    Raises:
+        ImportDataError: naming all columns with their lengths.
+    """
+    if len(set(lengths.values())) > 1:
+        found = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+        raise ImportDataError(
+            f"{path}: the columns differ in length: {found}", "Resample them to one rate before importing."
+        )
+
+
+def require_columns(reader: BlockReader, path: Path, names: Sequence[str]) -> None:
     """Check that a file has all the named columns.
 
     Raises:
         ImportDataError: naming every missing column with the most similar one, and the columns of the file.
     """
-    missing = [name for name in names if name not in reader.names]
+    facts = reader.facts
+    for name in names:
+        if name in facts.unusable:
+            reason, remedy = facts.unusable[name]
+            raise ImportDataError(f"{path}: '{name}' {reason}", remedy)
+    known = set(facts.names)
+    missing = [name for name in names if name not in known]
     if not missing:
         return
     lines = []
     for name in missing:
-        guess = nearest(name, reader.names)
+        guess = nearest(name, facts.names)
         lines.append(f"{path}: there is no column '{name}'" + (f"; did you mean '{guess}'?" if guess else ""))
-    shown = ", ".join(reader.names[:_LISTED_COLUMNS]) + (", ..." if len(reader.names) > _LISTED_COLUMNS else "")
+    shown = ", ".join(facts.names[:_LISTED_COLUMNS]) + (", ..." if len(facts.names) > _LISTED_COLUMNS else "")
     raise ImportDataError("\n".join(lines), f"Columns of the file: {shown or 'none'}.")

@@ -14,8 +14,9 @@ from typing import Final, TextIO
 import numpy as np
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import BLOCK_ROWS, Block
+from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts
 from gateway.importing.import_map import DELIMITERS, FileLayout
+from gateway.importing.iso_times import IsoTimes
 from gateway.types import FloatArray
 
 _DATE_OR_CLOCK: Final = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}:\d{2}")
@@ -25,8 +26,13 @@ _PLACEHOLDER: Final = re.compile(r"[-?*#./]+|n/?a|#n/a|null|none|missing|err(or)
 class CsvColumns:
     """Reader of delimited text. Without a header the columns are named 1, 2, 3, ..."""
 
-    def __init__(self, path: Path, layout: FileLayout) -> None:
+    def __init__(self, path: Path, layout: FileLayout, times: IsoTimes | None = None) -> None:
         """Read the header.
+
+        Args:
+            path: the file.
+            layout: its layout.
+            times: converter of a column of ISO times, None without one.
 
         Raises:
             ImportDataError: the encoding is wrong or the file is empty.
@@ -34,6 +40,7 @@ class CsvColumns:
         """
         self._path = path
         self._layout = layout
+        self._times = times
         self._delimiter = DELIMITERS[layout.delimiter]
         self._lines_before_data = layout.skip_rows + (1 + layout.skip_rows_after_header if layout.header else 0)
         with self._open() as file:
@@ -45,9 +52,10 @@ class CsvColumns:
         self._names = tuple(cells) if layout.header else tuple(str(k + 1) for k in range(len(cells)))
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Columns of the header, or their numbers."""
-        return self._names
+    def facts(self) -> FileFacts:
+        """Columns of the header, or their numbers; the start is known after a first block."""
+        dates = {} if self._times is None else {self._times.column: self._times.start_ns}
+        return FileFacts(self._names, dates=dates)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns; blank lines are skipped."""
@@ -66,10 +74,14 @@ class CsvColumns:
                     lines, numbers = [line for line, _ in kept], [number for _, number in kept]
                 if not lines:
                     continue
-                values = self._parse(lines, numbers, use, names)
+                values = self._parsed(lines, numbers, use, names)
                 progress = min(os.lseek(file.fileno(), 0, os.SEEK_CUR) / size_bytes, 1.0)
                 yield Block(row, values, lambda k, numbers=numbers: f"line {numbers[k]}", progress)  # type: ignore[misc]
                 row += len(lines)
+
+    def sample(self, names: Sequence[str]) -> Block | None:
+        """Return the first block of the named columns, None without rows."""
+        return next(self.blocks(names), None)
 
     def close(self) -> None:
         """Do nothing: each pass closes the file."""
@@ -99,6 +111,19 @@ class CsvColumns:
         if self._layout.delimiter == "space":
             return line.split()
         return next(csv.reader([line], delimiter=self._delimiter))
+
+    def _parsed(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> FloatArray:
+        """Return (n, columns) values, ISO times in seconds."""
+        if self._times is None or self._times.column not in names:
+            return self._parse(lines, numbers, use, names)
+        at = list(names).index(self._times.column)
+        values = np.empty((len(lines), len(names)))
+        others = [k for k in range(len(names)) if k != at]
+        values[:, others] = self._parse(lines, numbers, [use[k] for k in others], [names[k] for k in others])
+        cells = [self._cells(line) for line in lines]
+        texts = [row[use[at]] if use[at] < len(row) else "" for row in cells]
+        values[:, at] = self._times.seconds(texts, lambda k: f"line {numbers[k]}")
+        return values
 
     def _parse(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> FloatArray:
         if self._layout.decimal == ",":
@@ -157,7 +182,10 @@ class CsvColumns:
         if "," in cell and self._layout.decimal == ".":
             return 'If this is a decimal comma, state [file] decimal = "," in the map.'
         if _DATE_OR_CLOCK.match(cell):
-            return "The import reads no dates. Write the times in seconds, or state rate_hz instead of time_column."
+            return (
+                'If these are dates with times, state [sampling] time_unit = "iso". Else write seconds, or state '
+                "rate_hz instead of time_column."
+            )
         if _PLACEHOLDER.fullmatch(cell):
             return "If it stands for a missing value, leave the cell empty: the import keeps the gap."
         if not cell[:1].isdigit():

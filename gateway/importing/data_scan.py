@@ -12,8 +12,10 @@ import numpy as np
 from firmware_protocol.messages import Axis
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
 from gateway.errors import ImportDataError
-from gateway.importing.columns import Block, ColumnReader
-from gateway.importing.import_map import TIME_UNITS_S, ImportMap
+from gateway.importing.columns import Block, BlockReader
+from gateway.importing.decimation import Decimation, decimation_factor
+from gateway.importing.import_map import TIME_UNITS_S, ImportedWheel, ImportMap
+from gateway.importing.sample_rows import SampleRows
 from gateway.importing.time_column import TimeColumn
 from gateway.types import FloatArray
 
@@ -21,8 +23,26 @@ from gateway.types import FloatArray
 _MAX_MPS2: Final = 1e7
 # The ten-thousandfold of the time since 1970.
 _MAX_TIME_S: Final = 1e13
+_MAX_SOURCE_HZ: Final = 1e7
 # A file with more gaps has columns of different rates.
 _MAX_GAP_SHARE: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class WheelScan:
+    """Result of the first pass for one wheel.
+
+    Attributes:
+        gaps: samples in which an axis has no value.
+        low_mps2: smallest value of each axis, in the protocol's direction.
+        high_mps2: largest value of each axis.
+        liveliest_mps2: (n,) radial axis of the block with the largest scatter, NaN in gaps.
+    """
+
+    gaps: int
+    low_mps2: dict[Axis, float]
+    high_mps2: dict[Axis, float]
+    liveliest_mps2: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,33 +51,33 @@ class Scan:
 
     Attributes:
         skipped: rows before the start stated in the map.
-        samples: rows after it.
-        gaps: those in which an axis has no value.
-        rate_hz: sampling rate, stated or measured by the time column.
-        rate_std_hz: its standard error where the times are rounded, else None.
+        samples: samples of each wheel after it, at the rate of the recording.
+        rate_hz: sampling rate of the recording: that of the file, or a whole part of it.
+        decimation: reduction of the file's rate, None where it is kept.
+        rate_std_hz: standard error of the rate where the times are rounded, else None.
         rounding_s: step to which the times are rounded, None when they are not.
         jitter_s: largest deviation of a step of the time column from the sample interval, None without a time column.
-        low_mps2: smallest value of each axis, in the protocol's direction.
-        high_mps2: largest value of each axis.
-        liveliest_mps2: (n,) radial axis of the block with the largest scatter, NaN in gaps.
+        first_s: time of the first row by the time column, 0 without one.
+        wheels: result for each wheel.
+        ranges: (references, 2) smallest and largest value of each reference column, NaN without one.
     """
 
     skipped: int
     samples: int
-    gaps: int
     rate_hz: float
+    decimation: Decimation | None
     rate_std_hz: float | None
     rounding_s: float | None
     jitter_s: float | None
-    low_mps2: dict[Axis, float]
-    high_mps2: dict[Axis, float]
-    liveliest_mps2: FloatArray
+    first_s: float
+    wheels: tuple[WheelScan, ...]
+    ranges: FloatArray
 
 
 def scan(
-    path: Path, reader: ColumnReader, import_map: ImportMap, progress: Callable[[float], None] = lambda _: None
+    path: Path, reader: BlockReader, import_map: ImportMap, progress: Callable[[float], None] = lambda _: None
 ) -> Scan:
-    """Read the whole file once.
+    """Read the whole file, twice when a time column reveals only at its end that the rate is above the protocol's.
 
     Raises:
         ImportDataError: there are no rows, a value is infinite, most rows have no value, the times are not uniform, or
@@ -65,56 +85,109 @@ def scan(
     """
     if import_map.sampling.rate_hz is not None:
         check_rate(path, import_map.sampling.rate_hz)
+    found = _scan(path, reader, import_map, progress, None)
+    factor = decimation_factor(found.rate_hz * (found.decimation.factor if found.decimation else 1))
+    if factor != (found.decimation.factor if found.decimation else 1):
+        found = _scan(path, reader, import_map, progress, factor)
+    return found
+
+
+def _scan(
+    path: Path, reader: BlockReader, import_map: ImportMap, progress: Callable[[float], None], factor: int | None
+) -> Scan:
     names = import_map.columns()
-    axes = import_map.axis.present()
-    use = [names.index(column.column) for column in axes.values()]
-    factors = np.array([column.factor_mps2 for column in axes.values()])
-    offsets = np.array([column.offset for column in axes.values()])
-    low, high = np.full(len(axes), np.inf), np.full(len(axes), -np.inf)
-    radial = list(axes).index(Axis.RADIAL)
-    liveliest, most = np.empty(0), -1.0
-    gaps = 0
     start = _Start(import_map, names)
     bad = _BadValues(path, names, _limits(import_map))
+    reference_columns = [names.index(reference.column) for reference in import_map.reference]
+    ranges = np.column_stack((np.full(len(reference_columns), np.inf), np.full(len(reference_columns), -np.inf)))
+    rows: SampleRows | None = None
+    wheels = [_WheelRange(wheel) for wheel in import_map.wheels()]
+    samples = 0
     for block in reader.blocks(names):
         progress(block.progress)
         bad.look(block)
         if bad.count:
             continue
         start.look(path, block)
-        scaled = (block.values[start.rows_to_skip(block) :, use] - offsets) * factors
-        present = np.isfinite(scaled).all(axis=1)
-        gaps += len(scaled) - int(np.count_nonzero(present))
-        if present.any():
-            low = np.minimum(low, scaled[present].min(axis=0))
-            high = np.maximum(high, scaled[present].max(axis=0))
-            scatter = float(scaled[present, radial].std())
-            if scatter > most:
-                liveliest, most = scaled[:, radial].copy(), scatter
+        if rows is None:
+            factor = factor or decimation_factor(start.first_rate_hz)
+            rows = SampleRows(import_map, factor)
+        kept = block.values[start.rows_to_skip(block) :]
+        for k, column in enumerate(reference_columns):
+            present = kept[:, column][np.isfinite(kept[:, column])]
+            if len(present):
+                ranges[k] = min(ranges[k, 0], present.min()), max(ranges[k, 1], present.max())
+        samples += _take(wheels, rows, rows.feed(kept))
     bad.refuse()
-    samples = start.rows - start.skipped
-    if samples < 2:
-        found = "contains no rows of data" if start.rows == 0 else f"contains {max(samples, 0)} rows after start_s"
+    if rows is not None:
+        samples += _take(wheels, rows, rows.finish(len(names)))
+    kept_count = start.rows - start.skipped
+    if kept_count < 2 or samples < 2:
+        found = "contains no rows of data" if start.rows == 0 else f"contains {max(kept_count, 0)} rows after start_s"
         raise ImportDataError(f"{path} {found}", "Check the file, and start_s in [sampling] of the map.")
-    if gaps > _MAX_GAP_SHARE * samples:
-        raise ImportDataError(
-            f"{path}: in {gaps} of {samples} rows an axis has no value",
-            "Leave the axis out of the map, or resample the columns to one rate before importing.",
-        )
+    for wheel in wheels:
+        wheel.check_gaps(path, samples)
     rate_hz, rate_std_hz = start.rate_hz(path)
     check_rate(path, rate_hz)
+    factor = factor or 1
+    decimation = Decimation.of(factor, rate_hz)
     return Scan(
         skipped=start.skipped,
         samples=samples,
-        gaps=gaps,
-        rate_hz=rate_hz,
-        rate_std_hz=rate_std_hz,
+        # A measured rate may be above the limit by its own error.
+        rate_hz=min(rate_hz / factor, MAX_RATE_HZ) if factor == decimation_factor(rate_hz) else rate_hz / factor,
+        decimation=decimation,
+        rate_std_hz=None if rate_std_hz is None else rate_std_hz / factor,
         rounding_s=start.clock.rounding_s if start.clock else None,
         jitter_s=start.clock.jitter_s if start.clock else None,
-        low_mps2=dict(zip(axes, low.tolist(), strict=True)),
-        high_mps2=dict(zip(axes, high.tolist(), strict=True)),
-        liveliest_mps2=liveliest,
+        first_s=start.clock.first_s if start.clock else 0.0,
+        wheels=tuple(wheel.found() for wheel in wheels),
+        ranges=np.where(np.isfinite(ranges), ranges, np.nan),
     )
+
+
+def _take(wheels: Sequence[_WheelRange], rows: SampleRows, values: FloatArray) -> int:
+    for wheel, columns in zip(wheels, rows.wheels, strict=True):
+        wheel.look(values[:, columns.axes])
+    return len(values)
+
+
+class _WheelRange:
+    """Ranges and gaps of one wheel's axes."""
+
+    def __init__(self, wheel: ImportedWheel) -> None:
+        self._wheel = wheel
+        self._axes = list(wheel.axis.present())
+        self._low, self._high = np.full(len(self._axes), np.inf), np.full(len(self._axes), -np.inf)
+        self._radial = self._axes.index(Axis.RADIAL)
+        self._liveliest, self._most = np.empty(0), -1.0
+        self._gaps = 0
+
+    def look(self, values_mps2: FloatArray) -> None:
+        present = np.isfinite(values_mps2).all(axis=1)
+        self._gaps += len(values_mps2) - int(np.count_nonzero(present))
+        if not present.any():
+            return
+        self._low = np.minimum(self._low, values_mps2[present].min(axis=0))
+        self._high = np.maximum(self._high, values_mps2[present].max(axis=0))
+        scatter = float(values_mps2[present, self._radial].std())
+        if scatter > self._most:
+            self._liveliest, self._most = values_mps2[:, self._radial].copy(), scatter
+
+    def check_gaps(self, path: Path, samples: int) -> None:
+        if self._gaps > _MAX_GAP_SHARE * samples:
+            raise ImportDataError(
+                f"{path}: in {self._gaps} of {samples} rows an axis has no value",
+                "Leave the axis out of the map, or resample the columns to one rate before importing.",
+            )
+
+    def found(self) -> WheelScan:
+        return WheelScan(
+            gaps=self._gaps,
+            low_mps2=dict(zip(self._axes, self._low.tolist(), strict=True)),
+            high_mps2=dict(zip(self._axes, self._high.tolist(), strict=True)),
+            liveliest_mps2=self._liveliest,
+        )
 
 
 def check_rate(path: Path, rate_hz: float) -> None:
@@ -123,25 +196,22 @@ def check_rate(path: Path, rate_hz: float) -> None:
     Raises:
         ImportDataError: it does not.
     """
-    if rate_hz > MAX_RATE_HZ:
-        remedy = (
-            "Resample the file with an anti-aliasing filter, such as scipy.signal.resample_poly, and import the result."
+    if rate_hz < MIN_RATE_HZ:
+        raise ImportDataError(
+            f"{path}: the protocol does not support a rate of {rate_hz:.6g} Hz, allowed: {MIN_RATE_HZ:g} Hz or more",
+            "This rate cannot resolve a contact edge. Check that rate_hz is in Hz, and check time_unit.",
         )
-    elif rate_hz < MIN_RATE_HZ:
-        remedy = "This rate cannot resolve a contact edge. Check that rate_hz is in Hz, and check time_unit."
-    else:
-        return
-    allowed = f"{MIN_RATE_HZ:g} to {MAX_RATE_HZ:g} Hz"
-    raise ImportDataError(
-        f"{path}: the protocol does not support a rate of {rate_hz:.6g} Hz, allowed: {allowed}", remedy
-    )
+    if rate_hz > _MAX_SOURCE_HZ:
+        raise ImportDataError(
+            f"{path}: a rate of {rate_hz:.6g} Hz cannot be right, allowed: up to {_MAX_SOURCE_HZ:g} Hz",
+            "Check the column and time_unit.",
+        )
 
 
 def _limits(import_map: ImportMap) -> FloatArray:
     """Return the largest magnitude of each axis and of the time column, in the columns' units and order."""
     limits = {
-        column.column: _MAX_MPS2 / abs(column.factor_mps2) + abs(column.offset)
-        for column in import_map.axis.present().values()
+        column.column: _MAX_MPS2 / abs(column.factor_mps2) + abs(column.offset) for column in import_map.axis_columns()
     }
     if import_map.sampling.time_column is not None:
         limits.setdefault(import_map.sampling.time_column, _MAX_TIME_S / TIME_UNITS_S[import_map.sampling.time_unit])
@@ -199,6 +269,13 @@ class _Start:
             times_s = self.clock.look(path, block)
             self.skipped += int(np.count_nonzero(times_s - self.clock.first_s < self._start_s - 1e-9))
         self.rows += len(block.values)
+
+    @property
+    def first_rate_hz(self) -> float:
+        """Rate that is stated, or that of the first block; 0 when there is none."""
+        if self.clock:
+            return 1.0 / self.clock.interval_s if self.clock.interval_s > 0 else 0.0
+        return self._stated_hz or 0.0
 
     def rows_to_skip(self, block: Block) -> int:
         return min(max(self.skipped - block.first_row, 0), len(block.values))

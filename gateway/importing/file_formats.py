@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from gateway.errors import ImportDataError
 from gateway.importing.columns import ColumnReader
 from gateway.importing.csv_columns import CsvColumns
-from gateway.importing.import_map import SUFFIXES, FileFormat, FileLayout
-from gateway.importing.reader_process import ProcessColumns
+from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
+from gateway.importing.iso_times import IsoTimes
+from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
+from gateway.plugins import Plugin, PluginGroup, load, missing_members
+from gateway.reasons import Code, Reason
 
 _KNOWN: Final = ", ".join(SUFFIXES)
 _UNPACK: Final = "Unpack the file first, then import what is in it."
@@ -27,14 +30,27 @@ _REMEDIES: Final[dict[str, str]] = {
     ".npy": _NUMPY,
     ".npz": _NPZ,
     **dict.fromkeys((".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz", ".rar"), _UNPACK),
-    **dict.fromkeys((".xls", ".xlsx", ".ods", ".tdms", ".mf4", ".mdf", ".h5", ".hdf5", ".wav", ".bin"), _TO_CSV),
+    **dict.fromkeys((".xls", ".xlsx", ".ods", ".tdms", ".wav", ".bin"), _TO_CSV),
     ".mcap": "This is a recording already. Run: treadlink estimate {name}",
     ".toml": "This is a configuration. Give the measurement as FILE and the map with --map.",
 }
 
+PLUGIN_NAMES_TAKEN: Final = tuple(suffix.removeprefix(".") for suffix in SUFFIXES)
+"""Suffixes of this package, which plug-ins cannot take."""
 
-def open_columns(path: Path, layout: FileLayout) -> ColumnReader:
+
+def suffix_format(path: Path) -> FileFormat | None:
+    """Return the format that a file's suffix stands for, None when it is unknown."""
+    return SUFFIXES.get(path.suffix.lower())
+
+
+def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses | None = None) -> ColumnReader:
     """Open a measurement file in the format stated by the map, or else given by the suffix.
+
+    Args:
+        path: measurement.
+        import_map: layout of the file, and its column of ISO times.
+        processes: supply of processes for formats that need one; None for a new process.
 
     Raises:
         ImportDataError: there is no such file, its format is unknown or needs a missing package, or it cannot be read.
@@ -43,13 +59,59 @@ def open_columns(path: Path, layout: FileLayout) -> ColumnReader:
         raise ImportDataError(f"{path} is a folder", "Give the measurement file itself.")
     if not path.exists():
         raise ImportDataError(f"{path} does not exist", "Check the path.")
-    file_format = layout.format or SUFFIXES.get(path.suffix.lower())
+    layout, sampling = import_map.file, import_map.sampling
+    file_format = layout.format or suffix_format(path)
+    added = _plugin_reader(path) if file_format is None else None
+    if added is not None:
+        return added
     if file_format is None:
         found = f"unknown file format '{path.suffix}'" if path.suffix else "a file name without a suffix"
         remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
         raise ImportDataError(f"{path}: {found}", remedy.replace("{name}", path.name))
     try:
-        return CsvColumns(path, layout) if file_format is FileFormat.CSV else ProcessColumns(path, file_format)
+        if file_format is FileFormat.CSV:
+            dated = sampling.time_column is not None and sampling.time_unit == ISO
+            times = IsoTimes(path, sampling.time_column or "", sampling.time_zone) if dated else None
+            return CsvColumns(path, layout, times)
+        if file_format is FileFormat.MAT and _is_hdf5(path):
+            file_format = FileFormat.HDF5
+        return ProcessColumns(path, file_format, processes)
     except OSError as error:
         reason = error.strerror or str(error)
         raise ImportDataError(f"{path} cannot be read: {reason}", "Check its permissions.") from error
+
+
+def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
+    """Return why the object of a plug-in is no reader of files, None when it is one."""
+    if not callable(found):
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a class of column readers")
+    return missing_members(found, ("blocks", "sample", "close"))
+
+
+def _plugin_reader(path: Path) -> ColumnReader | None:
+    """Return the reader of a plug-in for a file's suffix, None where there is none.
+
+    Raises:
+        ImportDataError: it cannot read the file.
+        PluginError: it cannot be used.
+    """
+    suffix = path.suffix.lower().removeprefix(".")
+    reader: Any = load(PluginGroup.IMPORTERS, suffix, PLUGIN_NAMES_TAKEN, plugin_fault)
+    if reader is None:
+        return None
+    try:
+        opened: ColumnReader = reader(path)
+    except (ImportDataError, OSError):
+        raise
+    except Exception as error:  # code of others may raise anything
+        raise ImportDataError(
+            f"{path} cannot be read: {type(error).__name__}: {error}", "Check the file, or update the plug-in."
+        ) from error
+    return opened
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Return whether a MATLAB file is one of version 7.3, which is HDF5."""
+    with path.open("rb") as file:
+        start = file.read(520)
+    return start.startswith((b"MATLAB 7.3", b"\x89HDF")) or start[512:] == b"\x89HDF\r\n\x1a\n"

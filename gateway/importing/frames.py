@@ -13,8 +13,8 @@ from firmware_protocol import wire
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import Environment, Frame, Hello, Message, MessageType, SampleBlock
 from gateway.errors import ImportDataError
-from gateway.importing.data_scan import Scan
-from gateway.importing.import_map import PRESSURE_UNITS_PA, ImportMap
+from gateway.importing.data_scan import WheelScan
+from gateway.importing.import_map import PRESSURE_UNITS_PA, ImportedWheel, Sensor
 from gateway.types import FloatArray
 
 CHUNK_S: Final = 0.01
@@ -27,24 +27,20 @@ _ZERO_MPS2: Final = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Quantiser:
-    """Conversion of columns into counts.
+    """Conversion of accelerations into counts.
 
     Attributes:
-        offsets: (axes,) in the columns' units.
-        factors_mps2: (axes,) m/s^2 per unit, sign included.
         scale_mps2: (axes,) m/s^2 per count, exactly as in the hello.
         saturation_counts: as in the hello.
     """
 
-    offsets: FloatArray
-    factors_mps2: FloatArray
     scale_mps2: FloatArray
     saturation_counts: int
 
     @staticmethod
-    def of(import_map: ImportMap, found: Scan) -> Quantiser:
+    def of(wheel: ImportedWheel, found: WheelScan) -> Quantiser:
         """Return a quantiser with the range of the stated full scale, or else the range that each axis just fills."""
-        axes = import_map.axis.present()
+        axes = wheel.axis.present()
         stated = any(column.full_scale is not None for column in axes.values())
         top_counts = FULL_SCALE_COUNTS - 1 if stated else 32767
         scales = []
@@ -55,19 +51,16 @@ class Quantiser:
             else:
                 scales.append((peak_mps2 if peak_mps2 > _ZERO_MPS2 else 1.0) / top_counts)
         return Quantiser(
-            offsets=np.array([column.offset for column in axes.values()]),
-            factors_mps2=np.array([column.factor_mps2 for column in axes.values()]),
             scale_mps2=np.array(scales, dtype=np.float32).astype(np.float64),
             saturation_counts=FULL_SCALE_COUNTS if stated else NEVER_SATURATED_COUNTS,
         )
 
-    def counts(self, columns: FloatArray) -> tuple[NDArray[np.int16], FloatArray]:
+    def counts(self, values_mps2: FloatArray) -> tuple[NDArray[np.int16], FloatArray]:
         """Return (n, axes) counts, and the (axes,) largest quantisation error of unclipped samples in m/s^2.
 
         Args:
-            columns: (n, axes) finite values in the columns' units, n at least 1.
+            values_mps2: (n, axes) finite values, n at least 1.
         """
-        values_mps2 = (columns - self.offsets) * self.factors_mps2
         rounded = np.rint(values_mps2 / self.scale_mps2)
         clipped = np.clip(rounded, -32767, 32767)
         errors_mps2 = np.where(clipped == rounded, np.abs(clipped * self.scale_mps2 - values_mps2), 0.0)
@@ -77,15 +70,24 @@ class Quantiser:
 class FrameStream:
     """Builder of frames from blocks of rows; rows that do not fill a chunk wait for the next block."""
 
-    def __init__(self, import_map: ImportMap, found: Scan, quantiser: Quantiser) -> None:
-        """Prepare the hello from the map and the first pass."""
-        axes = import_map.axis.present()
+    def __init__(self, sensor: Sensor, wheel: ImportedWheel, number: int, rate_hz: float, quantiser: Quantiser) -> None:
+        """Prepare the hello.
+
+        Args:
+            sensor: sensor as the map states it.
+            wheel: wheel as the map states it.
+            number: number of the wheel at the hub.
+            rate_hz: sampling rate.
+            quantiser: conversion of its axes.
+        """
+        axes = wheel.axis.present()
         self._mask = sum(1 << axis for axis in axes)
-        self._rate_hz = found.rate_hz
-        self._hello = _hello(import_map, found, quantiser)
+        self._wheel = number
+        self._rate_hz = rate_hz
+        self._hello = _hello(sensor, wheel, number, rate_hz, quantiser)
         self._block_samples = (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // (2 * len(axes))
-        self._chunk_samples = max(1, round(CHUNK_S * found.rate_hz / self._block_samples)) * self._block_samples
-        self._pressure_pa = PRESSURE_UNITS_PA[import_map.environment.pressure_unit]
+        self._chunk_samples = max(1, round(CHUNK_S * rate_hz / self._block_samples)) * self._block_samples
+        self._pressure_pa = PRESSURE_UNITS_PA[wheel.environment.pressure_unit]
         self._counts = np.empty((0, len(axes)), dtype=np.int16)
         self._present = np.empty(0, dtype=np.bool_)
         self._slow = np.empty((0, 2))
@@ -146,7 +148,7 @@ class FrameStream:
 
     def _frame(self, kind: MessageType, message: Message) -> bytes:
         tick_us = round(self._sample * 1e6 / self._rate_hz) & 0xFFFF_FFFF
-        frame = Frame(kind, 0, 0, self._seq & 0xFFFF_FFFF, tick_us, message)
+        frame = Frame(kind, 0, self._wheel, self._seq & 0xFFFF_FFFF, tick_us, message)
         self._seq += 1
         try:
             return encode_frame(frame)
@@ -173,21 +175,21 @@ def _runs(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
-def _hello(import_map: ImportMap, found: Scan, quantiser: Quantiser) -> Hello:
-    axes = import_map.axis.present()
+def _hello(sensor: Sensor, wheel: ImportedWheel, number: int, rate_hz: float, quantiser: Quantiser) -> Hello:
+    axes = wheel.axis.present()
     scales, ranges = [0.0] * 3, [0.0] * 3
     for axis, scale_mps2 in zip(axes, quantiser.scale_mps2.tolist(), strict=True):
         scales[axis] = scale_mps2
         ranges[axis] = scale_mps2 * min(quantiser.saturation_counts, 32767)
-    sensor = import_map.sensor
     return Hello(
         protocol_major=wire.VERSION_MAJOR,
         protocol_minor=wire.VERSION_MINOR,
         hub_id=0,
-        sensor_id=int(sensor.sensor_id or "0", 16),
+        # Sensors that are not stated must differ: the same one cannot be in two wheels.
+        sensor_id=number if wheel.sensor_id is None else int(wheel.sensor_id, 16),
         firmware=(0, 0, 0),
         boot_count=1,
-        rate_hz=found.rate_hz,
+        rate_hz=rate_hz,
         axes=sum(1 << axis for axis in axes),
         coupling=sensor.protocol_coupling,
         highpass_hz=sensor.highpass_hz,

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import re
+import zoneinfo
 from collections.abc import Iterator, Mapping
+from datetime import timedelta, timezone, tzinfo
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -30,7 +34,15 @@ ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
     "mg": STANDARD_GRAVITY_MPS2 * 1e-3,
 }
 PRESSURE_UNITS_PA: Final[dict[str, float]] = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "psi": 6894.757293168361}
-TIME_UNITS_S: Final[dict[str, float]] = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+ISO: Final = "iso"
+TIME_UNITS_S: Final[dict[str, float]] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, ISO: 1.0}
+REFERENCE_UNITS: Final[dict[str, dict[str, float]]] = {
+    "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
+    "rotation": {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / math.pi, "deg/s": 1.0 / 360.0},
+    "angle": {"turns": 1.0, "deg": 1.0 / 360.0, "rad": 0.5 / math.pi},
+    "pulses": {},
+}
+"""Units of each quantity of a reference: m/s, turns per second, and turns. A pulse has none."""
 DELIMITERS: Final[dict[str, str]] = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "pipe": "|"}
 
 
@@ -38,7 +50,9 @@ class FileFormat(StrEnum):
     """Supported file formats."""
 
     CSV = "csv"
+    HDF5 = "hdf5"
     MAT = "mat"
+    MF4 = "mf4"
     PARQUET = "parquet"
 
 
@@ -47,7 +61,11 @@ SUFFIXES: Final[dict[str, FileFormat]] = {
     ".txt": FileFormat.CSV,
     ".tsv": FileFormat.CSV,
     ".dat": FileFormat.CSV,
+    ".h5": FileFormat.HDF5,
+    ".hdf5": FileFormat.HDF5,
     ".mat": FileFormat.MAT,
+    ".mdf": FileFormat.MF4,
+    ".mf4": FileFormat.MF4,
     ".parquet": FileFormat.PARQUET,
     ".pq": FileFormat.PARQUET,
 }
@@ -65,6 +83,37 @@ def _one_of(names: Mapping[str, object]) -> Any:
 
 def _file_format(value: object) -> object:
     return FileFormat(value) if isinstance(value, str) and value in list(FileFormat) else value
+
+
+# Of a session.
+_MAX_WHEELS: Final = 64
+_OFFSET: Final = re.compile(r"([+-])(\d\d):?([0-5]\d)")
+
+
+def zone_of(name: str) -> tzinfo:
+    """Return a time zone by its IANA name or its offset, such as `+02:00`.
+
+    Raises:
+        ValueError: there is no such zone.
+    """
+    if found := _OFFSET.fullmatch(name):
+        offset = timedelta(hours=int(found[2]), minutes=int(found[3]))
+        return timezone(offset if found[1] == "+" else -offset)
+    try:
+        return zoneinfo.ZoneInfo(name)
+    except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError) as error:
+        raise ValueError(f"there is no time zone '{name}'") from error
+
+
+def _time_zone(value: object) -> object:
+    if isinstance(value, str):
+        try:
+            zone_of(value)
+        except ValueError as error:
+            guess = nearest(value, sorted(zoneinfo.available_timezones()))
+            allowed = 'an IANA name such as "Europe/Berlin", "UTC", or an offset such as "+02:00"'
+            raise ValueError(allowed + (f"; did you mean {guess}?" if guess else "")) from error
+    return value
 
 
 class FileLayout(Section):
@@ -88,14 +137,21 @@ class Sampling(Section):
 
     rate_hz: float | None = Field(default=None, gt=0, le=1e7, description="sampling rate in Hz")
     time_column: str | None = Field(default=None, description="name of the time column, instead of rate_hz")
-    time_unit: Annotated[str, _one_of(TIME_UNITS_S)] = Field(default="s", description="unit of the time column")
+    time_unit: Annotated[str, _one_of(TIME_UNITS_S)] = Field(
+        default="s", description="unit of the time column; iso for dates with times (ISO 8601)"
+    )
+    time_zone: Annotated[str | None, BeforeValidator(_time_zone)] = Field(
+        default=None,
+        description="time zone of ISO times that state none: an IANA name such as Europe/Berlin, UTC, or an offset "
+        "such as +02:00",
+    )
     start_s: float = Field(
         default=0.0, ge=0, le=1e7, description="time after the first row in s; earlier rows are left out"
     )
     start_utc: AwareDatetime | None = Field(
         default=None,
         description="start of the measurement: date and time with time zone, such as 2014-05-01T12:00:00Z; default: "
-        "the modification time of the file",
+        "as the file states it, or else its modification time",
     )
 
 
@@ -196,6 +252,74 @@ class StatedConditions(Section):
     )
 
 
+class ImportedWheel(Section):
+    """`[[wheel]]`: one of several wheels in the file; it replaces `[axis]`, `[environment]` and the position."""
+
+    position: str = Field(
+        pattern=POSITION_PATTERN,
+        description="name of the wheel: 1 to 24 letters, digits, '_', '.' or '-'",
+    )
+    sensor_id: str | None = Field(
+        default=None, pattern=r"^[0-9a-fA-F]{1,8}$", description="serial number: 1 to 8 hexadecimal digits"
+    )
+    load_n: float | None = Field(default=None, ge=50, le=100_000, description="vertical load in N")
+    load_std_n: float | None = Field(default=None, ge=0, le=50_000, description="standard error of load_n in N")
+    radius_mm: float | None = Field(
+        default=None, ge=100, le=1200, description="belt radius in mm, if it differs from that of [conditions]"
+    )
+    pressure_kpa: float | None = Field(
+        default=None, ge=10, le=1500, description="gauge pressure in kPa, if it differs from that of [conditions]"
+    )
+    pressure_std_kpa: float | None = Field(
+        default=None, ge=0, le=500, description="standard error of pressure_kpa in kPa"
+    )
+    axis: Axes = Field(description="columns of the acceleration")
+    environment: EnvironmentColumns = Field(
+        default=EnvironmentColumns(), description="columns of pressure and temperature"
+    )
+
+    @property
+    def radial(self) -> AxisColumn:
+        """Column of the radial axis, which every map has."""
+        assert self.axis.radial is not None
+        return self.axis.radial
+
+    def slow_columns(self) -> tuple[str | None, str | None]:
+        """Return the columns of pressure and temperature."""
+        return self.environment.pressure_column, self.environment.temperature_column
+
+
+class ReferenceColumn(Section):
+    """`[[reference]]`: a measured speed, rotation or angle, kept in the recording and compared with the estimates."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,39}$",
+        description="name of the reference: 1 to 40 letters, digits, '_', '.' or '-'",
+    )
+    column: str = Field(description="name of the column")
+    quantity: Annotated[str, _one_of(REFERENCE_UNITS)] = Field(
+        description="speed, rotation (a rate), angle (of an encoder) or pulses (of a tachometer)"
+    )
+    unit: str | None = Field(default=None, description="unit of the column; pulses have none")
+    std: float = Field(default=0.0, ge=0, le=1e6, description="standard error of the column, in its unit")
+    pulses_per_turn: float = Field(
+        default=1.0, gt=0, le=100_000, description="number of pulses in one turn of the wheel"
+    )
+    threshold: float | None = Field(
+        default=None, description="level that a pulse crosses upward; default: midway between lowest and highest"
+    )
+    wheels: tuple[str, ...] = Field(
+        default=(), strict=False, description="positions of the wheels that it belongs to; default: all"
+    )
+
+    @property
+    def factor(self) -> float:
+        """Factor from the column's unit to m/s, turns per second, or turns; for pulses, turns per pulse."""
+        if self.quantity == "pulses":
+            return 1.0 / self.pulses_per_turn
+        return REFERENCE_UNITS[self.quantity][self.unit or ""]
+
+
 class ImportMap(Section):
     """The import map of one measurement file, or of several with the same layout."""
 
@@ -204,27 +328,56 @@ class ImportMap(Section):
     )
     file: FileLayout = Field(default=FileLayout(), description="layout of the file")
     sampling: Sampling = Field(description="sampling rate or time column, and start of the measurement")
-    axis: Axes = Field(description="columns of the acceleration")
+    axis: Axes = Field(default=Axes(), description="columns of the acceleration of a single wheel")
     sensor: Sensor = Field(description="the sensor of the measurement")
     environment: EnvironmentColumns = Field(
-        default=EnvironmentColumns(), description="columns of pressure and temperature"
+        default=EnvironmentColumns(), description="columns of pressure and temperature of a single wheel"
     )
     conditions: StatedConditions = Field(default=StatedConditions(), description="stated conditions of the test")
+    wheel: tuple[ImportedWheel, ...] = Field(default=(), strict=False, description="the wheels, if there are several")
+    reference: tuple[ReferenceColumn, ...] = Field(
+        default=(), strict=False, description="measured speeds, rotations and angles to compare with"
+    )
+
+    def wheels(self) -> tuple[ImportedWheel, ...]:
+        """Return the wheels in the file, also a single one."""
+        if self.wheel:
+            return self.wheel
+        stated = self.conditions
+        return (
+            ImportedWheel(
+                position=stated.position,
+                sensor_id=self.sensor.sensor_id,
+                load_n=stated.load_n,
+                load_std_n=stated.load_std_n,
+                axis=self.axis,
+                environment=self.environment,
+            ),
+        )
+
+    def axis_columns(self) -> tuple[AxisColumn, ...]:
+        """Return the columns of all axes of all wheels, in the order of the protocol's channels."""
+        return tuple(column for wheel in self.wheels() for column in wheel.axis.present().values())
 
     def columns(self) -> tuple[str, ...]:
-        """Return the columns named in the map, each once."""
-        named = [column.column for column in self.axis.present().values()]
-        others = (self.sampling.time_column, self.environment.pressure_column, self.environment.temperature_column)
+        """Return the columns named in the map, each once; those of the axes come first, then that of the time."""
+        slow = [name for wheel in self.wheels() for name in wheel.slow_columns()]
+        named = [column.column for column in self.axis_columns()]
+        others = (self.sampling.time_column, *slow, *(reference.column for reference in self.reference))
         return tuple(dict.fromkeys([*named, *(name for name in others if name is not None)]))
+
+    def radius_mm(self, wheel: ImportedWheel) -> float | None:
+        """Return the stated belt radius of a wheel."""
+        return self.conditions.radius_mm if wheel.radius_mm is None else wheel.radius_mm
 
     def assumptions(self) -> tuple[str, ...]:
         """Return the assumptions that the results rest on, as texts for the recording's configuration."""
-        if self.conditions.radius_mm is None:
+        if any(self.radius_mm(wheel) is None for wheel in self.wheels()):
             return (*self.assumed, f"belt radius {ASSUMED_RADIUS_MM:g} mm (not stated in the map)")
         return self.assumed
 
-    def vehicle(self) -> VehicleConfig:
-        """Return the vehicle configuration for the recording."""
+    def vehicle(self, more_assumed: tuple[str, ...] = ()) -> VehicleConfig:
+        """Return the vehicle configuration for the recording, with further assumptions."""
         stated = self.conditions
         tire = Tire(
             size=stated.tire,
@@ -235,15 +388,32 @@ class ImportMap(Section):
             temperature_degc=stated.temperature_degc,
             ring_thickness_mm=stated.ring_thickness_mm,
         )
-        wheel = Wheel(
-            position=stated.position,
-            hub=0,
-            wheel=0,
-            sensor_id=self.sensor.sensor_id,
-            load_n=stated.load_n,
-            load_std_n=stated.load_std_n,
+        wheels = tuple(
+            Wheel(
+                position=wheel.position,
+                hub=0,
+                wheel=number,
+                sensor_id=wheel.sensor_id,
+                load_n=wheel.load_n,
+                load_std_n=wheel.load_std_n,
+                tire=_own_tire(wheel),
+            )
+            for number, wheel in enumerate(self.wheels())
         )
-        return VehicleConfig(vehicle=Vehicle(name=stated.name, assumed=self.assumptions()), tire=tire, wheel=(wheel,))
+        assumed = (*self.assumptions(), *more_assumed)
+        return VehicleConfig(vehicle=Vehicle(name=stated.name, assumed=assumed), tire=tire, wheel=wheels)
+
+
+def _own_tire(wheel: ImportedWheel) -> Tire:
+    """Return the deviations of a wheel's tire from the others."""
+    # A stated radius has the usual error; that of an assumed one must not remain.
+    radius_std_mm = None if wheel.radius_mm is None else Tire(radius_mm=wheel.radius_mm).radius_std_m * 1e3
+    return Tire(
+        radius_mm=wheel.radius_mm,
+        radius_std_mm=radius_std_mm,
+        pressure_kpa=wheel.pressure_kpa,
+        pressure_std_kpa=wheel.pressure_std_kpa,
+    )
 
 
 def load_map(path: Path) -> ImportMap:
@@ -270,20 +440,9 @@ def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         yield Fault("sampling", "both rate_hz and time_column", "keep only one")
     elif "rate_hz" not in sampling and "time_column" not in sampling:
         yield Fault("sampling.rate_hz", None, "rate_hz or time_column is required")
-    axes = _table(data, "axis")
-    if "axis" in data and "radial" not in axes:
-        yield Fault("axis.radial", None, "the radial axis is required to find the revolutions")
-    columns: dict[str, str] = {}
-    for name, axis in axes.items():
-        if not isinstance(axis, Mapping):
-            continue
-        sign, column = axis.get("sign", 1), axis.get("column")
-        if isinstance(sign, int) and not isinstance(sign, bool) and sign not in (1, -1):
-            yield Fault(f"axis.{name}.sign", show(sign), "allowed: 1 or -1")
-        if isinstance(column, str):
-            if column in columns:
-                yield Fault(f"axis.{name}.column", show(column), f"axis.{columns[column]} has the same column")
-            columns.setdefault(column, name)
+    if "time_zone" in sampling and sampling.get("time_unit") != ISO:
+        yield Fault("sampling.time_zone", show(sampling["time_zone"]), 'only for time_unit = "iso"')
+    yield from _axis_faults(data)
     sensor = _table(data, "sensor")
     highpass_hz = sensor.get("highpass_hz", 0)
     if sensor.get("coupling") == "DC" and isinstance(highpass_hz, int | float) and highpass_hz > 0:
@@ -299,8 +458,83 @@ def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     for error, value in (("load_std_n", "load_n"), ("pressure_std_kpa", "pressure_kpa")):
         if error in conditions and value not in conditions:
             yield Fault(f"conditions.{error}", show(conditions[error]), f"it needs {value} too")
+    yield from _reference_faults(data)
+
+
+def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield faults of the axes: missing or repeated columns, and a single wheel beside several."""
+    wheels = _tables(data, "wheel")
+    if wheels:
+        for key in ("axis", "environment"):
+            if key in data:
+                yield Fault(key, "beside [[wheel]]", f"move it to [wheel.{key}] of each wheel")
+        for key, table in (("position", "conditions"), ("load_n", "conditions"), ("sensor_id", "sensor")):
+            if key in _table(data, table):
+                yield Fault(f"{table}.{key}", "beside [[wheel]]", "move it to each wheel")
+        if len(wheels) > _MAX_WHEELS:
+            yield Fault("wheel", f"{len(wheels)} wheels", f"at most {_MAX_WHEELS}")
+    elif "axis" not in data:
+        yield Fault("axis", None, "[axis.radial] is required, or [[wheel]] for several wheels")
+    columns: dict[str, str] = {}
+    positions: set[str] = set()
+    sections = [(f"wheel[#{k}].", wheel) for k, wheel in enumerate(wheels, 1)] or [("", data)]
+    for prefix, section in sections:
+        axes = _table(section, "axis")
+        if "axis" in section and "radial" not in axes:
+            yield Fault(f"{prefix}axis.radial", None, "the radial axis is required to find the revolutions")
+        for name, axis in axes.items():
+            if not isinstance(axis, Mapping):
+                continue
+            sign, column = axis.get("sign", 1), axis.get("column")
+            if isinstance(sign, int) and not isinstance(sign, bool) and sign not in (1, -1):
+                yield Fault(f"{prefix}axis.{name}.sign", show(sign), "allowed: 1 or -1")
+            if isinstance(column, str):
+                if column in columns:
+                    yield Fault(f"{prefix}axis.{name}.column", show(column), f"{columns[column]} has the same column")
+                columns.setdefault(column, f"{prefix}axis.{name}")
+        position = section.get("position") if prefix else None
+        if isinstance(position, str) and position in positions:
+            yield Fault(f"{prefix}position", show(position), "another wheel has the same position")
+        if isinstance(position, str):
+            positions.add(position)
+        for error, value in (("load_std_n", "load_n"), ("pressure_std_kpa", "pressure_kpa")) if prefix else ():
+            if error in section and value not in section:
+                yield Fault(f"{prefix}{error}", show(section[error]), f"it needs {value} too")
+
+
+def _reference_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield faults of the references: units, repeated names, and unknown wheels."""
+    wheels = [wheel.get("position") for wheel in _tables(data, "wheel")]
+    positions = wheels or [_table(data, "conditions").get("position", "W1")]
+    names: set[object] = set()
+    for k, reference in enumerate(_tables(data, "reference"), 1):
+        key, quantity, unit = f"reference[#{k}]", reference.get("quantity"), reference.get("unit")
+        units = REFERENCE_UNITS.get(quantity) if isinstance(quantity, str) else None
+        if units and unit not in units:
+            found = None if unit is None else show(unit)
+            yield Fault(f"{key}.unit", found, f"one of {', '.join(units)}")
+        if units == {} and unit is not None:
+            yield Fault(f"{key}.unit", show(unit), "pulses have no unit")
+        if units:
+            for own in ("pulses_per_turn", "threshold"):
+                if own in reference:
+                    yield Fault(f"{key}.{own}", show(reference[own]), 'only for quantity = "pulses"')
+        name = reference.get("name")
+        if isinstance(name, str) and name in names:
+            yield Fault(f"{key}.name", show(name), "another reference has the same name")
+        if isinstance(name, str):
+            names.add(name)
+        stated = reference.get("wheels", ())
+        for wheel in stated if isinstance(stated, list) else ():
+            if wheel not in positions:
+                yield Fault(f"{key}.wheels", show(wheel), f"the wheels are {', '.join(map(str, positions))}")
 
 
 def _table(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     value = data.get(key)
     return value if isinstance(value, Mapping) else {}
+
+
+def _tables(data: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    value = data.get(key)
+    return [table for table in value if isinstance(table, Mapping)] if isinstance(value, list) else []

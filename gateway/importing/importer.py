@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import heapq
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,15 +15,21 @@ import numpy as np
 
 from firmware_protocol.messages import Axis, Coupling
 from gateway.config.vehicle import ASSUMED_RADIUS_MM
-from gateway.errors import RecordingError
-from gateway.importing.columns import Block, ColumnReader, require_columns
-from gateway.importing.data_scan import Scan, scan
+from gateway.errors import ImportDataError, RecordingError
+from gateway.importing.columns import BlockReader, FileFacts, require_columns
+from gateway.importing.data_scan import Scan, WheelScan, scan
+from gateway.importing.decimation import ATTENUATION_DB, RIPPLE_DB, Decimation
 from gateway.importing.file_formats import open_columns
 from gateway.importing.frames import FrameStream, Quantiser
-from gateway.importing.import_map import ImportMap
+from gateway.importing.import_map import ISO, ImportedWheel, ImportMap
+from gateway.importing.missing_rows import GapFilledColumns
+from gateway.importing.reader_process import ReaderProcesses
+from gateway.importing.reference_channels import ReferenceChannel
+from gateway.importing.sample_rows import SampleRows, WheelColumns, kept_rows
 from gateway.importing.unit_check import unlikely_unit
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Reason
+from gateway.recording.reference_topic import reference_topic
 from gateway.recording.writer import RecordingWriter
 from gateway.types import FloatArray
 
@@ -51,48 +58,70 @@ class AxisReport:
 
 
 @dataclass(frozen=True, slots=True)
+class WheelReport:
+    """One imported wheel.
+
+    Attributes:
+        position: wheel position in the recording.
+        gaps: samples in which an axis has no value.
+        axes: one report per axis, in the protocol's order.
+        environment_frames: pressure and temperature messages.
+        findings: contradictions between the map and the measurement.
+    """
+
+    position: str
+    gaps: int
+    axes: tuple[AxisReport, ...]
+    environment_frames: int
+    findings: tuple[Reason, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class ImportReport:
     """Result of an import.
 
     Attributes:
         recording: the new file.
         size_bytes: its size.
-        position: wheel position in it.
-        samples: number of samples imported.
+        samples: number of samples of each wheel.
         skipped: rows left out before the start.
-        gaps: rows in which an axis has no value, which are gaps between samples.
-        rate_hz: sampling rate.
-        rate_std_hz: its standard error where the times are rounded, else None.
+        left_out: samples that the time column skips, which are gaps too.
+        rate_hz: sampling rate of the recording.
+        decimation: reduction of the file's rate, None where it is kept.
+        rate_std_hz: standard error of the rate where the times are rounded, else None.
         rounding_s: step to which the times are rounded, None when they are not.
         duration_s: samples over rate.
         jitter_s: largest deviation of a step of the time column, None without a time column.
-        axes: one report per axis, in the protocol's order.
-        environment_frames: pressure and temperature messages.
+        wheels: one report per wheel.
+        references: number of values of each reference, by its name.
         assumed: assumptions of the map that the results rest on, as kept in the recording's configuration.
-        start_is_file_date: whether the file's modification time stands in for the start, which the map does not state.
-        findings: contradictions between the map and the measurement.
+        start_is_file_date: whether the file's modification time stands in for the start, which neither the map nor the
+            file states.
     """
 
     recording: Path
     size_bytes: int
-    position: str
     samples: int
     skipped: int
-    gaps: int
+    left_out: int
     rate_hz: float
+    decimation: Decimation | None
     rate_std_hz: float | None
     rounding_s: float | None
     duration_s: float
     jitter_s: float | None
-    axes: tuple[AxisReport, ...]
-    environment_frames: int
+    wheels: tuple[WheelReport, ...]
+    references: dict[str, int]
     assumed: tuple[str, ...]
     start_is_file_date: bool
-    findings: tuple[Reason, ...]
 
 
 def import_file(
-    path: Path, import_map: ImportMap, out: Path, progress: Callable[[float], None] = lambda _: None
+    path: Path,
+    import_map: ImportMap,
+    out: Path,
+    progress: Callable[[float], None] = lambda _: None,
+    processes: ReaderProcesses | None = None,
 ) -> ImportReport:
     """Import `path` into the new recording `out`, reading it twice with constant memory.
 
@@ -101,47 +130,99 @@ def import_file(
         import_map: meaning of its columns.
         out: a new file; or a folder, in which the start time gives the name.
         progress: called with the share done, 0 to 1.
+        processes: supply of reader processes, for many files; None for a new process.
 
     Raises:
         ImportDataError: the measurement does not match the map; nothing was written.
         RecordingError: the recording exists or cannot be written.
     """
-    with contextlib.closing(open_columns(path, import_map.file)) as reader:
+    with contextlib.closing(open_columns(path, import_map, processes)) as reader:
         require_columns(reader, path, import_map.columns())
         if out.is_file():
             # The writer would reject it too, but only after the first pass.
             raise RecordingError(
                 f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
             )
-        return _import(path, reader, import_map, out, progress)
+        return _import(path, GapFilledColumns(reader, import_map.sampling), import_map, out, progress)
+
+
+class _WheelStream:
+    """Frames of one wheel, and its report."""
+
+    def __init__(self, import_map: ImportMap, wheel: ImportedWheel, number: int, found: Scan) -> None:
+        self._wheel = wheel
+        self._found = found.wheels[number]
+        self._quantiser = Quantiser.of(wheel, self._found)
+        self._stream = FrameStream(import_map.sensor, wheel, number, found.rate_hz, self._quantiser)
+        self._errors_mps2 = np.zeros(len(self._quantiser.scale_mps2))
+        self._finding = _unit_finding(import_map, wheel, self._found, found.rate_hz)
+
+    @property
+    def end_s(self) -> float:
+        """End of the last sample, in s from the first."""
+        return self._stream.end_s
+
+    def chunks(self, rows: FloatArray, columns: WheelColumns, *, last: bool) -> Iterator[tuple[float, bytes]]:
+        """Yield (end in s, bytes) of the chunks that n more rows complete."""
+        values_mps2 = rows[:, columns.axes]
+        present = np.asarray(np.isfinite(values_mps2).all(axis=1))
+        counts = np.zeros(values_mps2.shape, dtype=np.int16)
+        if present.any():
+            counts[present], block_errors_mps2 = self._quantiser.counts(values_mps2[present])
+            self._errors_mps2 = np.maximum(self._errors_mps2, block_errors_mps2)
+        slow = np.full((len(rows), 2), np.nan)
+        for k, column in enumerate(columns.slow):
+            if column is not None:
+                slow[:, k] = rows[:, column]
+        yield from self._stream.chunks(counts, present, slow, last=last)
+
+    def report(self) -> WheelReport:
+        """Return the report of the wheel."""
+        found = self._found
+        axes = zip(self._wheel.axis.present(), self._quantiser.scale_mps2, self._errors_mps2, strict=True)
+        return WheelReport(
+            position=self._wheel.position,
+            gaps=found.gaps,
+            axes=tuple(
+                AxisReport(axis, found.low_mps2[axis], found.high_mps2[axis], float(step), float(error))
+                for axis, step, error in axes
+            ),
+            environment_frames=self._stream.environment_frames,
+            findings=() if self._finding is None else (self._finding,),
+        )
 
 
 def _import(
-    path: Path, reader: ColumnReader, import_map: ImportMap, out: Path, progress: Callable[[float], None]
+    path: Path, reader: GapFilledColumns, import_map: ImportMap, out: Path, progress: Callable[[float], None]
 ) -> ImportReport:
+    _check_dates(path, reader, import_map)
     found = scan(path, reader, import_map, lambda share: progress(0.5 * share))
     _logger.info("%s: %d rows after the first %d, %g Hz", path, found.samples, found.skipped, found.rate_hz)
-    quantiser = Quantiser.of(import_map, found)
-    stream = FrameStream(import_map, found, quantiser)
-    start_ns = _start_ns(path, import_map)
+    streams = [_WheelStream(import_map, wheel, number, found) for number, wheel in enumerate(import_map.wheels())]
+    references = [
+        ReferenceChannel(reference, found.rate_hz, *map(float, limits))
+        for reference, limits in zip(import_map.reference, found.ranges, strict=True)
+    ]
+    start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, found)
     link = f"import:{path.name}"
-    writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=import_map.vehicle().to_toml(), sources=(link,))
+    vehicle = import_map.vehicle(() if found.decimation is None else (_decimation_text(found.decimation),))
+    writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,))
+    values = dict.fromkeys((reference.name for reference in import_map.reference), 0)
     try:
         writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}"))
-        errors_mps2 = np.zeros(len(quantiser.scale_mps2))
-        for columns, slow, share in _selected(reader, import_map, found):
-            progress(0.5 + 0.5 * share)
-            present = np.asarray(np.isfinite(columns).all(axis=1))
-            counts = np.zeros(columns.shape, dtype=np.int16)
-            if present.any():
-                counts[present], block_errors_mps2 = quantiser.counts(columns[present])
-                errors_mps2 = np.maximum(errors_mps2, block_errors_mps2)
-            for end_s, data in stream.chunks(counts, present, slow):
-                writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
-        no_counts = np.empty((0, len(quantiser.scale_mps2)), dtype=np.int16)
-        for end_s, data in stream.chunks(no_counts, np.empty(0, dtype=np.bool_), np.empty((0, 2)), last=True):
-            writer.write(Chunk(link, start_ns + round(end_s * 1e9), data))
-        end_ns = start_ns + round(stream.end_s * 1e9)
+        for rows, places, share, last in _selected(reader, import_map, found):
+            if not last:
+                progress(0.5 + 0.5 * share)
+            parts: list[Iterator[tuple[float, Callable[[int], None]]]] = [
+                _written(writer, link, stream.chunks(rows, columns, last=last))
+                for stream, columns in zip(streams, places, strict=True)
+            ]
+            for channel in references:
+                column = rows[:, import_map.columns().index(channel.reference.column)]
+                parts.append(_written_values(writer, channel, _positions(channel, import_map), values, column))
+            for time_s, write in heapq.merge(*parts, key=lambda part: part[0]):
+                write(start_ns + round(time_s * 1e9))
+        end_ns = start_ns + round(max(stream.end_s for stream in streams) * 1e9)
         writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED))
         writer.close()
     except BaseException:
@@ -149,63 +230,109 @@ def _import(
         writer.close()
         writer.path.unlink(missing_ok=True)
         raise
-    axes = tuple(
-        AxisReport(axis, found.low_mps2[axis], found.high_mps2[axis], float(step), float(error))
-        for axis, step, error in zip(import_map.axis.present(), quantiser.scale_mps2, errors_mps2, strict=True)
-    )
     return ImportReport(
         recording=writer.path,
         size_bytes=writer.path.stat().st_size,
-        position=import_map.conditions.position,
         samples=found.samples,
         skipped=found.skipped,
-        gaps=found.gaps,
+        left_out=reader.left_out,
         rate_std_hz=found.rate_std_hz,
         rounding_s=found.rounding_s,
         rate_hz=found.rate_hz,
+        decimation=found.decimation,
         duration_s=found.samples / found.rate_hz,
         jitter_s=found.jitter_s,
-        axes=axes,
-        environment_frames=stream.environment_frames,
-        assumed=import_map.assumptions(),
-        start_is_file_date=import_map.sampling.start_utc is None,
-        findings=_findings(import_map, found),
+        wheels=tuple(stream.report() for stream in streams),
+        references=values,
+        assumed=vehicle.vehicle.assumed,
+        start_is_file_date=start_is_file_date,
     )
 
 
-def _findings(import_map: ImportMap, found: Scan) -> tuple[Reason, ...]:
-    radial = import_map.axis.radial
-    radius_m = (import_map.conditions.radius_mm or ASSUMED_RADIUS_MM) * 1e-3
-    assert radial is not None  # the map requires it
+def _check_dates(path: Path, reader: BlockReader, import_map: ImportMap) -> None:
+    """Check that a time column of dates is stated as such, and no other."""
+    sampling, dates = import_map.sampling, reader.facts.dates
+    name = sampling.time_column
+    if name is None:
+        return
+    if name in dates and sampling.time_unit != ISO:
+        raise ImportDataError(f"{path}: column '{name}' contains dates", 'State [sampling] time_unit = "iso".')
+    if name not in dates and sampling.time_unit == ISO:
+        raise ImportDataError(
+            f"{path}: column '{name}' contains numbers, no dates", 'State [sampling] time_unit = "s", "ms" or "us".'
+        )
+
+
+def _decimation_text(decimation: Decimation) -> str:
+    return (
+        f"decimated {decimation.factor} times from {decimation.source_rate_hz:.8g} Hz: a symmetric low-pass of "
+        f"{decimation.taps} coefficients, flat within {RIPPLE_DB:g} dB up to {decimation.passband_hz:.6g} Hz, "
+        f"{ATTENUATION_DB:g} dB from {decimation.stopband_hz:.6g} Hz on, without delay"
+    )
+
+
+def _written(
+    writer: RecordingWriter, link: str, chunks: Iterator[tuple[float, bytes]]
+) -> Iterator[tuple[float, Callable[[int], None]]]:
+    for end_s, data in chunks:
+        yield end_s, lambda host_ns, data=data: writer.write(Chunk(link, host_ns, data))  # type: ignore[misc]
+
+
+def _written_values(
+    writer: RecordingWriter,
+    channel: ReferenceChannel,
+    positions: tuple[str, ...],
+    counted: dict[str, int],
+    column: FloatArray,
+) -> Iterator[tuple[float, Callable[[int], None]]]:
+    reference = channel.reference
+
+    def write(host_ns: int, time_s: float, value: float) -> None:
+        counted[reference.name] += 1
+        for position in positions:
+            payload = {
+                "quantity": reference.quantity,
+                "time_s": time_s,
+                "value": value,
+                "value_std": channel.value_std,
+            }
+            writer.write_topic(reference_topic(position, reference.name), host_ns, payload)
+
+    for time_s, value in channel.feed(column):
+        yield time_s, lambda host_ns, time_s=time_s, value=value: write(host_ns, time_s, value)  # type: ignore[misc]
+
+
+def _positions(channel: ReferenceChannel, import_map: ImportMap) -> tuple[str, ...]:
+    return channel.reference.wheels or tuple(wheel.position for wheel in import_map.wheels())
+
+
+def _unit_finding(import_map: ImportMap, wheel: ImportedWheel, found: WheelScan, rate_hz: float) -> Reason | None:
+    radius_m = (import_map.radius_mm(wheel) or ASSUMED_RADIUS_MM) * 1e-3
     dc = import_map.sensor.protocol_coupling is Coupling.DC
-    finding = unlikely_unit(found.liveliest_mps2, found.rate_hz, radius_m, radial.unit, dc=dc)
-    return () if finding is None else (finding,)
+    return unlikely_unit(found.liveliest_mps2, rate_hz, radius_m, wheel.radial.unit, dc=dc)
 
 
 def _selected(
-    reader: ColumnReader, import_map: ImportMap, found: Scan
-) -> Iterator[tuple[FloatArray, FloatArray, float]]:
-    """Yield (axis columns, pressure and temperature columns, progress) from the first row to keep."""
+    reader: BlockReader, import_map: ImportMap, found: Scan
+) -> Iterator[tuple[FloatArray, list[WheelColumns], float, bool]]:
+    """Yield (rows in physical units, places of the wheels' columns, progress, whether they are the last)."""
     names = import_map.columns()
-    use = [names.index(column.column) for column in import_map.axis.present().values()]
-    measured = (import_map.environment.pressure_column, import_map.environment.temperature_column)
+    rows = SampleRows(import_map, found.decimation.factor if found.decimation else 1)
     for block in reader.blocks(names):
-        kept = _rows_to_keep(block, found.skipped)
-        if not len(kept):
-            continue
-        slow = np.full((len(kept), 2), np.nan)
-        for k, name in enumerate(measured):
-            if name is not None:
-                slow[:, k] = kept[:, names.index(name)]
-        yield kept[:, use], slow, block.progress
+        kept = kept_rows(block, found.skipped)
+        if len(kept):
+            yield rows.feed(kept), rows.wheels, block.progress, False
+    yield rows.finish(len(names)), rows.wheels, 1.0, True
 
 
-def _rows_to_keep(block: Block, skipped: int) -> FloatArray:
-    return block.values[max(skipped - block.first_row, 0) :]
-
-
-def _start_ns(path: Path, import_map: ImportMap) -> int:
-    stated = import_map.sampling.start_utc
-    if stated is None:
-        return path.stat().st_mtime_ns
-    return (stated - _EPOCH) // timedelta(microseconds=1) * 1000
+def _start_ns(path: Path, facts: FileFacts, import_map: ImportMap, found: Scan) -> tuple[int, bool]:
+    """Return the time of the first sample, and whether it is the modification time of the file."""
+    sampling = import_map.sampling
+    if sampling.start_utc is not None:
+        return (sampling.start_utc - _EPOCH) // timedelta(microseconds=1) * 1000, False
+    source_hz = found.rate_hz * (found.decimation.factor if found.decimation else 1)
+    after_ns = round(found.skipped / source_hz * 1e9)
+    begun_ns = facts.dates.get(sampling.time_column or "", facts.start_ns)
+    if begun_ns is not None:
+        return begun_ns + after_ns, False
+    return path.stat().st_mtime_ns, True

@@ -13,10 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import BLOCK_ROWS, Block, row_places
+from gateway.importing.columns import (
+    BLOCK_ROWS,
+    MAX_MATRIX_COLUMNS,
+    Block,
+    FileFacts,
+    require_equal_lengths,
+    row_places,
+)
 
-# A matrix with more columns has its channels in rows.
-_MAX_COLUMNS: Final = 1000
 _MAX_DEPTH: Final = 16
 
 
@@ -40,10 +45,6 @@ class MatColumns:
         self._path = path
         if not start:
             raise ImportDataError(f"{path} is empty", "Check the file.")
-        if b"MATLAB 7.3" in start or start.startswith(b"\x89HDF"):
-            raise ImportDataError(
-                f"{path} is a MATLAB 7.3 (HDF5) file, which is not supported", "Save it with save('file.mat', '-v7')."
-            )
         try:
             content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
         except MemoryError:
@@ -58,19 +59,14 @@ class MatColumns:
                 self._add(name, value, 0)
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def facts(self) -> FileFacts:
         """Every numeric vector and matrix column."""
-        return tuple(self._columns)
+        return FileFacts(tuple(self._columns))
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns, which must have equal lengths."""
         columns = [self._columns[name] for name in names]
-        lengths = {name: len(column) for name, column in zip(names, columns, strict=True)}
-        if len(set(lengths.values())) > 1:
-            found = ", ".join(f"{name} has {length}" for name, length in lengths.items())
-            raise ImportDataError(
-                f"{self._path}: the columns differ in length: {found}", "Resample them to one rate before importing."
-            )
+        require_equal_lengths(self._path, {name: len(column) for name, column in zip(names, columns, strict=True)})
         count = len(columns[0]) if columns else 0
         for first in range(0, count, BLOCK_ROWS):
             values = np.column_stack([column[first : first + BLOCK_ROWS] for column in columns]).astype(np.float64)
@@ -88,7 +84,7 @@ class MatColumns:
         elif isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
             if value.ndim == 1:
                 self._columns[name] = value
-            elif value.ndim == 2 and value.shape[1] <= _MAX_COLUMNS:
+            elif value.ndim == 2 and value.shape[1] <= MAX_MATRIX_COLUMNS:
                 self._columns.update({f"{name}(:,{k + 1})": value[:, k] for k in range(value.shape[1])})
             elif value.ndim == 2:
                 raise ImportDataError(

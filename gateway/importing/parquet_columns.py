@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gateway.errors import ImportDataError
-from gateway.importing.columns import BLOCK_ROWS, Block, row_places
+from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, row_places
+from gateway.types import FloatArray
 
 
 class ParquetColumns:
@@ -31,13 +33,15 @@ class ParquetColumns:
             # Buffering ahead would hold every row group of the file in memory.
             self._file = pq.ParquetFile(path, pre_buffer=False)
             self._types = {field.name: field.type for field in self._file.schema_arrow}
+            self._begins_ns = {name: self._begin_ns(name) for name in self._types if self._is_date(name)}
         except (pa.ArrowException, OSError, ValueError) as error:
             raise ImportDataError(f"{path} is not a Parquet file: {error}", "Check the file and its format.") from error
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def facts(self) -> FileFacts:
         """Columns of the schema."""
-        return tuple(self._types)
+        dates = {name: begin if self._types[name].tz else None for name, begin in self._begins_ns.items()}
+        return FileFacts(tuple(self._types), dates=dates)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns; an empty cell is NaN."""
@@ -57,7 +61,8 @@ class ParquetColumns:
 
         for name in names:
             kind = self._types[name]
-            if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+            numbers = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)
+            if not (numbers or self._is_date(name)):
                 raise ImportDataError(
                     f"{self._path}: column '{name}' contains {kind}, not numbers", "Convert it before importing."
                 )
@@ -65,7 +70,35 @@ class ParquetColumns:
         row = 0
         for batch in self._file.iter_batches(batch_size=BLOCK_ROWS, columns=list(names)):
             # By name: a batch has its columns in the order of the file.
-            columns = [batch.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False) for name in names]
-            values = np.column_stack(columns)
+            values = np.column_stack([self._values(name, batch.column(name)) for name in names])
             yield Block(row, values, row_places(row), min((row + len(values)) / total, 1.0))
             row += len(values)
+
+    def _values(self, name: str, column: Any) -> FloatArray:
+        import pyarrow as pa
+
+        if name in self._begins_ns:
+            times_ns = column.cast(pa.timestamp("ns")).cast(pa.int64())
+            seconds = np.full(len(column), np.nan)
+            known = np.asarray(times_ns.is_valid())
+            # In integers: a double of the seconds since 1970 is 0.2 us coarse.
+            seconds[known] = (times_ns.drop_null().to_numpy(zero_copy_only=False) - self._begins_ns[name]) * 1e-9
+            return seconds
+        if pa.types.is_boolean(column.type):
+            column = column.cast(pa.int8())
+        values: FloatArray = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+        return values
+
+    def _is_date(self, name: str) -> bool:
+        import pyarrow as pa
+
+        return bool(pa.types.is_timestamp(self._types[name]))
+
+    def _begin_ns(self, name: str) -> int:
+        """Return the first time of a column of dates, 0 where the first row has none."""
+        import pyarrow as pa
+
+        for batch in self._file.iter_batches(batch_size=1, columns=[name]):
+            value = batch.column(name).cast(pa.timestamp("ns")).cast(pa.int64())[0].as_py()
+            return 0 if value is None else int(value)
+        return 0

@@ -36,6 +36,7 @@ class TimeColumn:
 
     Attributes:
         first_s: time of the first row.
+        interval_s: sample interval in the first block, 0 before it.
         jitter_s: largest deviation of a step from the sample interval.
     """
 
@@ -51,7 +52,7 @@ class TimeColumn:
         self._column = column
         self._unit_s = unit_s
         self._last_s = math.nan
-        self._interval_s = 0.0
+        self.interval_s = 0.0
         self._grid_s: float | None = None
         self._rounded = False
         self._rows = 0
@@ -79,7 +80,7 @@ class TimeColumn:
     @property
     def rounding_s(self) -> float | None:
         """Step to which the times are rounded, None when they are not, or so finely that it does not matter."""
-        if self._grid_s is None or not self._rounded or self._grid_s < _COARSE * self._interval_s:
+        if self._grid_s is None or not self._rounded or self._grid_s < _COARSE * self.interval_s:
             return None
         return self._grid_s
 
@@ -98,7 +99,7 @@ class TimeColumn:
         rounding_s = self.rounding_s
         std_hz = None if rounding_s is None else rate_hz * math.sqrt(2.0) * _ROUNDING_STD * rounding_s / span_s
         about = f"about {rate_hz:.8g}" if std_hz is None else f"{rate_hz:.8g} +- {std_hz:.1g} by the whole file"
-        if rounding_s is not None and rounding_s > _COARSEST * self._interval_s:
+        if rounding_s is not None and rounding_s > _COARSEST * self.interval_s:
             raise ImportDataError(
                 f"{path}: the times are rounded to {rounding_s * 1e3:g} ms, which is more than a sample interval",
                 f"State rate_hz ({about}) instead of time_column, if no sample is missing.",
@@ -128,42 +129,42 @@ class TimeColumn:
                 f"{path}: the time does not advance from {block.where(0)} on",
                 "Check the column and its unit, or state rate_hz instead of time_column.",
             )
-        self._interval_s = float(np.median(np.diff(times_s) / np.diff(known))) if len(times_s) > 1 else 0.0
+        self.interval_s = float(np.median(np.diff(times_s) / np.diff(known))) if len(times_s) > 1 else 0.0
         first = slice(min(len(known), _LEARNED_ROWS))
-        grid = _decimal_grid(column[known[first]])
+        grid = decimal_grid(column[known[first]])
         if grid is not None:
             slope_s, residual_s = _line(known[first].astype(np.float64), times_s[first])
             if residual_s <= _ROUNDING_TOLERANCE * grid * self._unit_s:
                 # The median of rounded steps would be a multiple of the rounding.
-                self._interval_s = slope_s
+                self.interval_s = slope_s
                 self._grid_s = grid * self._unit_s
                 self._rounded = residual_s > _EXACT * self._grid_s
-        if len(times_s) > 1 and self._interval_s <= 0.0:
+        if len(times_s) > 1 and self.interval_s <= 0.0:
             raise ImportDataError(
                 f"{path}: the time does not advance from {block.where(0)} on",
                 "Check the column. If its times are rounded, state rate_hz instead of time_column.",
             )
-        self.first_s = float(times_s[0] - known[0] * self._interval_s) if len(times_s) else 0.0
+        self.first_s = float(times_s[0] - known[0] * self.interval_s) if len(times_s) else 0.0
 
     def _filled(self, times_s: FloatArray, known: NDArray[np.intp]) -> FloatArray:
         if len(known) == len(times_s):
             return times_s
         rows = np.arange(len(times_s))
-        last_s = self.first_s - self._interval_s if math.isnan(self._last_s) else self._last_s
+        last_s = self.first_s - self.interval_s if math.isnan(self._last_s) else self._last_s
         places = np.concatenate(([-1], known, [len(times_s)]))
         known_s = np.concatenate(([last_s], times_s[known]))
-        end_s = known_s[-1] + (len(times_s) - places[-2]) * self._interval_s
+        end_s = known_s[-1] + (len(times_s) - places[-2]) * self.interval_s
         filled_s: FloatArray = np.interp(rows, places, np.concatenate((known_s, [end_s])))
         return filled_s
 
     def _check_steps(self, block: Block, times_s: FloatArray, first_row: int) -> None:
         """Note steps that miss or repeat a sample; `times_s` may begin with the last time of the block before."""
         steps_s = np.diff(times_s)
-        if not len(steps_s) or self._interval_s <= 0:
+        if not len(steps_s) or self.interval_s <= 0:
             return
-        deviations_s = np.abs(steps_s - self._interval_s)
+        deviations_s = np.abs(steps_s - self.interval_s)
         self.jitter_s = max(self.jitter_s, float(deviations_s.max()))
-        wrong = np.flatnonzero(deviations_s > _STEP_TOLERANCE * self._interval_s)
+        wrong = np.flatnonzero(deviations_s > _STEP_TOLERANCE * self.interval_s)
         if not len(wrong):
             return
         if self._only_rounded(times_s):
@@ -173,12 +174,12 @@ class TimeColumn:
         if not self._fault:
             # Where times are rounded, many steps deviate and the largest one is the gap.
             row = int(wrong[0]) if self._grid_s is None else int(np.argmax(deviations_s))
-            step = steps_s[row] / self._interval_s
+            step = steps_s[row] / self.interval_s
             self._fault = f"{block.where(row + first_row)}: the time steps by {step:.3g} sample intervals"
 
     def _only_rounded(self, times_s: FloatArray) -> bool:
         """Return whether rounding explains all deviations from uniform times."""
-        if self._grid_s is None or self._grid_s > _COARSEST * self._interval_s:
+        if self._grid_s is None or self._grid_s > _COARSEST * self.interval_s:
             return False
         return _line(np.arange(len(times_s), dtype=np.float64), times_s)[1] <= _ROUNDING_TOLERANCE * self._grid_s
 
@@ -191,7 +192,7 @@ def _line(rows: FloatArray, times_s: FloatArray) -> tuple[float, float]:
     return slope_s, float(np.abs(times_s - middle_s - slope_s * centred).max())
 
 
-def _decimal_grid(values: FloatArray) -> float | None:
+def decimal_grid(values: FloatArray) -> float | None:
     """Return the largest decimal step of which all differences of the values are multiples, None without one."""
     if not len(values):
         return None

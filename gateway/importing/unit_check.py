@@ -34,19 +34,19 @@ def unlikely_unit(radial_mps2: FloatArray, rate_hz: float, radius_m: float, stat
         stated: unit stated in the map.
         dc: whether the sensor passes the steady value.
     """
-    period = _period(radial_mps2, rate_hz, radius_m)
+    period = revolution_lag(radial_mps2, rate_hz, radius_m)
     if period is None:
         return None
     period_s = period / rate_hz
     expected_mps2 = (2.0 * math.pi / period_s) ** 2 * radius_m
-    found_mps2 = abs(float(np.nanmean(radial_mps2))) if dc else _contact_depth_mps2(radial_mps2, period)
+    found_mps2 = abs(float(np.nanmean(radial_mps2))) if dc else contact_depth(radial_mps2, period)
     if not found_mps2 > 0.0:
         return None
     units = {name: ACCELERATION_UNITS_MPS2[name] for name in ("m/s^2", "g", "mg")}
-    if _fits(found_mps2, expected_mps2):
+    if fits(found_mps2, expected_mps2):
         return None
     for name, factor_mps2 in units.items():
-        if _fits(found_mps2 * factor_mps2 / ACCELERATION_UNITS_MPS2[stated], expected_mps2):
+        if fits(found_mps2 * factor_mps2 / ACCELERATION_UNITS_MPS2[stated], expected_mps2):
             return Reason(
                 Code.UNIT_UNLIKELY,
                 found_mps2=found_mps2,
@@ -60,11 +60,12 @@ def unlikely_unit(radial_mps2: FloatArray, rate_hz: float, radius_m: float, stat
     return None
 
 
-def _fits(found_mps2: float, expected_mps2: float) -> bool:
+def fits(found_mps2: float, expected_mps2: float) -> bool:
+    """Return whether a steady acceleration agrees with that of the revolutions; units are further apart."""
     return abs(math.log(found_mps2 / expected_mps2)) < math.log(_TOLERANCE)
 
 
-def _period(signal: FloatArray, rate_hz: float, radius_m: float) -> int | None:
+def revolution_lag(signal: FloatArray, rate_hz: float, radius_m: float) -> int | None:
     """Return the shortest lag, in samples, at which the signal repeats; None when it does not."""
     count = len(signal)
     shortest = math.ceil(2.0 * math.pi * radius_m / _FASTEST_MPS * rate_hz)
@@ -91,8 +92,8 @@ def _period(signal: FloatArray, rate_hz: float, radius_m: float) -> int | None:
     return first + int(np.argmax(correlation[first : first + max(1, first // 20)]))
 
 
-def _contact_depth_mps2(signal: FloatArray, period: int) -> float:
-    """Return how far the contact lies below the rest of the average revolution."""
+def contact_depth(signal: FloatArray, period: int) -> float:
+    """Return how far the contact lies below the rest of a revolution, in the signal's unit."""
     turns = len(signal) // period
     width = max(1, round(_SMOOTHED_SHARE * period))
     filled = np.where(np.isfinite(signal), signal, np.nanmedian(signal))

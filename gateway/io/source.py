@@ -35,6 +35,21 @@ class Chunk:
     data: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class BusFrames:
+    """Frames of a vehicle bus that arrived within some milliseconds.
+
+    Attributes:
+        link: name of the link, e.g. `can:socketcan:can0`.
+        host_ns: arrival of the first, ns since the epoch.
+        data: the frames as `gateway.io.bus_frames` packs them.
+    """
+
+    link: str
+    host_ns: int
+    data: bytes
+
+
 class LinkEventKind(StrEnum):
     """Kind of a change of a link."""
 
@@ -111,7 +126,7 @@ class LinkEvent:
         return Reason(Code.LINK_EVENT, event=event, details=details) if details else event
 
 
-LinkItem = Chunk | LinkEvent
+LinkItem = Chunk | BusFrames | LinkEvent
 
 
 class Source(Protocol):
@@ -161,16 +176,22 @@ class SourceKind:
     Attributes:
         factory: "module:function" with function(address: SourceAddress, clock: Clock) -> Source.
         live: whether bytes arrive now and are lost unless they are read, unlike those of a file or a simulation.
+        file_suffixes: ends of targets that are files although others are live.
     """
 
     factory: str
     live: bool = True
+    file_suffixes: tuple[str, ...] = ()
 
+
+CAN_FILE_SUFFIXES: Final = (".blf", ".asc", ".log", ".csv", ".trc")
+"""Ends of the log files of a CAN bus."""
 
 SOURCES: Final[dict[str, SourceKind]] = {
     "serial": SourceKind("gateway.io.serial_link:open_serial"),
     "tcp": SourceKind("gateway.io.tcp_link:open_tcp"),
     "ble": SourceKind("gateway.io.ble_source:open_ble"),
+    "can": SourceKind("gateway.io.can_source:open_can_source", file_suffixes=CAN_FILE_SUFFIXES),
     "replay": SourceKind("gateway.recording.replay_source:open_replay", live=False),
     "sim": SourceKind("gateway.simulator.simulator_source:open_simulator", live=False),
 }
@@ -235,7 +256,9 @@ def is_live(uri: str) -> bool:
     Raises:
         SourceError: no known scheme, or no target.
     """
-    return _kind_of(parse_source_uri(uri)).live
+    address = parse_source_uri(uri)
+    kind = _kind_of(address)
+    return kind.live and not address.target.lower().endswith(kind.file_suffixes)
 
 
 def positive_option(name: str, text: str, *, or_max: bool = False) -> float:

@@ -410,4 +410,4 @@ class ContactTrack:
 
     def period_std(self, start: Contact, end: Contact) -> float:
         """Return the standard error of the time between two contacts, in samples."""
-        return max(math.hypot(start.centre_std, end.centre_std), self._jitter2**0.5)
+        return max(math.hypot(start.centre_std, end.centre_std), math.sqrt(self._jitter2))

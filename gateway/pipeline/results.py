@@ -241,6 +241,60 @@ class AlarmRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class AlarmChange:
+    """An alarm that was raised, has got another reason, or is over.
+
+    Attributes:
+        alarm: with its reason; of an alarm that is over, as last seen.
+        is_raised: False when it is over.
+        at_s: time from the beginning of the session, in the time of its frames.
+        stood_s: time for which it stood, 0 when it is raised.
+    """
+
+    alarm: Alarm
+    is_raised: bool
+    at_s: float
+    stood_s: float = 0.0
+
+
+class SinkState(StrEnum):
+    """State of a live output."""
+
+    CONNECTING = "connecting"
+    UP = "up"
+    STALLED = "stalled"
+    """Connected, but the receiver takes nothing."""
+    DOWN = "down"
+    ENDED = "ended"
+    """The receiver has left and is not expected back."""
+
+
+@dataclass(frozen=True, slots=True)
+class SinkSnapshot:
+    """Health of one live output.
+
+    Attributes:
+        sink: its URI without options.
+        state: of its connection.
+        note: why it is in that state.
+        published: revolutions and alarms that the receiver has taken.
+        dropped: revolutions and alarms that it will not get.
+        waiting: revolutions and alarms in its buffer.
+        since_s: time for which it has been in a state other than up, 0 when it is up.
+        is_dropping: whether one was dropped in the last seconds.
+    """
+
+    sink: str
+    state: SinkState
+    note: Reason
+    published: int = 0
+    dropped: int = 0
+    waiting: int = 0
+    since_s: float = 0.0
+    is_dropping: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class SessionSnapshot:
     """Everything a live view may show.
 
@@ -254,6 +308,7 @@ class SessionSnapshot:
         recorded_bytes: its size so far.
         ended: True when every source has ended.
         alarm_records: every alarm since the session began, in the order in which they were first raised.
+        sinks: live outputs, in the order given.
     """
 
     elapsed_s: float
@@ -265,3 +320,4 @@ class SessionSnapshot:
     recorded_bytes: int
     ended: bool
     alarm_records: tuple[AlarmRecord, ...] = ()
+    sinks: tuple[SinkSnapshot, ...] = ()

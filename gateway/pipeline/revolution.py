@@ -86,6 +86,12 @@ class SensorReading:
         radial *= self.scale_mps2[column]
         return radial
 
+    def samples_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
+        """Return samples (n, channels) as accelerations, in the directions that the sensor states."""
+        samples: FloatArray = counts - self.offset_counts
+        samples *= self.scale_mps2
+        return samples
+
     def is_saturated(self, counts: NDArray[np.integer[Any]]) -> bool:
         """Return whether any count is at the end of the sensor's range."""
         return bool(counts.max() >= self.saturation_counts or counts.min() <= -self.saturation_counts)

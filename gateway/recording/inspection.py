@@ -17,10 +17,11 @@ from firmware_protocol.messages import Hello, LogText, Message, MessageType
 from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
-from gateway.io.source import LinkEvent
+from gateway.io.bus_frames import unpack
+from gateway.io.source import BusFrames, LinkEvent
 from gateway.reasons import Reason
 from gateway.recording.decoder_blocks import LinkBlocks
-from gateway.recording.mcap_layout import RAW_ENCODING, link_items
+from gateway.recording.mcap_layout import BUS_ENCODING, RAW_ENCODING, link_items
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _SECOND_NS: Final = 1_000_000_000
@@ -121,6 +122,7 @@ class LinkInspection:
         limit: admission of wheels; others are counted only.
         log: the first lines of the hubs' logs.
         log_lines: number of all of them.
+        bus_frames: frames of a vehicle bus.
     """
 
     chunks: int = 0
@@ -133,6 +135,7 @@ class LinkInspection:
     limit: WheelLimit = field(default_factory=WheelLimit)
     log: list[LogLine] = field(default_factory=list)
     log_lines: int = 0
+    bus_frames: int = 0
 
     def wheel(self, hub: int, wheel: int) -> WheelInspection:
         """Return the inspection of a source, created if it is new."""
@@ -211,7 +214,7 @@ def inspect_recording(
     for message in reader.messages():
         if on_position is not None:
             on_position(reader.position)
-        if message.channel.encoding != RAW_ENCODING:
+        if message.channel.encoding not in (RAW_ENCODING, BUS_ENCODING):
             topics[message.channel.topic] += 1
         for item in link_items(message):
             if isinstance(item, LinkEvent):
@@ -225,6 +228,9 @@ def inspect_recording(
             link.bytes_received += len(item.data)
             link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - link.last_ns) * 1e-9)
             link.last_ns = max(link.last_ns, item.host_ns)
+            if isinstance(item, BusFrames):
+                link.bus_frames += sum(1 for _ in unpack(item.data, item.host_ns))
+                continue
             count(item.link, blocks.setdefault(item.link, LinkBlocks(item.link)).add(item))
     for name, rest in blocks.items():
         count(name, rest.finish())

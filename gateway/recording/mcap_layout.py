@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import zlib
@@ -10,7 +11,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway.io.source import EVENT_DETAILS, Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.io import bus_frames
+from gateway.io.source import EVENT_DETAILS, BusFrames, Chunk, LinkEvent, LinkEventKind, LinkItem
 from gateway.reasons import Code, Reason
 
 PROFILE: Final = "treadlink"
@@ -28,6 +30,9 @@ Joined in file order, the messages of one channel are the byte stream of that li
 treadlink protocol (A5 5A, header, payload, CRC-32) lie at any place and may span messages. The message
 sequence counts the messages of the channel from 0. The channel's metadata name the link.
 """
+BUS_ENCODING: Final = "treadlink-can-frames"
+BUS_SCHEMA_NAME: Final = "treadlink.BusFrames"
+BUS_SCHEMA_TEXT: Final = bus_frames.LAYOUT
 JSON_ENCODING: Final = "json"
 MARKS_TOPIC: Final = "/marks"
 
@@ -37,6 +42,9 @@ MAX_CHANNELS: Final = 8192
 """Largest number of channels of a recording; no session has as many."""
 MAX_CHANNEL_CHARS: Final = 1024
 """Largest number of characters of topic, encoding and link of a channel."""
+_DBC_KEY: Final = "dbc_zlib"
+_MAX_DBC_CHARS: Final = 512 << 10
+_MAX_DBC_BYTES: Final = 16 << 20
 _MAX_EVENT_BYTES: Final = 64 << 10
 _MAX_ITEM_BYTES: Final = 1 << 20
 MAX_RECORD_BYTES: Final = 16 << 20
@@ -51,7 +59,7 @@ class ChannelInfo(NamedTuple):
 
     Attributes:
         topic: name shown in other programs.
-        encoding: `treadlink-link-bytes` or `json`.
+        encoding: `treadlink-link-bytes`, `treadlink-can-frames` or `json`.
         link: link of the bytes or events, empty for other channels.
     """
 
@@ -80,6 +88,22 @@ def is_sealed(entries: Mapping[str, str]) -> bool:
     return "crc32" in entries and seal(entries)["crc32"] == entries["crc32"]
 
 
+def dbc_metadata(text: str) -> dict[str, str]:
+    """Return a DBC file as an entry of the session's metadata; none for one that is too large for a small record."""
+    packed = base64.b64encode(zlib.compress(text.encode(), 9)).decode()
+    return {_DBC_KEY: packed} if len(packed) <= _MAX_DBC_CHARS else {}
+
+
+def recorded_dbc(entries: Mapping[str, str]) -> str | None:
+    """Return the DBC file in the session's metadata, None where there is none or it is damaged."""
+    try:
+        unpacker = zlib.decompressobj()
+        data = unpacker.decompress(base64.b64decode(entries[_DBC_KEY], validate=True), _MAX_DBC_BYTES)
+        return data.decode() if unpacker.eof else None
+    except (KeyError, ValueError, zlib.error):
+        return None
+
+
 def declaration(number: int, channel: ChannelInfo) -> dict[str, str]:
     """Return the metadata of the second declaration of a channel, outside the chunks."""
     return seal({"id": str(number), "topic": channel.topic, "encoding": channel.encoding, "link": channel.link})
@@ -97,6 +121,11 @@ def declared_channel(entries: Mapping[str, str]) -> tuple[int, ChannelInfo] | No
 def raw_topic(link: str) -> str:
     """Return the topic of a link's bytes."""
     return f"/link/{link}/raw"
+
+
+def bus_topic(link: str) -> str:
+    """Return the topic of the frames of a vehicle bus."""
+    return f"/link/{link}/can"
 
 
 def event_topic(link: str) -> str:
@@ -132,6 +161,10 @@ def link_items(message: RecordedMessage) -> Iterator[LinkItem]:
     if channel.encoding == RAW_ENCODING:
         for begin in range(0, len(message.data), _MAX_ITEM_BYTES):
             yield Chunk(channel.link, host_ns, message.data[begin : begin + _MAX_ITEM_BYTES])
+        return
+    if channel.encoding == BUS_ENCODING:
+        if len(message.data) <= _MAX_ITEM_BYTES:
+            yield BusFrames(channel.link, host_ns, message.data)
         return
     if channel.topic != MARKS_TOPIC and not (channel.topic.startswith("/link/") and channel.topic.endswith("/event")):
         return

@@ -28,6 +28,7 @@ from gateway.recording.mcap_layout import (
     declared_channel,
     is_sealed,
     link_items,
+    recorded_dbc,
 )
 from gateway.recording.mcap_records import (
     MAGIC,
@@ -68,6 +69,7 @@ class RecordingInfo:
         start_ns: start of the session, None when unknown.
         sources: URIs of the sources.
         vehicle_toml: vehicle configuration of the session.
+        dbc_text: DBC file of the vehicle bus, None without one.
     """
 
     path: Path
@@ -77,6 +79,7 @@ class RecordingInfo:
     start_ns: int | None = None
     sources: tuple[str, ...] = ()
     vehicle_toml: str | None = None
+    dbc_text: str | None = None
 
 
 class RecordingReader:
@@ -113,8 +116,13 @@ class RecordingReader:
         """Text of the vehicle configuration in the recording, None when it contains none."""
         return self.info.vehicle_toml
 
+    @property
+    def dbc_text(self) -> str | None:
+        """Text of the DBC file in the recording, None when it contains none."""
+        return self.info.dbc_text
+
     def items(self) -> Generator[LinkItem, None, None]:
-        """Yield chunks, link events and marks in file order; `damage` is set afterwards."""
+        """Yield chunks, frames of buses, link events and marks in file order; `damage` is set afterwards."""
         for message in self.messages():
             yield from link_items(message)
 
@@ -301,4 +309,5 @@ def _describe(path: Path, size: int, finished: bool, entries: dict[str, str]) ->
         start_ns=int(start) if start.isdecimal() and len(start) <= _MAX_TIME_DIGITS else None,
         sources=sources,
         vehicle_toml=entries.get("vehicle_toml"),
+        dbc_text=recorded_dbc(entries),
     )

@@ -14,7 +14,7 @@ from gateway.io.playback import Playback
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, positive_option
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
-from gateway.recording.reader import RecordingReader
+from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _DUMP_BLOCK_BYTES: Final = 4096
 
@@ -27,6 +27,9 @@ class _Playable(Protocol):
     @property
     def vehicle_toml(self) -> str | None: ...
 
+    @property
+    def dbc_text(self) -> str | None: ...
+
     def items(self) -> Iterator[LinkItem]: ...
 
 
@@ -34,16 +37,29 @@ class RawDump:
     """File with only the bytes of a link, such as from `cat /dev/ttyUSB0 > dump.bin`.
 
     It has no arrival times. They are counted from 0 at a given byte rate, or are 0 without one.
+
+    Attributes:
+        damage: always None, as bytes that are no frames are counted by the decoder.
+        link: name of the link, from that of the file.
+        position: bytes read so far in the current pass.
+        vehicle_toml: None; a dump contains no configuration.
     """
 
-    damage: Reason | None = None
     vehicle_toml: str | None = None
+    dbc_text: str | None = None
 
     def __init__(self, path: Path, rate_bytes_per_s: float | None) -> None:
         """Prepare the dump without reading it."""
+        self.damage: Reason | None = None
         self.link = f"dump:{path.name}"
+        self.position = 0
         self._path = path
         self._rate = rate_bytes_per_s
+
+    @property
+    def info(self) -> RecordingInfo:
+        """Description of the file."""
+        return RecordingInfo(self._path, self._path.stat().st_size, finished=True, sources=(self.link,))
 
     def items(self) -> Iterator[LinkItem]:
         """Yield the dump in blocks, of at most 10 ms with a rate."""
@@ -52,6 +68,7 @@ class RawDump:
         with self._path.open("rb") as file:
             while data := file.read(block):
                 offset += len(data)
+                self.position = offset
                 yield Chunk(self.link, 0 if self._rate is None else round(offset * 1e9 / self._rate), data)
 
 
@@ -85,6 +102,11 @@ class ReplaySource:
     def vehicle_toml(self) -> str | None:
         """Vehicle configuration in the recording."""
         return self._playable.vehicle_toml
+
+    @property
+    def dbc_text(self) -> str | None:
+        """DBC file in the recording."""
+        return self._playable.dbc_text
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the recorded items, then an `ENDED` event that reports any damage."""

@@ -1,20 +1,23 @@
 """JSON schemas of the decoded topics, so that Foxglove and PlotJuggler can offer and plot their fields.
 
 Only plain types are used (no unions, no null): Foxglove refuses schemas with more. A number that is not known is left
-out of the message. Fields beyond the listed ones are allowed; those of a revolution are the estimates, each as
-`<name>`, `<name>_std`, `<name>_status` and, where there are any, `<name>_reasons`; and `fault_reasons`. A reason is an
-object with `code`, `values` (SI units) and `text`. A link event may have `details`, a list of codes with their values,
-and a line of the log the `values` of its code.
+out of the message. Fields beyond the listed ones are allowed, such as the estimates of a later version. A reason is an
+object with `code`, `values` (SI units, their names depend on the code) and `text`. The fields of the vehicle's signals
+are those of the configuration, numbers in SI units.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
+from gateway.recording import revolution_fields
 from gateway.recording.mcap_layout import (
+    BUS_ENCODING,
+    BUS_SCHEMA_NAME,
+    BUS_SCHEMA_TEXT,
     MARKS_TOPIC,
     RAW_ENCODING,
     RAW_SCHEMA_ENCODING,
@@ -43,14 +46,22 @@ _TYPES: Final[dict[str, dict[str, Any]]] = {
     "s": {"type": "string"},
     "b": {"type": "boolean"},
     "[n]": {"type": "array", "items": {"type": "number"}},
+    "o": {"type": "object"},
+    "[o]": {"type": "array", "items": {"type": "object"}},
 }
 
 
-def _topic(name: str, pattern: str, required: str, fields: str) -> TopicSchema:
-    """Declare a topic: `fields` lists `name:type:description` lines, types as in _TYPES."""
-    properties: dict[str, Any] = {}
+def _listed(fields: str) -> Iterator[tuple[str, str, str]]:
+    """Yield name, type and description from `name: type: description` lines."""
     for line in fields.strip().splitlines():
         field, kind, description = (part.strip() for part in line.split(":", 2))
+        yield field, kind, description
+
+
+def _topic(name: str, pattern: str, required: str, fields: str | Iterable[tuple[str, str, str]]) -> TopicSchema:
+    """Declare a topic: `fields` has name, type and description of each, types as in _TYPES."""
+    properties: dict[str, Any] = {}
+    for field, kind, description in _listed(fields) if isinstance(fields, str) else fields:
         properties[field] = {**_TYPES[kind], "description": description}
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -67,23 +78,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         "treadlink.Revolution",
         r"/wheel/[^/]+/revolution",
         "index",
-        """
-        index: i: running number of the wheel's revolutions
-        speed_mps: n: rolling speed
-        speed_mps_std: n: one standard error
-        period_s: n: duration of the revolution
-        omega_radps: n: mean angular speed
-        omega_dot_radps2: n: angular acceleration
-        leading_edge_rad: n: angle of the leading contact edge, negative
-        leading_edge_rad_std: n: one standard error
-        trailing_edge_rad: n: angle of the trailing contact edge
-        trailing_edge_rad_std: n: one standard error
-        noise_mps2: n: noise of one sample in the angle domain
-        missing_fraction: n: share of samples lost on the link
-        load_n: n: stated vertical load
-        pressure_pa: n: inflation pressure (gauge)
-        temperature_degc: n: temperature of the inner liner
-        """,
+        revolution_fields.fields(),
     ),
     _topic(
         "treadlink.Waveform",
@@ -94,6 +89,17 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         theta_rad: [n]: angle of the sensor from the contact centre
         radial_mps2: [n]: radial specific force of the revolution, gravity removed
         average_mps2: [n]: running average at the same speed
+        """,
+    ),
+    _topic(
+        "treadlink.Reference",
+        r"/wheel/[^/]+/reference/[^/]+",
+        "quantity time_s value",
+        """
+        quantity: s: speed, rotation, angle or pulses
+        time_s: n: hub time
+        value: n: speed in m/s, rotation in turns per second, or turns so far
+        value_std: n: one standard error
         """,
     ),
     _topic(
@@ -143,6 +149,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         saturation_counts: i: counts at or above which a sample is saturated
         """,
     ),
+    _topic("treadlink.VehicleSignals", r"/vehicle/signals", "", ""),
     _topic(
         "treadlink.LinkEvent",
         r"/link/.+/event",
@@ -152,6 +159,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         kind: s: connected, lost, retrying, restored or ended
         text: s: message of the error behind the event, empty without one
         rssi_dbm: i: signal strength of a radio link when it was connected
+        details: [o]: codes with their values
         """,
     ),
     _topic(
@@ -175,6 +183,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         link: s: link it came by
         subject: s: link, hub or wheel that a line of the gateway is about
         code: s: code of a line of the gateway
+        values: o: values of the code, in SI units
         """,
     ),
 )
@@ -205,6 +214,8 @@ def stored_schema(channel: ChannelInfo) -> StoredSchema:
     """Return the schema record that a channel points to; topics of other versions get one that allows anything."""
     if channel.encoding == RAW_ENCODING:
         return StoredSchema(RAW_SCHEMA_NAME, RAW_SCHEMA_ENCODING, RAW_SCHEMA_TEXT.encode())
+    if channel.encoding == BUS_ENCODING:
+        return StoredSchema(BUS_SCHEMA_NAME, RAW_SCHEMA_ENCODING, BUS_SCHEMA_TEXT.encode())
     try:
         schema = schema_of(channel.topic)
     except ValueError:

@@ -12,15 +12,18 @@ from typing import Any, Final
 
 from gateway import __version__
 from gateway.errors import RecordingError
-from gateway.io.source import Chunk, LinkEventKind, LinkItem
+from gateway.io.source import BusFrames, Chunk, LinkEventKind, LinkItem
 from gateway.recording.container import McapOutput
 from gateway.recording.mcap_layout import (
+    BUS_ENCODING,
     FORMAT_VERSION,
     JSON_ENCODING,
     MARKS_TOPIC,
     RAW_ENCODING,
     SESSION_METADATA,
     ChannelInfo,
+    bus_topic,
+    dbc_metadata,
     encode_json,
     event_payload,
     event_topic,
@@ -64,7 +67,13 @@ class RecordingWriter:
     """
 
     def __init__(
-        self, path: Path | str, *, start_ns: int, vehicle_toml: str | None = None, sources: Sequence[str] = ()
+        self,
+        path: Path | str,
+        *,
+        start_ns: int,
+        vehicle_toml: str | None = None,
+        sources: Sequence[str] = (),
+        dbc_text: str | None = None,
     ) -> None:
         """Create the file.
 
@@ -73,6 +82,7 @@ class RecordingWriter:
             start_ns: start of the session, ns since the epoch.
             vehicle_toml: text of the vehicle configuration.
             sources: URIs of the sources, for information.
+            dbc_text: DBC file of the vehicle bus.
 
         Raises:
             RecordingError: the file exists, or cannot be created.
@@ -92,6 +102,8 @@ class RecordingWriter:
         }
         if vehicle_toml is not None:
             self._session["vehicle_toml"] = vehicle_toml
+        if dbc_text is not None:
+            self._session |= dbc_metadata(dbc_text)
         self._session = seal(self._session)
         self._output.add_metadata(SESSION_METADATA, self._session)
         self._output.flush()
@@ -108,17 +120,17 @@ class RecordingWriter:
         return self._output.size_bytes
 
     def write(self, item: LinkItem) -> None:
-        """Record a chunk, an event or a mark.
+        """Record a chunk, frames of a bus, an event or a mark.
 
         Raises:
             RecordingError: the disk is full or gone; the written part stays readable.
         """
         with self._lock:
             self.items += 1
-            if isinstance(item, Chunk):
+            if isinstance(item, Chunk | BusFrames):
                 channel = self._raw_channels.get(item.link)
                 if channel is None:
-                    channel = self._register_raw(item.link)
+                    channel = self._register_raw(item)
                 self._output.add_message(channel, item.host_ns, item.data)
             else:
                 is_mark = item.kind is LinkEventKind.MARK
@@ -172,9 +184,12 @@ class RecordingWriter:
             self._output.close()
             _logger.info("closed %s: %d bytes", self.path, self._output.size_bytes)
 
-    def _register_raw(self, link: str) -> int:
-        number = self._output.register(ChannelInfo(raw_topic(link), RAW_ENCODING, link))
-        self._raw_channels[link] = number
+    def _register_raw(self, item: Chunk | BusFrames) -> int:
+        link = item.link
+        info = ChannelInfo(raw_topic(link), RAW_ENCODING, link)
+        if isinstance(item, BusFrames):
+            info = ChannelInfo(bus_topic(link), BUS_ENCODING, link)
+        self._raw_channels[link] = number = self._output.register(info)
         return number
 
     def _add_json(self, topic: str, host_ns: int, payload: Mapping[str, Any], link: str = "") -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from gateway.pipeline.results import Alarm, AlarmRecord
+from gateway.pipeline.results import Alarm, AlarmChange, AlarmRecord
 from gateway.reasons import Code, Level, Notice, Reason
 from gateway.session.alarms import SILENCES, AlarmKey, AlarmName
 from gateway.views.wording import notice_text
@@ -21,6 +21,8 @@ _RAISED_PER_MINUTE: Final = 3
 _MINUTE_S: Final = 60.0
 # Latest times of an alarm that are kept.
 _PAST_SPANS: Final = 256
+# Changes waiting for `take_changes`; the oldest are dropped.
+_WAITING_CHANGES: Final = 1024
 # Silence that goes on is reported again at these ages, then every hour.
 _REMINDERS_S: Final = (60.0, 600.0, 3600.0)
 # Events of the link and notices of the guard report these already.
@@ -63,6 +65,13 @@ class AlarmLog:
 
     def __init__(self) -> None:
         self._entries: dict[AlarmKey, _Entry] = {}
+        self._changes: deque[AlarmChange] = deque(maxlen=_WAITING_CHANGES)
+
+    def take_changes(self) -> list[AlarmChange]:
+        """Return the changes since the last call, all of them: notices leave out what is reported elsewhere."""
+        taken = list(self._changes)
+        self._changes.clear()
+        return taken
 
     def standing(self) -> Mapping[AlarmKey, Code]:
         """Return the standing alarms with the codes of their reasons."""
@@ -120,6 +129,8 @@ class AlarmLog:
         is_new = not entry.is_standing
         is_other = entry.alarm.reason.code is not alarm.reason.code
         entry.alarm, entry.seen_s = alarm, at_s
+        if is_new or is_other:
+            self._changes.append(AlarmChange(alarm, True, at_s))
         if is_new:
             entry.is_standing, entry.raised_s, entry.reminded_s = True, at_s, 0.0
             entry.count += 1
@@ -151,6 +162,7 @@ class AlarmLog:
         duration_s = at_s - entry.raised_s
         entry.before_s += duration_s
         entry.past.append((entry.raised_s, at_s))
+        self._changes.append(AlarmChange(entry.alarm, False, at_s, duration_s))
         what = value or entry.alarm.reason
         if entry.alarm.name in SILENCES:
             age_s = entry.alarm.reason["silence_s"]

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
 from gateway.config.vehicle import Thresholds, VehicleConfig
-from gateway.pipeline.results import Alarm, AlarmRecord, LinkSnapshot, Silence, WheelSnapshot, WheelState
+from gateway.pipeline.results import (
+    Alarm,
+    AlarmRecord,
+    LinkSnapshot,
+    Silence,
+    SinkSnapshot,
+    WheelSnapshot,
+    WheelState,
+)
 from gateway.reasons import Code, Notice
 from gateway.session.alarm_log import AlarmLog
-from gateway.session.alarms import AlarmName, alarms, present_values, superseded
+from gateway.session.alarms import AlarmName, alarms, present_values, sink_alarms, superseded
 from gateway.session.silence import PositionOf, SilenceWatch
 from gateway.session.wheel_identity import sensor_ids
 
@@ -28,6 +36,8 @@ class AlarmWatch:
     Attributes:
         silence: takes the frames.
         log: history of the alarms.
+        sinks: present state of the live outputs.
+        witnesses: returns the alarms of what the vehicle's signals contradict.
     """
 
     def __init__(self, vehicle: VehicleConfig | None, position_of: PositionOf, state: Callable[[], State]) -> None:
@@ -42,6 +52,8 @@ class AlarmWatch:
         configured = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
         self.silence = SilenceWatch(position_of, configured, self.thresholds.silent_after_s)
         self.log = AlarmLog()
+        self.sinks: tuple[SinkSnapshot, ...] = ()
+        self.witnesses: Callable[[], Iterable[Alarm]] = tuple
         self._state = state
         self._sensor_ids = sensor_ids(vehicle)
         self._review_due_ns: dict[str, int] = {}
@@ -68,8 +80,8 @@ class AlarmWatch:
         )
 
     def alarms(self, wheels: Sequence[WheelSnapshot], links: Sequence[LinkSnapshot]) -> tuple[Alarm, ...]:
-        """Return the present alarms of wheels, with their silences, and links."""
-        return alarms(
+        """Return the present alarms of wheels, with their silences, of links and of live outputs."""
+        found = alarms(
             wheels,
             links,
             self.thresholds,
@@ -77,6 +89,7 @@ class AlarmWatch:
             silent_hubs=self.silence.silent_hubs(),
             standing=self.log.standing(),
         )
+        return (*found, *self.witnesses(), *sink_alarms(self.sinks))
 
     def records(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm."""

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from gateway.config.vehicle import Thresholds
 from gateway.estimators.estimator import Estimate, Status
-from gateway.pipeline.results import Alarm, LinkSnapshot, SilentPart, WheelSnapshot
+from gateway.pipeline.results import Alarm, LinkSnapshot, SilentPart, SinkSnapshot, SinkState, WheelSnapshot
 from gateway.reasons import Code, Reason
 from gateway.security.guard import SUSPICIOUS
 from gateway.session.link_health import hub_name
@@ -27,6 +27,8 @@ NONE_STANDING: Final[Mapping[AlarmKey, Code]] = MappingProxyType({})
 _SPEED: Final = "speed_mps"
 # Share of the limit by which a value must return before its alarm is over.
 _MARGIN: Final = 0.02
+# A live output that is away for a shorter time is no alarm.
+_SINK_AWAY_S: Final = 2.0
 
 
 class AlarmName(StrEnum):
@@ -39,6 +41,7 @@ class AlarmName(StrEnum):
     LOSS = "loss"
     MISPLACED = "wrong sensor"
     PRESSURE = "pressure"
+    PUBLISHING = "publishing"
     SATURATED = "saturated"
     SECURITY = "security"
     SILENT = "silent"
@@ -97,6 +100,18 @@ def silence_alarms(wheels: Iterable[WheelSnapshot]) -> Iterator[Alarm]:
             if silence.is_certain and silence.part not in (SilentPart.LINK, SilentPart.HUB):
                 is_old = silence.part is SilentPart.ENVIRONMENT
                 yield Alarm(wheel.position, AlarmName.ENVIRONMENT if is_old else AlarmName.SILENT, silence.reason)
+
+
+def sink_alarms(sinks: Iterable[SinkSnapshot]) -> Iterator[Alarm]:
+    """Yield the alarm of each live output that drops items, or whose receiver has been away for some time."""
+    for sink in sinks:
+        if sink.is_dropping:
+            reason = Reason(Code.SINK_DROPS, dropped=sink.dropped, state=sink.note)
+        elif sink.since_s >= _SINK_AWAY_S and sink.state is not SinkState.ENDED:
+            reason = Reason(Code.SINK_DOWN, waiting=sink.waiting, state=sink.note)
+        else:
+            continue
+        yield Alarm(sink.sink, AlarmName.PUBLISHING, reason)
 
 
 def superseded(

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, MutableSequence, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -17,13 +16,13 @@ from gateway.closure.data.campaign_data import Campaign, Group, Remark
 from gateway.closure.data.condition_groups import telling, tire_states
 from gateway.closure.data.group_statistics import FEW, label
 from gateway.closure.effects.effect import GroupConditions
-from gateway.closure.inference.worker_pool import Processes
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import RecordingError
 from gateway.reasons import Code, Reason
 from gateway.recording.inspection import inspect_recording
 from gateway.session.campaign_clock import combined
 from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_recording
+from gateway.session.recording_processes import work_on_recordings
 from gateway.types import IntArray
 from gateway.views.wording import notice_text, text
 
@@ -37,7 +36,6 @@ _Remark = TypeVar("_Remark", bound=Remark)
 
 SPARE: Final = Reason(Code.BETWEEN_GROUP_SPEEDS, groups=MAX_GROUPS)
 
-_POLL_S: Final = 0.1
 # Used where no recording knows any temperature: it is then the same for all, and its value has no effect.
 _PLACEHOLDER_DEGC: Final = 20.0
 # Within this time even a wheel at walking speed turns more than once.
@@ -77,9 +75,11 @@ def read_campaign(
     if folds < 2 or not paths:
         raise ValueError("a campaign needs at least one recording and two folds")
     orders = _orders(paths, vehicle, wheel, folds, reverse, key_file)
-    report = on_bytes or (lambda _: None)
-    parallel = jobs > 1 and len(orders) > 1
-    reads = _in_parallel(orders, report, min(jobs, len(orders))) if parallel else _one_by_one(orders, report)
+    found: dict[int, RecordingRead] = {}
+    with closing(work_on_recordings(read_recording, orders, jobs, on_bytes or (lambda _: None))) as done:
+        for place, read in done:
+            found[place] = _checked_for_one_wheel(orders[place], read)
+    reads = [found[place] for place in range(len(orders))]
     return _assemble(orders, reads, _chosen_wheel(orders, reads, wheel))
 
 
@@ -113,20 +113,6 @@ def _orders(
     ]
 
 
-def _one_by_one(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None]) -> list[RecordingRead]:
-    reads = []
-    for order in orders:
-        done = 0
-
-        def on_position(position: int) -> None:
-            nonlocal done
-            on_bytes(position - done)
-            done = position
-
-        reads.append(_checked_for_one_wheel(order, read_recording(order, on_position)))
-    return reads
-
-
 def _checked_for_one_wheel(order: ReadOrder, read: RecordingRead) -> RecordingRead:
     """Raise as soon as a wheel must be chosen, before other recordings are read."""
     if order.wheel is None and len(read.wheels) > 1:
@@ -135,40 +121,6 @@ def _checked_for_one_wheel(order: ReadOrder, read: RecordingRead) -> RecordingRe
             f"Choose one: --wheel {read.wheels[0]}.",
         )
     return read
-
-
-_positions: MutableSequence[int] | None = None
-
-
-def _share_positions(positions: MutableSequence[int]) -> None:
-    """Set, in a new process, the shared memory for its progress."""
-    global _positions
-    _positions = positions
-
-
-def _read_in_process(order: ReadOrder) -> RecordingRead:
-    def on_position(position: int) -> None:
-        assert _positions is not None
-        _positions[order.index] = position
-
-    return read_recording(order, on_position)
-
-
-def _in_parallel(orders: Sequence[ReadOrder], on_bytes: Callable[[int], None], jobs: int) -> list[RecordingRead]:
-    # Shared memory carries the progress of each process without messages on a queue.
-    positions = get_context("spawn").RawArray("q", len(orders))
-    done = 0
-    with Processes(jobs, _share_positions, (positions,)) as pool:
-        futures: list[Future[RecordingRead]] = [pool.submit(_read_in_process, order) for order in orders]
-        waiting = set(futures)
-        while waiting:
-            finished, waiting = wait(waiting, _POLL_S, FIRST_COMPLETED)
-            now = sum(positions)
-            on_bytes(now - done)
-            done = now
-            for future in finished:  # the first failure ends the campaign
-                _checked_for_one_wheel(orders[futures.index(future)], future.result())
-        return [future.result() for future in futures]
 
 
 def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel: str) -> Campaign:

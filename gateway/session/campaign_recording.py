@@ -22,8 +22,8 @@ from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
-from gateway.session.contradictions import ContradictionWatch
 from gateway.session.provenance import assumed_conditions, stated_conditions
+from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, configured, positions, wheel_address
 from gateway.views.wording import notice_text
 
@@ -108,7 +108,7 @@ class _Collector:
         self.last: RevolutionResult | None = None
         self.clock = HubClockError()
         self.sensors = SensorsHeard()
-        self.contradictions = ContradictionWatch(positions(vehicle))
+        self.statements = StatementWatch(positions(vehicle))
         self.links: set[str] = set()
         self._wheel = order.wheel
         self._naming = _NAMING_REVOLUTIONS
@@ -127,7 +127,7 @@ class _Collector:
         self.links.add(link)
         self.clock.take(link, batch, arrivals_ns)
         self.sensors.take(batch)
-        self.contradictions.batch(link, batch)
+        self.statements.batch(link, batch)
 
     @property
     def has_host_times(self) -> bool:
@@ -168,14 +168,14 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
     of_guard = tuple(guard.take_notices()) if guard is not None else ()
     last = collected.last
     if last is None or (order.wheel is None and len(wheels) > 1):
-        notices = (*of_guard, *collected.sensors.mismatches(vehicle, wheels), *collected.contradictions.found())
+        notices = (*of_guard, *collected.sensors.mismatches(vehicle, wheels), *collected.statements.found())
         return RecordingRead(wheels, damage=reader.damage, notices=notices)
     mismatches = tuple(collected.sensors.mismatches(vehicle, [last.position]))
     wheel = configured(vehicle, last.position)
     if order.vehicle is not None:
         sensors = collected.sensors.at(vehicle, last.position)
         _check_sensor(order, wheel, sensors, mismatches, has_own=bool(reader.vehicle_toml))
-    notices = (*(of_guard or mismatches), *collected.contradictions.found())
+    notices = (*(of_guard or mismatches), *collected.statements.found())
     return _reduced(order, collected, last, vehicle, damage=reader.damage, notices=notices)
 
 

@@ -91,7 +91,7 @@ class CommandedSource:
                 if greeter is not None:
                     with suppress(LinkLostError, SourceError):
                         greeter.read(item.data)
-            elif item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
+            elif isinstance(item, LinkEvent) and item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
                 if self._keys:
                     greeter = _Greeter(self._source, self._settings, HubCommands(self._keys), self._clock)
                     continue

@@ -10,25 +10,36 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType
+from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType, SampleBlock
 from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import LinkEvent, LinkEventKind, LinkItem
-from gateway.pipeline.results import LinkSnapshot, RevolutionResult, SessionSnapshot, SilentPart, WheelSnapshot
+from gateway.io.bus_frames import unpack
+from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem
+from gateway.pipeline.results import (
+    AlarmChange,
+    LinkSnapshot,
+    RevolutionResult,
+    SessionSnapshot,
+    SilentPart,
+    SinkSnapshot,
+    WheelSnapshot,
+)
+from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.security.guard import Guard
 from gateway.session.alarm_watch import AlarmWatch, State
 from gateway.session.commands import refusal
-from gateway.session.contradictions import ContradictionWatch
 from gateway.session.hub_log import HubLog
 from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.missing_results import long_missing
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
+from gateway.session.signal_decoding import SignalDecoder
+from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import positions, unconfigured_wheel
 from gateway.views.recording_topics import (
     log_level,
@@ -64,6 +75,7 @@ class _Link:
     connected: bool = False
     note: Reason = field(default_factory=lambda: Reason(Code.LINK_NOT_OPEN))
     bytes_received: int = 0
+    bus_frames: int | None = None
     newest_ns: int = 0
     status: HubStatus | None = None
     connected_rssi_dbm: int | None = None
@@ -79,6 +91,7 @@ class SessionCore:
     Attributes:
         recorder: the recording, None when there is none or it failed.
         recording_fault: why the recording stopped early, None when it did not.
+        newest_ns: time of the newest item, ns since the epoch, 0 before the first.
     """
 
     def __init__(
@@ -90,6 +103,7 @@ class SessionCore:
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
         guard: Guard | None = None,
         effects: Sequence[CorrectionTable] = (),
+        signals: SignalDecoder | None = None,
     ) -> None:
         """Build the session.
 
@@ -100,6 +114,7 @@ class SessionCore:
             estimators: names from the registry.
             guard: verifies every frame first; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
+            signals: decodes the vehicle's bus; None to record its frames only.
         """
         self._watch = SecurityWatch(guard)
         self.recorder = recorder
@@ -108,18 +123,22 @@ class SessionCore:
         self._notices: deque[Notice] = deque(maxlen=_SHOWN_NOTICES)
         self._new_notices: deque[Notice] = deque(maxlen=_WAITING_NOTICES)
         self._links: dict[str, _Link] = {}
-        self._newest_ns = 0
+        self.newest_ns = 0
         self._waveform_due_ns: dict[str, int] = {}
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators)
+        self._signals = signals
+        self._join = VehicleJoin(signals.history) if signals is not None else None
         self._vehicle = vehicle
         self._unconfigured: set[str] = set()
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
-        self._contradictions = ContradictionWatch(positions(vehicle), self._pipeline.limit)
+        self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         self._alarms = AlarmWatch(vehicle, self._pipeline.position, self._state)
+        if self._join is not None:
+            self._alarms.witnesses = self._join.alarms
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
         for notice in (*effects_notices(effects), *self._watch.take_notices()):
@@ -137,6 +156,14 @@ class SessionCore:
         self._new_notices.clear()
         return taken
 
+    def take_alarm_changes(self) -> list[AlarmChange]:
+        """Return the alarms that were raised or are over since the last call."""
+        return self._alarms.log.take_changes()
+
+    def publishes_to(self, sinks: tuple[SinkSnapshot, ...]) -> None:
+        """Set the present state of the live outputs, for alarms and snapshots."""
+        self._alarms.sinks = sinks
+
     def add_link(self, name: str) -> None:
         """Show a link before its first item."""
         self._link(name)
@@ -148,19 +175,29 @@ class SessionCore:
         if isinstance(item, LinkEvent):
             self._event(item)
             return []
-        self._newest_ns = max(self._newest_ns, item.host_ns)
+        self.newest_ns = max(self.newest_ns, item.host_ns)
         self._report(item.link, self._alarms.advance(item.link, item.host_ns), item.host_ns)
         link = self._link(item.link)
         if not link.connected:
             link.connected, link.note = True, Reason(Code.LINK_CONNECTED)
         link.bytes_received += len(item.data)
         link.newest_ns = item.host_ns
+        if isinstance(item, BusFrames):
+            self._bus_frames(link, item)
+            return []
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         self._log_resync(item.link, link)
-        self._report(item.link, self._contradictions.new(), item.host_ns)
+        self._report(item.link, self._statements.new(), item.host_ns)
         self._report(item.link, self._watch.take_notices(), item.host_ns)
         self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
+
+    def _bus_frames(self, link: _Link, item: BusFrames) -> None:
+        """Decode frames of the vehicle's bus, and record the values."""
+        link.bus_frames = (link.bus_frames or 0) + sum(1 for _ in unpack(item.data, item.host_ns))
+        values = self._signals.take(item) if self._signals is not None else {}
+        if values:
+            self._record(lambda recorder: recorder.write_topic("/vehicle/signals", item.host_ns, values))
 
     def _link(self, name: str) -> _Link:
         link = self._links.get(name)
@@ -196,13 +233,13 @@ class SessionCore:
         if event.kind is LinkEventKind.MARK:
             self.notify(Notice("", reason))
             return
-        self._newest_ns = max(self._newest_ns, event.host_ns)
+        self.newest_ns = max(self.newest_ns, event.host_ns)
         link = self._link(event.link)
         self._report(event.link, self._alarms.advance(event.link, event.host_ns), event.host_ns)
         link.connected = event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED)
         if link.connected:
             link.health.reconnected()
-            self._contradictions.reopened(event.link)
+            self._statements.reopened(event.link)
             self._alarms.silence.opened(event.link, event.host_ns)
         else:
             self._alarms.silence.closed(event.link, event.host_ns, reason)
@@ -214,8 +251,16 @@ class SessionCore:
         link.note = reason
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
-        self._contradictions.frames(name, frames)
+        self._statements.frames(name, frames)
+        heard: set[tuple[int, int, int]] = set()
         for frame in frames:
+            message = frame.message
+            if isinstance(message, SampleBlock):
+                # The frames of a chunk arrive at one time, so that the first of a kind says all of them.
+                kind = frame.hub, frame.wheel, message.axes
+                if kind in heard:
+                    continue
+                heard.add(kind)
             if self._pipeline.limit.admits(name, frame.hub, frame.wheel):
                 self._alarms.silence.frame(name, frame, host_ns)
                 if frame.type != MessageType.SAMPLES:
@@ -249,6 +294,8 @@ class SessionCore:
         return hub_name(hub) if len(self._links) == 1 else f"{link}, {hub_name(hub)}"
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
+        if self._join is not None:
+            results = [self._join.joined(result) for result in results]
         for result in results:
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)
@@ -303,11 +350,11 @@ class SessionCore:
             # An item may carry a later time than the tick that follows it.
             link_ns = max(link_ns, link.newest_ns)
             self._report(name, self._alarms.advance(name, link_ns), now_ns)
-            if link.connected:
+            if link.connected and link.bus_frames is None:
                 self._report(name, link.health.tick(link_ns), now_ns)
-            self._contradictions.counters(name, link.decoder.counters)
+            self._statements.counters(name, link.decoder.counters)
             self._report(name, link.hub_log.tick(link_ns), now_ns)
-        self._report("", self._contradictions.new(), now_ns)
+        self._report("", self._statements.new(), now_ns)
         self._report_missing(now_ns)
 
     def _report_missing(self, now_ns: int) -> None:
@@ -330,14 +377,14 @@ class SessionCore:
         """End the session: complete the last revolutions and close the recording."""
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
-            results += self._decoded(name, link, link.decoder.finish(), self._newest_ns)
-            self._contradictions.counters(name, link.decoder.counters)
-            self._report(name, link.hub_log.finish(), self._newest_ns)
-        self.contradictions()
-        self._report("", self._contradictions.new(), self._newest_ns)
-        results += self._deliver(self._pipeline.finish(), self._newest_ns)
-        self._report("", self._alarms.review(), self._newest_ns)
-        self._report("", self._watch.finish(), self._newest_ns)
+            results += self._decoded(name, link, link.decoder.finish(), self.newest_ns)
+            self._statements.counters(name, link.decoder.counters)
+            self._report(name, link.hub_log.finish(), self.newest_ns)
+        self.false_statements()
+        self._report("", self._statements.new(), self.newest_ns)
+        results += self._deliver(self._pipeline.finish(), self.newest_ns)
+        self._report("", self._alarms.review(), self.newest_ns)
+        self._report("", self._watch.finish(), self.newest_ns)
         if self.recorder is not None:
             self._record(lambda recorder: recorder.close())
         if self.recorder is not None:
@@ -354,11 +401,12 @@ class SessionCore:
             self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
         found = self._alarms.alarms(wheels, links) if not ended else ()
         notices, records = tuple(self._notices), self._alarms.records()
-        return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records)
+        sinks = self._alarms.sinks
+        return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records, sinks)
 
-    def contradictions(self) -> list[Notice]:
+    def false_statements(self) -> list[Notice]:
         """Return what hubs stated against what they sent, with the present counts, for the summary."""
-        return self._contradictions.found()
+        return self._statements.found()
 
     def _at_end(self, wheels: tuple[WheelSnapshot, ...]) -> tuple[WheelSnapshot, ...]:
         """Return wheels as they were at the end: a link that has ended as it should has not fallen silent."""
@@ -379,7 +427,7 @@ class SessionCore:
             connected=link.connected,
             note=link.note,
             bytes_received=link.bytes_received,
-            frames=counters.frames,
+            frames=counters.frames if link.bus_frames is None else link.bus_frames,
             crc_errors=counters.crc_errors,
             noise_bytes=counters.noise_bytes,
             frames_lost=counters.lost,

@@ -14,14 +14,16 @@ from gateway.config.vehicle import VehicleConfig
 from gateway.errors import TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.playback import Playback, PlayedSource
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source
+from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Code, Notice, Reason
 from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.core import SessionCore
+from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage
+from gateway.session.signal_decoding import SignalDecoder
 from gateway.views.session_summary import ResultSummary
 
 _logger = logging.getLogger(__name__)
@@ -34,6 +36,10 @@ _QUEUE_BYTES: Final = 32 << 20
 _RESULT_ITEMS: Final = 8192
 _SNAPSHOT_INTERVAL_NS: Final = 100_000_000
 _IDLE_S: Final = 0.05
+# Chunks of a device come a hundred times a second. Taken together a few times less often, they find the code and data
+# of the last ones still in the processor's cache; a screen that is drawn ten times a second shows no
+# difference.
+_ROUND_S: Final = 0.05
 _JOIN_S: Final = 5.0
 
 
@@ -61,6 +67,8 @@ class LiveSession:
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
         guard: Guard | None = None,
         effects: Sequence[CorrectionTable] = (),
+        publication: Publication | None = None,
+        signals: SignalDecoder | None = None,
     ) -> None:
         """Build the session; `start` runs it.
 
@@ -74,7 +82,10 @@ class LiveSession:
             estimators: names from the registry.
             guard: verifies every frame; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
+            publication: live outputs; the caller closes them after the session.
+            signals: decodes the vehicle's bus; None to record its frames only.
         """
+        self._publication = publication
         self._sources = list(sources)
         self._patient = list(patient)
         self._summary = summary
@@ -104,6 +115,7 @@ class LiveSession:
             estimators=estimators,
             guard=guard,
             effects=effects,
+            signals=signals,
         )
         for source in self._sources:
             self.core.add_link(source.link)
@@ -246,15 +258,16 @@ class LiveSession:
 
     def _offer(self, item: LinkItem, patient: bool, dropped: Counter[Stage]) -> None:
         """Hand an item to the recording, then to the core; anything but a chunk of a device may wait for room."""
-        is_chunk = isinstance(item, Chunk)
-        size = len(item.data) if isinstance(item, Chunk) else len(item.text)
+        is_chunk = not isinstance(item, LinkEvent)
+        size = len(item.text) if isinstance(item, LinkEvent) else len(item.data)
         recording = self._recording
         if recording is not None and not self._hand_over(
             lambda timeout_s: recording.offer(item, timeout_s=timeout_s), patient or not is_chunk
         ):
             dropped[Stage.RECORDING] += 1
         if not self._hand_over(
-            lambda timeout_s: self._items.put(item, size, timeout_s=timeout_s), patient or not is_chunk
+            lambda timeout_s: self._items.put(item, size, timeout_s=timeout_s, wake=not is_chunk),
+            patient or not is_chunk,
         ):
             dropped[Stage.DECODING] += 1
 
@@ -269,7 +282,7 @@ class LiveSession:
     def _run(self) -> None:
         due_ns = 0
         while True:
-            item = self._items.get(_IDLE_S)
+            item = self._items.get(_ROUND_S)
             if item is not None:
                 self._note_time(item)
                 self._take_results(self.core.take(item))
@@ -333,6 +346,8 @@ class LiveSession:
                 self._results_lost += 1
             self._results.append(result)
         self._notices.extend(self.core.take_notices())
+        if self._publication is not None:
+            self._publication.take([*results, *self.core.take_alarm_changes()], self.core.newest_ns)
 
     def _publish(self, now_ns: int, *, ended: bool) -> None:
         # Drops that concern no link in particular are counted with the first.
@@ -344,8 +359,13 @@ class LiveSession:
         for link, stages in self._dropped.items():
             if stages:
                 self.core.dropped(link, dict(stages))
+        if self._publication is not None:
+            self.core.publishes_to(self._publication.sinks())
         self._snapshot = self.core.snapshot(self._elapsed_s(now_ns), ended=ended)
         self._notices.extend(self.core.take_notices())
+        if self._publication is not None:
+            self._publication.take(self.core.take_alarm_changes(), self.core.newest_ns)
+            self._publication.show(self._snapshot, self.core.newest_ns)
 
 
 def _taken(items: deque[_Item]) -> list[_Item]:

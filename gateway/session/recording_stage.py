@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from gateway.clock import Clock
 from gateway.errors import RecordingError
-from gateway.io.source import Chunk, LinkItem
+from gateway.io.source import LinkEvent, LinkItem
 from gateway.session.bounded_buffer import Buffer
 
 _logger = logging.getLogger(__name__)
@@ -130,7 +130,7 @@ class RecordingStage:
         """Append an item of a link; return False when there is no room within `timeout_s`."""
         if self._fault is not None or self._ending.is_set():
             return True
-        size = len(item.data) if isinstance(item, Chunk) else len(item.text)
+        size = len(item.text) if isinstance(item, LinkEvent) else len(item.data)
         return self._waiting.put(item, size, timeout_s=timeout_s, wake=False)
 
     def write(self, item: LinkItem) -> None:

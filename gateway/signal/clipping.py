@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc
 
-from gateway.signal.order_statistics import median
+from gateway.signal.short_medians import median
 
 # Part of the overshoot's height in which it is a parabola, and least number of counts in it.
 _PARABOLA_SHARE: Final = 0.05

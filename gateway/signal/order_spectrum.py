@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.signal.order_statistics import median
+from gateway.signal.short_medians import median
 from gateway.types import ComplexArray, FloatArray
 
 ORDER_COUNT: Final = 61

@@ -13,7 +13,7 @@ from gateway.views.readout import Reading, read_result
 from gateway.views.text import clean, crop, crop_middle, pad, width
 from gateway.views.wording import notice_text
 
-LINE_WIDTH: Final = 180
+LINE_WIDTH: Final = 200
 HEADER_EVERY: Final = 40
 _NUMBERS_TITLE: Final = "numbers ± standard error (~ provisional, x invalid)"
 _NAME_WIDTH_MIN: Final = 5

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult
-from gateway.reasons import Reason
+from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult, SinkSnapshot
+from gateway.reasons import Code, Reason
 from gateway.views.numbers import MISSING, age, duration, fixed, percent, show
 from gateway.views.wording import joined, text
 
@@ -136,14 +136,17 @@ def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
 
 
 def summary_lines(
-    wheels: Iterable[WheelSummary], links: Sequence[LinkSnapshot] = (), alarms: Sequence[AlarmRecord] = ()
+    wheels: Iterable[WheelSummary],
+    links: Sequence[LinkSnapshot] = (),
+    alarms: Sequence[AlarmRecord] = (),
+    sinks: Sequence[SinkSnapshot] = (),
 ) -> list[str]:
-    """Return a summary as aligned plain lines: a block for each wheel, the alarms, then one line for each link."""
+    """Return a summary as aligned lines: a block for each wheel, the alarms, then a line for each link and output."""
     blocks = [_wheel_lines(wheel) for wheel in wheels] or [["no revolution was completed"]]
     if alarms:
         blocks.append(["alarms", *map(_alarm_line, alarms)])
     lines = [line for block in blocks for line in (*block, "")]
-    return [*lines, *map(_link_line, links)] if links else lines[:-1]
+    return [*lines, *map(_link_line, links), *map(_sink_line, sinks)] if links else lines[:-1]
 
 
 def _alarm_line(alarm: AlarmRecord) -> str:
@@ -196,6 +199,12 @@ def _revolutions_note(wheel: WheelSummary) -> str:
         return "all valid"
     faults = ", ".join(f"{count} x {text(fault)}" for fault, count in wheel.faults.items())
     return f"{wheel.revolutions_valid} valid; {faults}"
+
+
+def _sink_line(sink: SinkSnapshot) -> str:
+    """Return what a live output has published; the reason is given when it did not end as it should."""
+    counts = f"{sink.sink}: {sink.published} published, {sink.dropped} dropped"
+    return counts if sink.note.code is Code.SINK_CLOSED else f"{counts}; {text(sink.note)}"
 
 
 def _link_line(link: LinkSnapshot) -> str:

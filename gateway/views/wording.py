@@ -111,6 +111,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NO_STEADY_VALUE: "the radial signal has no positive mean: its steady value is missing",
     Code.NOT_SETTLED: "settling: {revolutions:.0f} of {needed:.0f} revolutions",
     Code.REVOLUTION_NOT_USED: "this revolution was not used: {faults}",
+    Code.SIGNAL_MISSING: "the bus has not sent it lately",
     Code.SAMPLES_LOST_SHARE: "{share:.1%} of the samples were lost",
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
@@ -135,6 +136,12 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.UNIT_IS_G: "values in g taken for m/s² would fit",
     Code.UNIT_IS_MPS2: "values in m/s² taken for g would fit",
+    Code.VEHICLE_SPEED_CONTRADICTED: (
+        "the speed of the car is {ratio:.3f} ± {std:.3f} times that of belt radius and rotation: {causes}"
+    ),
+    Code.WHEEL_SPEED_CONTRADICTED: (
+        "the car's wheel turns {ratio:.3f} ± {std:.3f} times as fast as the contacts in the signal say: {causes}"
+    ),
     Code.WIDTH_CONTRADICTED: (
         "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
         "radius are not as stated"
@@ -304,6 +311,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NOTIFICATIONS_DROPPED: "{count} notifications dropped because this computer is too slow",
     Code.QUOTED_TEXT: "{text}",
     Code.RETRY_INTERVAL: "trying again every {interval_s:g s} or sooner",
+    # - Live outputs
+    Code.SINK_CLOSED: "finished",
+    Code.SINK_CONNECTED: "publishing",
+    Code.SINK_CONNECTING: "connecting",
+    Code.SINK_DOWN: "nothing is published, {waiting} items wait: {state}",
+    Code.SINK_DROPS: "items are dropped, {dropped} so far: {state}",
+    Code.SINK_ENDED: "the reader has closed its end",
+    Code.SINK_FAULT: "internal error: {error}",
+    Code.SINK_FULL: "the receiver is slower than the session",
+    Code.SINK_LOST: "{error}; trying again every {interval_s:g s} or sooner",
+    Code.SINK_STALLED: "the receiver takes nothing",
     # - Health of links
     Code.FIRMWARE_TOO_NEW: (
         "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update treadlink"
@@ -376,7 +394,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WHEEL_NOT_IN_CONFIGURATION: (
         "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
     ),
-    # - Contradictions of a hub
+    # - False statements of a hub
     Code.HELLO_AXES_DIFFER: (
         "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
     ),
@@ -483,6 +501,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RECORDING_WITHOUT_DATA: "contains nothing that can be used",
     Code.ABOUT_RECORDING: "{recording}: {reason}",
     Code.SEVERAL_SENSORS: "several",
+    # - Recordings of a dataset
+    Code.ESTIMATION_FAILED: "a fault of treadlink, {kind}: {message}",
+    Code.RECORDING_CHANGED: "the file changed while it was read",
+    Code.RECORDING_NOT_READ: "{message}",
+    Code.RECORDING_NOT_USED: "{message}",
+    Code.WORKER_ENDED: "its worker process ended each time that it was tried: killed or crashed",
+    Code.WORKER_MEMORY_ABOVE_LIMIT: (
+        "its worker process was ended each time that it was tried: it used more than its limit of "
+        "{limit_bytes:.0f MB} of memory"
+    ),
+    Code.WORKER_MEMORY_FULL: "its worker process had no memory left",
     # - Provenance of conditions
     Code.ASSUMED_LOAD: "load {load_n:.0f N} (not stated)",
     Code.ASSUMED_PRESSURE: "pressure {pressure_pa:.0f kPa} (neither stated nor measured)",
@@ -500,6 +529,35 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.STATED_PRESSURE_RANGE: "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})",
     Code.STATED_RADIUS: "belt radius {radius_m:g mm} ({source})",
     Code.STATED_ROLL: "mounting roll {roll_rad:g deg} ({source})",
+    # Trends of a dataset
+    Code.TREND_LOAD_STATED: "as stated, not measured",
+    Code.TREND_LOAD_STEPS: "the load changes in {count} steps",
+    Code.TREND_LOSES_PRESSURE: "loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month",
+    Code.TREND_NO_VALUES: "no recording has a value: {why}",
+    Code.TREND_OUTLIERS_LEFT_OUT: "{count} outliers left out",
+    Code.TREND_PRESSURE_NOT_MEASURED: "no sensor has sent a pressure",
+    Code.TREND_RECORDED_DISTANCE: (
+        "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
+    ),
+    Code.TREND_SENSOR_CLIPS: "sensor: {share:.1%} more of the samples at the end of its range",
+    Code.TREND_SENSOR_GAIN: "sensor: its gain has changed by {share:.1%}",
+    Code.TREND_SENSOR_LOSSES: "sensor: {share:.1%} more of the samples are lost",
+    Code.TREND_SENSOR_MOVES: "sensor: its distance from the neutral layer has changed by {change_m:.1f mm}",
+    Code.TREND_SENSOR_NOISE: "sensor: its noise has become {factor:.1f} times as large",
+    Code.TREND_SENSOR_ZERO: "sensor: its zero has changed by {change_mps2:.1f m/s²}",
+    Code.TREND_STEPS: "steps at {count} places, fitted and left out of the trend",
+    Code.TREND_STIFFNESS_DRIFTS: "{name} changes by {share:.2%} ± {std:.2%} a month",
+    Code.TREND_TEMPERATURE_CONSTANT: "the temperature varies too little, or is not known",
+    Code.TREND_TEMPERATURE_UNKNOWN: "no sensor has sent a temperature, which the comparison of pressures needs",
+    Code.TREND_TOO_FEW: "{count} recordings with a value, {needed} are needed",
+    Code.TREND_UNDETERMINED: "the recordings do not determine it",
+    Code.TREND_UNREADABLE_FILE: "left out, because it cannot be read: {path}",
+    Code.TREND_VEHICLE_WITHOUT_ODOMETER: (
+        "the odometer file does not cover vehicle {vehicle}: its distance is the recorded one"
+    ),
+    Code.TREND_WEARS_FAST: (
+        "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}"
+    ),
     # Security
     Code.COUNTERS_NOT_SAVED: "frames of this session could be replayed to the next one: {error}. {remedy}",
     Code.COUNTERS_SAVED_LATE: (
@@ -698,6 +756,7 @@ _UNITS: Final = {
     "Hz": 1.0,
     "kB": 1e-3,
     "kHz": 1e-3,
+    "km": 1e-3,
     "km/h": 3.6,
     "kPa": 1e-3,
     "m": 1.0,

@@ -13,7 +13,11 @@ import tty
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from gateway.cli import COMMANDS
+from gateway.cli import treadlink as command
+from gateway.errors import RecordingError, TreadlinkError
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
 from gateway.simulator.link_faults import parse_faults
@@ -197,30 +201,37 @@ def wait_until_recorded(path: Path, size: int) -> None:
         (("live", "sim:demo?speed=fast"), ("speed", "fast")),
     ],
 )
-def test_errors_name_the_cause_and_the_remedy(arguments, words, tmp_path):
-    done = treadlink(*arguments, cwd=tmp_path, check=False)
-    assert done.returncode == 1
-    assert "Traceback" not in done.stderr
+def test_errors_name_the_cause_and_the_remedy(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    error = CliRunner().invoke(command, arguments).exception
+    assert isinstance(error, TreadlinkError)
     for word in words:
-        assert word in done.stderr
+        assert word in f"{error}\n{error.remedy}"
+
+
+def test_error_is_printed_without_a_traceback(tmp_path):
+    done = treadlink("estimate", "nosuch.mcap", cwd=tmp_path, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("treadlink: ")
+    assert "nosuch.mcap" in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("  Check the path")
 
 
 def test_existing_recording_is_not_overwritten(recording, tmp_path):
     path, _ = recording
     before = path.read_bytes()
-    done = treadlink("live", "sim:lab?speed=max&duration=1", "--plain", "--record", path, check=False)
-    assert done.returncode == 1
-    assert "exists" in done.stderr
+    done = CliRunner().invoke(command, ["live", "sim:lab?speed=max&duration=1", "--plain", "--record", str(path)])
+    assert isinstance(done.exception, RecordingError)
+    assert "exists" in str(done.exception)
     assert path.read_bytes() == before
 
 
 def test_every_command_has_help():
-    from gateway.cli import COMMANDS
-
     for name in COMMANDS:
-        done = treadlink(name, "--help")
-        assert "Usage" in done.stdout
-        assert len(done.stdout) > 200
+        done = CliRunner().invoke(command, [name, "--help"])
+        assert done.exit_code == 0
+        assert "Usage" in done.output
+        assert len(done.output) > 200
 
 
 def test_interrupt_ends_a_live_session_with_its_summary(tmp_path):

@@ -16,7 +16,7 @@ from gateway.cli import LazyGroup, treadlink
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 TIMEOUT_S = 60
-# Python runs this first: the first worker process of diagnose presses Ctrl-C while it is still starting.
+# Python runs this first: the first worker process presses Ctrl-C while it is still starting.
 PRESSES = """
 import os, signal, sys
 
@@ -32,7 +32,8 @@ if any("spawn_main" in word for word in sys.orig_argv):
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
-def test_interrupt_while_processes_start(tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [("diagnose",), ("estimate", "--csv", "out.csv")])
+def test_interrupt_while_processes_start(tmp_path: Path, options: tuple[str, ...]) -> None:
     at_60 = "[motion]\nspeed_kmh = 60.0"
     recordings = [
         write_recording(tmp_path / f"{number}.mcap", at_60, duration_s=2.0, start_ns=START_NS + number * 10**10)
@@ -41,7 +42,8 @@ def test_interrupt_while_processes_start(tmp_path: Path) -> None:
     marker = tmp_path / "pressed"
     (tmp_path / "sitecustomize.py").write_text(PRESSES.format(marker=str(marker)))
     process = subprocess.Popen(
-        [sys.executable, "-m", "gateway.cli", "diagnose", *recordings, "--jobs", "2"],
+        [sys.executable, "-m", "gateway.cli", *options, *recordings, "--jobs", "2"],
+        cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -55,6 +57,7 @@ def test_interrupt_while_processes_start(tmp_path: Path) -> None:
     assert marker.exists()
     assert errors.split() == ["Aborted!"]
     assert printed == ""
+    assert sorted(tmp_path.glob("[!_]*")) == sorted([*recordings, marker, tmp_path / "sitecustomize.py"])
     assert process.returncode == 130
 
 

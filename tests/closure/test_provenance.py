@@ -18,7 +18,7 @@ from gateway.views.report.diagnosis_json import diagnosis_json
 from gateway.views.report.html import diagnosis_html
 from gateway.views.wording import text
 from tests.testkit.campaign_recordings import START_NS, write_recording
-from tests.testkit.diagnosis_data import ordinary
+from tests.testkit.diagnosis_data import undrawn
 
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 RECORDED = "(configuration recorded with it)"
@@ -95,11 +95,11 @@ def test_missing_configuration_is_assumed(tmp_path: Path) -> None:
 def test_inputs_are_in_page_and_json() -> None:
     pytest.importorskip("matplotlib")
     pytest.importorskip("jinja2")
-    diagnosis = replace(ordinary(), stated=("load 4300 N (--config)",))
+    diagnosis = replace(undrawn(), stated=("load 4300 N (--config)",))
     page = diagnosis_html(diagnosis)
     rests = page[page.index('<h2 id="rests">') :]
     assert "<li>load 4300 N (--config)</li>" in rests
     assert rests.index("4300 N") < rests.index("<h3>Assumed</h3>")
     assert "Standard errors of the estimates do not include those of load" in rests
-    assert "do not include those of load" not in diagnosis_html(ordinary())
+    assert "do not include those of load" not in diagnosis_html(undrawn())
     assert diagnosis_json(diagnosis)["stated"] == ["load 4300 N (--config)"]

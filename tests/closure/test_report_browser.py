@@ -12,12 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.testkit.diagnosis_data import nasty, ordinary
-
 pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
 pytest.importorskip("jinja2", reason="jinja2 (extra 'plot') is not installed")
-
-from gateway.views.report.html import write_html
 
 TIMEOUT_S = 90
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
@@ -40,16 +36,16 @@ def chromium() -> str:
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report(page_text: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_html(ordinary(2), path)
+    path.write_text(page_text, "utf-8")
     return path
 
 
 @pytest.fixture(scope="module")
-def nasty_report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def nasty_report(nasty_text: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "nasty.html"
-    write_html(nasty(), path)
+    path.write_text(nasty_text, "utf-8")
     return path
 
 

@@ -7,10 +7,8 @@ from gateway.importing.import_map import parse_map
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-def toml_of(page: str) -> str:
-    match = re.search(r"```toml\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
-    assert match is not None
-    return match[1]
+def toml_of(page: str, number: int = 0) -> str:
+    return re.findall(r"```toml\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)[number]
 
 
 def test_documented_configuration_is_valid() -> None:
@@ -26,6 +24,11 @@ def test_documented_map_is_valid() -> None:
         "p",
         "T",
     )
+
+
+def test_documented_map_of_several_wheels_is_valid() -> None:
+    found = parse_map(toml_of("how-to/import-measurements.md", 1), "map.md")
+    assert found.columns() == ("FL z", "FR z", "FR p", "v drum")
 
 
 def test_example_vehicle_is_valid() -> None:

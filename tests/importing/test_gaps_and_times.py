@@ -45,7 +45,7 @@ def test_empty_cells_keep_the_time_of_the_others(tmp_path: Path, empty: str) -> 
     assert set(samples) == set(range(400)) - missing
     step = decoded.hello.scale_mps2[2]
     assert all(abs(value - 9.80665 * k) <= 0.51 * step for k, value in samples.items())
-    assert (report.samples, report.gaps) == (400, 4)
+    assert (report.samples, report.wheels[0].gaps) == (400, 4)
     assert any("4 rows without a value in an axis are gaps" in line for line in report_lines(report))
     first = next(frame for frame in decoded.blocks if frame.message.first_sample == 7)
     assert first.tick_us == 700
@@ -92,6 +92,24 @@ def test_missing_sample_among_rounded_times_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ImportDataError, match=r"line 3002: the time steps by 3.* rounded to 0.1 ms") as caught:
         imported(tmp_path, [f"{time:.4f},{k % 7}" for k, time in enumerate(times_s)], 'time_column = "t"')
     assert "+- " in caught.value.remedy
+
+
+@pytest.mark.parametrize("block_rows", [65536, 50])
+def test_rows_that_are_left_out_are_gaps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block_rows: int) -> None:
+    monkeypatch.setattr("gateway.importing.csv_columns.BLOCK_ROWS", block_rows)
+    missing = {5, 6, 200, *range(300, 390)}
+    lines = [f"{k / 9600:.7f},{k}" for k in range(400) if k not in missing]
+    report, decoded = imported(tmp_path, lines, 'time_column = "t"')
+    assert set(numbered(decoded)) == set(range(400)) - missing
+    assert (report.samples, report.left_out) == (400, len(missing))
+    assert report.rate_hz == pytest.approx(9600, rel=1e-4)
+    assert any("93 samples that the time column skips are gaps" in line for line in report_lines(report))
+
+
+def test_interruption_of_a_minute_is_rejected(tmp_path: Path) -> None:
+    lines = [f"{k / 10000 + (60.0 if k > 300 else 0.0):.7f},{k % 7}" for k in range(600)]
+    with pytest.raises(ImportDataError, match=r"line 303: the time steps by 6e\+05 sample intervals"):
+        imported(tmp_path, lines, 'time_column = "t"')
 
 
 def test_coarse_rounding_advises_the_rate_with_its_error(tmp_path: Path) -> None:

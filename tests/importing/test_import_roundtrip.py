@@ -42,7 +42,7 @@ def test_csv(tmp_path: Path) -> None:
     assert report.duration_s == pytest.approx(0.5)
     assert decoded.hello.rate_hz == 10000.0
     assert decoded.hello.coupling is Coupling.DC
-    for axis in report.axes:
+    for axis in report.wheels[0].axes:
         assert 0 < axis.error_mps2 <= 0.5 * axis.step_mps2 * (1 + 1e-9)
         assert axis.high_mps2 == pytest.approx(data[:, axis.axis].max() * STANDARD_GRAVITY_MPS2)
 
@@ -155,7 +155,7 @@ def test_measured_pressure_and_temperature_become_messages(tmp_path: Path) -> No
     path = write_csv(tmp_path / "run.csv", columns)
     section = 'pressure_column = "p"\npressure_unit = "bar"\ntemperature_column = "T"'
     report, decoded = imported(path, simple_map(environment=section))
-    assert report.environment_frames == len(decoded.environments) == 3  # at 0, 1 and 2 s
+    assert report.wheels[0].environment_frames == len(decoded.environments) == 3  # at 0, 1 and 2 s
     for second, message in enumerate(decoded.environments):
         assert message.temperature_degc == pytest.approx(31.25)
         # Mean of a chunk of 108 samples, plus at most one chunk of delay.

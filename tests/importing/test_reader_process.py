@@ -28,6 +28,11 @@ def opened(tmp_path: Path, rows: int = 100) -> ProcessColumns:
     return ProcessColumns(path, FileFormat.MAT)
 
 
+def pid_of(reader: ProcessColumns) -> int:
+    assert reader._process is not None
+    return reader._process.process.pid
+
+
 def test_file_that_crashes_its_parser_is_an_error(tmp_path: Path) -> None:
     text = simple_map(**{"axis.circumferential": "", "axis.lateral": ""})
     with pytest.raises(
@@ -39,7 +44,7 @@ def test_file_that_crashes_its_parser_is_an_error(tmp_path: Path) -> None:
 
 def test_parser_killed_while_reading_is_an_error(tmp_path: Path) -> None:
     reader = opened(tmp_path)
-    os.kill(reader._process.pid, signal.SIGKILL)
+    os.kill(pid_of(reader), signal.SIGKILL)
     with pytest.raises(ImportDataError, match=r"crashed \(SIGKILL\)"):
         list(reader.blocks(["z"]))
     reader.close()
@@ -47,13 +52,14 @@ def test_parser_killed_while_reading_is_an_error(tmp_path: Path) -> None:
 
 def test_parser_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader_process, "_SPARE_S", 1.0)
+    before = multiprocessing.active_children()
     reader = opened(tmp_path)
-    os.kill(reader._process.pid, signal.SIGSTOP)
+    os.kill(pid_of(reader), signal.SIGSTOP)
     reader._limit_s = 0.05
     with pytest.raises(ImportDataError, match="did not answer within 0 s"):
         list(reader.blocks(["z"]))
     reader.close()
-    assert not reader._process.is_alive()
+    assert multiprocessing.active_children() == before
 
 
 def test_absurd_size_is_an_error_about_memory(tmp_path: Path) -> None:
@@ -65,11 +71,11 @@ def test_absurd_size_is_an_error_about_memory(tmp_path: Path) -> None:
 
 
 def test_failing_file_leaves_no_process(tmp_path: Path) -> None:
-    path = tmp_path / "run.mat"
+    path, before = tmp_path / "run.mat", multiprocessing.active_children()
     path.write_bytes(b"no MATLAB file" * 20)
     with pytest.raises(ImportDataError, match="not a readable MATLAB file"):
         ProcessColumns(path, FileFormat.MAT)
-    assert multiprocessing.active_children() == []
+    assert multiprocessing.active_children() == before
 
 
 def test_wide_matrix_is_named_with_the_remedy(tmp_path: Path) -> None:
@@ -79,3 +85,15 @@ def test_wide_matrix_is_named_with_the_remedy(tmp_path: Path) -> None:
     with pytest.raises(ImportDataError, match="'acc' has 3 rows and 5000 columns") as caught:
         ProcessColumns(path, FileFormat.MAT)
     assert "transpose" in caught.value.remedy
+
+
+def test_signalling_nan_is_a_gap(tmp_path: Path) -> None:
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "run.parquet"
+    values = np.arange(10.0)
+    values[3:4].view(np.uint64)[:] = 0x7FF4_0000_0000_0001
+    pq.write_table(pa.table({"z": pa.array(values)}), path)
+    reader = ProcessColumns(path, FileFormat.PARQUET)
+    (block,) = reader.blocks(["z"])
+    reader.close()
+    assert block.values[3:4, 0].view(np.uint64)[0] == np.array([np.nan]).view(np.uint64)[0]

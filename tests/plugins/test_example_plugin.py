@@ -10,8 +10,10 @@ import signal
 import socket
 import subprocess
 import sys
+import wave
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from firmware_protocol import wire
@@ -27,6 +29,8 @@ BAD = {
         "other": "bad_plugin:Raising",
     },
     "treadlink.effects": {"gravity": "bad_plugin:EFFECTS", "number": "bad_plugin:NUMBER"},
+    "treadlink.importers": {"csv": "bad_plugin:Shape", "wavy": "bad_plugin:Shape"},
+    "treadlink.sinks": {"mqtt": "bad_plugin:KIND", "thing": "bad_plugin:KIND"},
 }
 BAD_MODULE = """
 from gateway.closure.effects.wheel_motion import Gravity
@@ -110,6 +114,8 @@ def test_doctor_lists_plugins(example: Path) -> None:
         "plug-in udp": ("ok", "sources of treadlink-example 0.1.0"),
         "plug-in rotation": ("ok", "estimators of treadlink-example 0.1.0"),
         "plug-in cross-axis": ("ok", "effects of treadlink-example 0.1.0"),
+        "plug-in wav": ("ok", "importers of treadlink-example 0.1.0"),
+        "plug-in graphite": ("ok", "sinks of treadlink-example 0.1.0"),
     }
 
 
@@ -126,6 +132,10 @@ def test_doctor_refuses_what_does_not_fit(bad: Path) -> None:
         "other": "it calls itself raising",
         "gravity": "its name or its rank is that of gravity of treadlink, rank 140",
         "number": "it is not a sequence of gateway.closure.effects.effect.Effect",
+        "csv": "its name is taken by treadlink",
+        "wavy": "it lacks blocks, sample, close",
+        "mqtt": "its name is taken by treadlink",
+        "thing": "it is not a gateway.publishing.sink.SinkKind",
     }
 
 
@@ -192,6 +202,53 @@ def test_source_of_a_plugin_delivers_frames(example: Path, tmp_path: Path) -> No
         process.send_signal(signal.SIGINT)
         rest = process.stdout.read()
     assert re.search(rf"{uri}: \d+ frames, 0 lost", rest)
+
+
+MAP = """
+[sampling]
+time_column = "time"
+time_unit = "s"
+[axis.radial]
+column = "channel 1"
+unit = "mg"
+[sensor]
+coupling = "DC"
+[conditions]
+radius_mm = 300.0
+"""
+
+
+def test_importer_of_a_plugin_reads_its_files(example: Path, tmp_path: Path) -> None:
+    rate_hz, turns_per_s = 9600, 9.0
+    angle_rad = 2 * np.pi * turns_per_s * np.arange(3 * rate_hz) / rate_hz
+    counts = np.round(95_000 * np.minimum(1.0, np.abs((angle_rad % (2 * np.pi)) / np.pi - 1.0) * 8)).astype("<i4")
+    with wave.open(str(tmp_path / "run.wav"), "wb") as file:
+        file.setparams((1, 4, rate_hz, len(counts), "NONE", ""))
+        file.writeframes(counts.tobytes())
+    (tmp_path / "run.toml").write_text(MAP)
+    out = tmp_path / "run.mcap"
+    arguments = ("import", str(tmp_path / "run.wav"), "--map", str(tmp_path / "run.toml"), "--out", str(out))
+    assert treadlink(*arguments, folders=(), check=False).returncode == 1
+    done = treadlink(*arguments, folders=(example,))
+    assert f"{len(counts)} samples, 3 s at 9600 Hz" in done.stdout
+    assert "0.00 to    931.63" in done.stdout
+
+
+def test_live_output_of_a_plugin_gets_estimates(example: Path, recording: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        uri = f"graphite:127.0.0.1:{server.getsockname()[1]}?prefix=car"
+        command = [sys.executable, "-m", "gateway.cli", "replay", str(recording), "--speed", "max", "--plain"]
+        with subprocess.Popen(
+            [*command, "--publish", uri], env=environment(example), stdout=subprocess.DEVNULL
+        ) as process:
+            connection, _ = server.accept()
+            with connection, connection.makefile() as lines:
+                received = lines.readlines()
+        assert process.returncode == 0
+    speeds = [line.split() for line in received if line.startswith("car.W1.speed_mps ")]
+    assert len(speeds) >= 10
+    assert float(speeds[-1][1]) == pytest.approx(65 / 3.6, rel=0.01)
+    assert int(speeds[-1][2]) > 1_700_000_000
 
 
 def frames_of(data: bytes, count: int) -> list[bytes]:

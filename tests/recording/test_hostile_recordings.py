@@ -13,7 +13,7 @@ import lz4.frame
 import pytest
 import zstandard
 
-from gateway.cli.session_setup import choose_vehicle
+from gateway.config.vehicle import choose_vehicle
 from gateway.errors import ConfigError, RecordingError
 from gateway.io.source import Chunk
 from gateway.reasons import Code

@@ -99,7 +99,7 @@ def test_frame_that_comes_twice_counts_once(name: str) -> None:
     assert [wheel.counters for wheel in twice.snapshot(1.0).wheels] == [
         wheel.counters for wheel in once.snapshot(1.0).wheels
     ]
-    assert twice.contradictions() == once.contradictions()
+    assert twice.false_statements() == once.false_statements()
 
 
 def test_flood_does_not_disturb_another_wheel() -> None:

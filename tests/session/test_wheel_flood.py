@@ -76,7 +76,7 @@ def test_session_takes_64_wheels_and_reports_the_rest_once() -> None:
     core = live(flood(1000))
     refused = [notice for notice in core.take_notices() if notice.reason.code is Code.WHEELS_REFUSED]
     assert len(refused) == 1
-    assert core.contradictions() == [
+    assert core.false_statements() == [
         Notice("", Reason(Code.WHEELS_REFUSED, count=1000 - MOST_WHEELS, most=MOST_WHEELS), Level.WARNING)
     ]
     assert len(core.snapshot(1.0).wheels) == MOST_WHEELS

@@ -216,6 +216,11 @@ def ordinary(groups: int = 4) -> Diagnosis:
     )  # fmt: skip
 
 
+def undrawn() -> Diagnosis:
+    """Return the ordinary diagnosis without figures, which take most of the time of a page."""
+    return replace(ordinary(1), curves=(), spectra=(), trends=())
+
+
 def nasty() -> Diagnosis:
     """Return a diagnosis whose strings are hostile, with unknown numbers and an absent axis."""
     plain = ordinary(2)

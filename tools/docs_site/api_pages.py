@@ -22,7 +22,12 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.recording": "recordings: writer, reader, replay, repair",
     "gateway.simulator": "simulated tires, hubs and link faults",
     "gateway.importing": "import of foreign measurements",
+    "gateway.exporting": "export of measurements to the files of other programs",
     "gateway.session": "live, batch and campaign sessions",
+    "gateway.api": "recordings, live estimates, simulation and diagnosis for programs",
+    "gateway.publishing": "live outputs: JSON lines, MQTT, Foxglove, CAN",
+    "gateway.trends": "trends of tires: regression, steps, outliers",
+    "gateway.fleet": "campaigns over thousands of recordings and their dataset",
 }
 
 _ROOT: Final = Path(__file__).parents[2]

@@ -13,6 +13,8 @@ from gateway.views.effect_catalogue import effects_markdown
 from tools.docs_site.api_pages import api_markdown
 from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import configuration_markdown
+from tools.docs_site.notebook_pages import notebook_markdown
+from tools.docs_site.python_pages import python_markdown
 from tools.docs_site.reason_pages import reasons_markdown
 
 ROOT: Final = Path(__file__).parents[2]
@@ -25,13 +27,15 @@ FILES: Final = "files"
 _LINK: Final = re.compile(r"(?<!`)(!?\[(?:[^\[\]]|\[[^\]]*\])*\]\()([^()\s]+)(\))")
 
 
-def generated_pages() -> dict[str, str]:
+def generated_pages(*, run_notebooks: bool = False) -> dict[str, str]:
     """Return path in the site -> Markdown of every generated page."""
     return {
         "reference/commands.md": commands_markdown(),
         "reference/configuration.md": configuration_markdown(),
         "reference/effects.md": effects_markdown(),
+        "reference/python.md": python_markdown(),
         "reference/reasons.md": reasons_markdown(),
+        **notebook_markdown(run=run_notebooks),
         **{f"reference/api/{name}": page for name, page in api_markdown().items()},
     }
 
@@ -49,13 +53,13 @@ def relative_links(text: str) -> Iterator[str]:
             yield match[2]
 
 
-def stage(target: Path) -> None:
-    """Rewrite the whole folder."""
+def stage(target: Path, *, run_notebooks: bool = False) -> None:
+    """Rewrite the whole folder; `run_notebooks` adds the outputs of the notebooks to their pages."""
     shutil.rmtree(target, ignore_errors=True)
     by_source = {path.resolve(): page for page, path in written_pages().items()}
     for page, path in written_pages().items():
         _write(target / page, _relinked(path, page, by_source, target))
-    for page, text in generated_pages().items():
+    for page, text in generated_pages(run_notebooks=run_notebooks).items():
         _write(target / page, text)
     for path in DOCS.rglob("*"):
         if path.is_file() and path.suffix != ".md":

@@ -13,6 +13,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 
@@ -29,8 +30,9 @@ from gateway.clock import ManualClock
 from gateway.config.effects_file import check_effects, effects_notices, effects_text, load_effects, with_effects
 from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
 from gateway.errors import TreadlinkError
-from gateway.importing.import_map import load_map
+from gateway.importing.import_map import ImportMap, load_map, parse_map
 from gateway.importing.importer import import_file
+from gateway.importing.reader_process import ReaderProcesses
 from gateway.io.source import Chunk, open_source
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.recording.compact import compact_recording
@@ -45,7 +47,7 @@ from gateway.session.core import SessionCore
 from gateway.simulator.scenario import load_scenario
 from gateway.types import FloatArray
 from gateway.views import wording
-from tools.reliability.mutations import Change, frame_content, mat_content, recording_content
+from tools.reliability.mutations import Change, frame_content, mat_content, mdf_content, recording_content
 
 _START_NS = 1_700_000_000_000_000_000
 _MAP = """
@@ -270,6 +272,16 @@ def import_mat(data: bytes) -> bool:
     return _imported(data, "t.mat", _MAP)
 
 
+def import_hdf5(data: bytes) -> bool:
+    """An HDF5 file, also of MATLAB 7.3, that is to be imported with a good map."""
+    return _imported(data, "t.mat" if data.startswith(b"MATLAB") else "t.h5", _MAP)
+
+
+def import_mf4(data: bytes) -> bool:
+    """An MDF file that is to be imported with a good map."""
+    return _imported(data, "t.mf4", _MAP)
+
+
 def import_parquet(data: bytes) -> bool:
     """A Parquet file that is to be imported with a good map."""
     return _imported(data, "t.parquet", _MAP)
@@ -281,15 +293,32 @@ def import_table(data: bytes) -> bool:
     return any([_imported(data, "t.csv", _MAP), _imported(data, "t.csv", by_time)])
 
 
+# One process reads all the files of a kind: starting one costs more than reading a file.
+_PROCESSES = ReaderProcesses(keep=True)
+_crashes = 0
+
+
+def parser_crashes() -> int:
+    """Return how often a parser's process was ended by a signal, which is a message for the user."""
+    return _crashes
+
+
+@cache
+def _map(text: str) -> ImportMap:
+    return parse_map(text, "good.map.toml")
+
+
 def _imported(data: bytes, name: str, map_text: str) -> bool:
-    with _file(data, name) as path, _file(map_text.encode(), "good.map.toml") as map_path:
+    global _crashes
+    with _file(data, name) as path:
         out = _folder() / "imported.mcap"
         try:
-            report = import_file(path, load_map(map_path), out)
+            report = import_file(path, _map(map_text), out, processes=_PROCESSES)
             assert report_lines(report)
             assert any(isinstance(item, Chunk) for item in RecordingReader(out).items())
         except TreadlinkError as error:
             _explained(error)
+            _crashes += "files crashed (SIG" in str(error)
             return False
         finally:
             out.unlink(missing_ok=True)
@@ -442,6 +471,78 @@ def _parquets() -> list[bytes]:
     return found
 
 
+def _hdf5s() -> list[bytes]:
+    import h5py
+
+    columns = _columns()
+    found = []
+    for name, options in (("plain", {}), ("packed", {}), ("latest", {"libver": "latest"}), ("matlab", {})):
+        file = io.BytesIO()
+        matlab = {"userblock_size": 512} if name == "matlab" else {}
+        with h5py.File(file, "w", **options, **matlab) as content:
+            kept = {"compression": "gzip", "shuffle": True, "chunks": (150,)} if name == "packed" else {}
+            for column, values in columns.items():
+                content.create_dataset(column, data=values[None, :] if matlab else values, **kept)
+            # A group's header would state the time of writing.
+            timeless = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
+            timeless.set_obj_track_times(False)
+            h5py.h5g.create(content.id, b"run", gcpl=timeless)
+            content["run/acc"] = np.column_stack(list(columns.values()))
+            content["run"].attrs["note"] = "text"
+            content["z"].attrs["units"] = "g"
+            content["table"] = np.array([(1, 2.0)] * 20, dtype=[("a", "i4"), ("b", "f8")])
+            content["far"] = h5py.ExternalLink("none.h5", "/a")
+            content["again"] = h5py.SoftLink("/run")
+            if matlab:
+                content["run"].attrs["MATLAB_class"] = np.bytes_("struct")
+                content["z"].attrs["MATLAB_class"] = np.bytes_("double")
+                content["#refs#/a"] = columns["z"]
+                cell = content.create_dataset("cell", (1, 2), dtype=h5py.ref_dtype)
+                cell[0, 0], cell[0, 1] = content["#refs#/a"].ref, content["z"].ref
+                cell.attrs["MATLAB_class"] = np.bytes_("cell")
+        data = file.getvalue()
+        found.append(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + data[128:] if matlab else data)
+    return found
+
+
+def _mdfs() -> list[bytes]:
+    from asammdf import MDF, Signal
+
+    columns = _columns()
+    found = []
+    for version, compression in (("4.10", 0), ("4.10", 2), ("4.11", 1), ("3.30", 0)):
+        with MDF(version=version) as mdf:
+            mdf.header.start_time = datetime(2024, 5, 1, tzinfo=UTC)
+            times_s = columns["t"]
+            counts = (100 * columns["z"]).astype("<i2")
+            scaled = {"a": 0.01, "b": 0.0}
+            mdf.append(
+                [
+                    Signal(columns["z"], times_s, name="z", unit="g"),
+                    Signal(counts, times_s, name="x", unit="g", conversion=scaled),
+                ]
+            )
+            mdf.append(
+                [
+                    Signal(np.arange(5.0), np.arange(5.0) / 100, name="speed", unit="km/h"),
+                    Signal(np.array([b"one"] * 5), np.arange(5.0) / 100, name="text", encoding="utf-8"),
+                ]
+            )
+            path = _folder() / f"seed{'.mf4' if version[0] == '4' else '.mdf'}"
+            mdf.save(path, overwrite=True, compression=compression)
+        data = bytearray(path.read_bytes())
+        at = data.find(b"##FH")
+        while at >= 0:
+            # The history states the time of writing.
+            data[at + 40 : at + 48] = bytes(8)
+            at = data.find(b"##FH", at + 4)
+        at = data.find(b": updated by")
+        if at >= 24:
+            data[at - 24 : at] = b"Wed May  1 00:00:00 2024"
+        found.append(bytes(data))
+    return found
+
+
 @cache
 def _effects_vehicle() -> VehicleConfig:
     return parse_vehicle(
@@ -496,6 +597,8 @@ TARGETS: dict[str, Target] = {
     "dump": Target("raw dump through a session", read_dump, _dumps, frame_content),
     "table": Target("import of a CSV table", import_table, lambda: [_good_table()]),
     "mat": Target("import of a MATLAB file", import_mat, _mats, mat_content),
+    "hdf5": Target("import of an HDF5 or MATLAB 7.3 file", import_hdf5, _hdf5s),
+    "mf4": Target("import of an MDF file", import_mf4, _mdfs, mdf_content),
     "parquet": Target("import of a Parquet file", import_parquet, _parquets),
     "map": Target("import map", import_with_map, lambda: [_MAP.encode()]),
     "vehicle": Target("vehicle configuration", read_vehicle, _vehicle_seeds),

@@ -87,7 +87,7 @@ def change(rng: np.random.Generator, data: bytes) -> bytes:
 
 def recording_content(rng: np.random.Generator, data: bytes) -> bytes:
     """Change the records inside a chunk of a recording, and make sizes, compression and checksum right again."""
-    chunks = [(at, end) for opcode, at, end in _records(data) if opcode == 6]
+    chunks = [(at, end) for opcode, at, end in _records(data) if opcode == 6 and end - at >= _RECORD.size + _CHUNK.size]
     if not chunks:
         return change(rng, data)
     at, end = chunks[int(rng.integers(len(chunks)))]
@@ -126,6 +126,27 @@ def mat_content(rng: np.random.Generator, data: bytes) -> bytes:
         return change(rng, data)
     stored = zlib.compress(change(rng, content))
     return data[:at] + struct.pack("<II", 15, len(stored)) + stored + data[end:]
+
+
+def mdf_content(rng: np.random.Generator, data: bytes) -> bytes:
+    """Change the inside of a compressed block of an MDF file; all places in the file stay."""
+    starts = [at for at in range(0, len(data) - 48, 8) if data[at : at + 4] == b"##DZ"]
+    if not starts:
+        return change(rng, data)
+    at = starts[int(rng.integers(len(starts)))]
+    length = int.from_bytes(data[at + 8 : at + 16], "little")
+    try:
+        content = zlib.decompressobj().decompress(data[at + 48 : at + length], 1 << 20)
+    except zlib.error:
+        return change(rng, data)
+    changed = bytearray(content)
+    for _ in range(int(rng.integers(1, 9))):
+        changed[int(rng.integers(len(changed)))] = int(rng.integers(256))
+    stored = zlib.compress(bytes(changed), 9)
+    if len(stored) > length - 48:
+        # Constant content is shorter than any other.
+        stored = zlib.compress(bytes([changed[0]]) * len(changed), 9)
+    return data[: at + 48] + stored + data[at + 48 + len(stored) :]
 
 
 def frame_content(rng: np.random.Generator, data: bytes) -> bytes:

@@ -1,14 +1,17 @@
-"""Pool of worker processes that ends quietly on Ctrl-C."""
+"""Pool of worker processes that ends quietly on Ctrl-C, and explains a lost process."""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context
 from types import TracebackType
 from typing import Any, ParamSpec, TypeVar
+
+from gateway.errors import TreadlinkError
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -39,11 +42,20 @@ class Processes(ProcessPoolExecutor):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Cancel work that has not started and wait for the rest; after an interrupt, end that too."""
-        if kind is not None and issubclass(kind, KeyboardInterrupt):
+        """Wait for the work to end; after an error or an interrupt, end it at once.
+
+        Raises:
+            TreadlinkError: a process was terminated from outside.
+        """
+        if kind is not None:
             for process in tuple((self._processes or {}).values()):
                 process.terminate()
         self.shutdown(wait=True, cancel_futures=True)
+        if isinstance(error, BrokenProcessPool):
+            raise TreadlinkError(
+                "a worker process was terminated from outside, possibly for lack of memory",
+                "Close other programs, or use one process: --jobs 1.",
+            ) from error
 
 
 def _begin(begin: Callable[..., object] | None, arguments: tuple[Any, ...]) -> None:

@@ -68,6 +68,7 @@ def compose(
     top = [status.header(live, view.paused_at_s, cells), *status.alarms(live.alarms, cells, alarm_rows)]
     bottom = [
         *status.links(snapshot.links, cells, link_rows),
+        *status.sinks(live.sinks, cells, link_rows),
         *status.overwritten_samples(snapshot.wheels, cells),
         *status.notices(live.notices, cells, notice_rows),
         status.keys(len(snapshot.wheels), view.zoom, view.paused_at_s is not None, cells),

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
+from gateway.pipeline.results import (
+    Alarm,
+    LinkSnapshot,
+    SessionSnapshot,
+    SinkSnapshot,
+    SinkState,
+    WheelSnapshot,
+    WheelState,
+)
 from gateway.reasons import Code, Notice
 from gateway.views.console.styled_rows import Role, Row, Run, fill_while_fitting, fit, spread
 from gateway.views.console.waveform import Zoom
@@ -86,6 +94,36 @@ def links(all_links: Sequence[LinkSnapshot], cells: int, rows: int) -> list[Row]
     if rest:
         result.append(fit(((f"{rest} more links, {connected} of them connected", Role.LABEL),), cells))
     return result
+
+
+def sinks(outputs: Sequence[SinkSnapshot], cells: int, rows: int) -> list[Row]:
+    """Return one row per live output; without room for all, those with problems come first and the rest is counted."""
+    shown = list(outputs)
+    rest = 0
+    if len(shown) > rows:
+        shown.sort(key=lambda sink: (sink.state is SinkState.UP, -sink.dropped))
+        rest = len(shown) - rows + 1
+        shown = shown[: rows - 1]
+    name_width = min(max((len(sink.sink) for sink in shown), default=0), cells // 4 if cells >= _WIDE_CELLS else 16)
+    result = [fit(_sink(sink, name_width, cells), cells) for sink in shown]
+    if rest:
+        result.append(fit(((f"{rest} more live outputs", Role.LABEL),), cells))
+    return result
+
+
+def _sink(sink: SinkSnapshot, name_width: int, cells: int) -> Row:
+    name = pad(crop_middle(clean(sink.sink), name_width), name_width)
+    is_up = sink.state in (SinkState.UP, SinkState.CONNECTING)
+    state: Run = (str(sink.state), Role.GOOD)
+    if not is_up:
+        state = (f" {str(sink.state).upper()} {age(sink.since_s)} ", Role.ALARM)
+    fields: list[Run] = [
+        (f"published {sink.published}", Role.TEXT),
+        (f"dropped {sink.dropped}", Role.WARNING if sink.dropped else Role.TEXT),
+        *([(f"waiting {sink.waiting}", Role.WARNING)] if sink.waiting and not is_up else []),
+        *([] if is_up else [(clean(reason_text(sink.note)), Role.WARNING)]),
+    ]
+    return fill_while_fitting(((f"{name} ", Role.LABEL), state), fields, cells, "  " if cells >= _WIDE_CELLS else " ")
 
 
 def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:

@@ -134,9 +134,13 @@ def drawable(text: str) -> str:
 
 def inline_svg(figure: Figure, prefix: str) -> str:
     """Return a figure as one SVG element with colours by role and identities that start with `prefix`."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     buffer = io.StringIO()
-    # Without date and creator the same diagnosis gives the same bytes, and no URL appears.
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    # `savefig` would draw the figure twice, first to lay it out. Without date and creator the same diagnosis gives the
+    # same bytes, and no URL appears.
+    metadata = {"Date": None, "Creator": None, "Format": None, "Type": None}
+    FigureCanvasSVG(figure).print_svg(buffer, metadata=metadata)  # type: ignore[no-untyped-call]
     text = buffer.getvalue()
     text = _STYLE_SHEET.sub("", _COMMENT.sub("", text[text.index("<svg") :]))
     text = _OPENING.sub(r'<svg viewBox="\1" aria-hidden="true" focusable="false">', text, count=1)

@@ -66,35 +66,38 @@ class TableFormat(StrEnum):
     PARQUET = "parquet"
 
 
-class TableWriter(Protocol):
-    """Writes results one by one and keeps none of them.
+Row = tuple[dict[str, Cell], dict[str, dict[str, Cell]]] | bytes
+"""A row before it is written: as `row_of` returns it for columns, or a JSON line."""
 
-    As a context manager it closes, and after an error discards: the table appears complete or not at all.
+
+class RowMaker(Protocol):
+    """Makes the rows of a format, hands each to its `put` and keeps none.
+
+    All methods raise OutputError when the file cannot be written any more.
     """
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
-        """Add one row; `recording` distinguishes rows of several recordings in one table.
-
-        Raises:
-            OutputError: the file cannot be written any more.
-        """
+        """Add one row; `recording` distinguishes rows of several recordings in one table."""
         ...
 
     def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
-        """Note that a wheel completed no revolution; only JSON lines have a place for it.
-
-        Raises:
-            OutputError: the file cannot be written any more.
-        """
+        """Note that a wheel completed no revolution; only JSON lines have a place for it."""
         ...
 
     def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
-        """Note an alarm of the whole recording; only JSON lines have a place for it.
-
-        Raises:
-            OutputError: the file cannot be written any more.
-        """
+        """Note an alarm of the whole recording; only JSON lines have a place for it."""
         ...
+
+    def put(self, row: Row) -> None:
+        """Take a row that this, or another maker of the same format, has made."""
+        ...
+
+
+class TableWriter(RowMaker, Protocol):
+    """Writes rows to a file.
+
+    As a context manager it closes, and after an error discards: the table appears complete or not at all.
+    """
 
     def close(self) -> None:
         """Finish the file; may be called twice."""
@@ -194,6 +197,54 @@ def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+class JsonRows:
+    """Rows of JSON lines: keys as the columns of the other formats, and reasons as lists; unknown is null."""
+
+    def put(self, row: Row) -> None:
+        """Take a row; each kind of target has its own."""
+        raise NotImplementedError
+
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        """Make the row of a result."""
+        fixed, named = row_of(result, recording)
+        row: dict[str, object] = dict(_in_order(fixed, named, named))
+        row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
+        row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
+        for estimate in result.estimates:
+            row[f"{distinct_name(estimate.name, _TAKEN)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
+        self.put(_json_line(row))
+
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+        """Make the row of a wheel without a revolution."""
+        row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
+        row |= {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]}
+        self.put(_json_line(row))
+
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
+        """Make the row of an alarm."""
+        row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
+        row |= {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)}
+        self.put(_json_line(row))
+
+
+class ColumnRows:
+    """Rows of the formats with columns, one per revolution."""
+
+    def put(self, row: Row) -> None:
+        """Take a row; each kind of target has its own."""
+        raise NotImplementedError
+
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        """Make the row of a result."""
+        self.put(row_of(result, recording))
+
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+        """Do nothing: every row is a revolution."""
+
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
+        """Do nothing: every row is a revolution."""
+
+
 class _Table(ABC):
     def __init__(self, output: OutputFile) -> None:
         self._output = output
@@ -216,34 +267,20 @@ class _Table(ABC):
         self._output.discard()
 
 
-class _JsonLines(_Table):
-    """One JSON object a line, keys as the columns of the other formats, and reasons as lists; unknown is null."""
+class _JsonLines(JsonRows, _Table):
+    """One JSON object a line."""
 
-    def write(self, result: RevolutionResult, recording: str = "") -> None:
-        fixed, named = row_of(result, recording)
-        row: dict[str, object] = dict(_in_order(fixed, named, named))
-        row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
-        row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
-        for estimate in result.estimates:
-            row[f"{distinct_name(estimate.name, _TAKEN)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
-        self._put(row)
-
-    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
-        row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
-        row |= {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]}
-        self._put(row)
-
-    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
-        row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
-        row |= {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)}
-        self._put(row)
-
-    def _put(self, row: dict[str, object]) -> None:
+    def put(self, row: Row) -> None:
+        assert isinstance(row, bytes)
         with self._output.explained():
-            self._output.file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
+            self._output.file.write(row)
 
     def close(self) -> None:
         self._output.commit()
+
+
+def _json_line(row: dict[str, object]) -> bytes:
+    return json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n"
 
 
 def _in_order(
@@ -256,7 +293,7 @@ def _in_order(
     yield from ((key, fixed[key]) for key in TAIL)
 
 
-class _Columns(_Table):
+class _Columns(ColumnRows, _Table):
     """Buffers the first rows to learn the names of the estimates, then streams under fixed columns."""
 
     def __init__(self, output: OutputFile, sink: RowSink, estimates: Sequence[str]) -> None:
@@ -266,8 +303,9 @@ class _Columns(_Table):
         self._held: list[tuple[dict[str, Cell], dict[str, dict[str, Cell]]]] | None = []
         self._closed = False
 
-    def write(self, result: RevolutionResult, recording: str = "") -> None:
-        fixed, named = row_of(result, recording)
+    def put(self, row: Row) -> None:
+        assert isinstance(row, tuple)
+        fixed, named = row
         with self._output.explained():
             if self._held is None:
                 self._put(fixed, named)
@@ -290,12 +328,6 @@ class _Columns(_Table):
         with suppress(Exception):  # pyarrow would try to finish the file when it is collected
             self._sink.end()
         super().discard()
-
-    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
-        """Do nothing: every row is a revolution."""
-
-    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
-        """Do nothing: every row is a revolution."""
 
     def _release(self) -> None:
         held, self._held = self._held, None

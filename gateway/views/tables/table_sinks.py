@@ -42,11 +42,11 @@ class CsvSink:
 
     def begin(self, columns: dict[str, type]) -> None:
         """Write the header."""
-        self._rows.writerow([_harmless(name) for name in columns])
+        self._rows.writerow([harmless(name) for name in columns])
 
     def row(self, cells: list[Cell]) -> None:
         """Add a row."""
-        self._rows.writerow([_harmless(cell) for cell in cells])
+        self._rows.writerow([harmless(cell) for cell in cells])
 
     def end(self) -> None:
         """Do nothing: every row is in the file."""
@@ -62,7 +62,8 @@ class _Utf8:
         return self._file.write(text.encode())
 
 
-def _harmless(cell: Cell) -> Cell:
+def harmless(cell: Cell) -> Cell:
+    """Return a cell of CSV: booleans as 0 or 1, and an apostrophe before text that a spreadsheet would run."""
     if isinstance(cell, bool):
         return int(cell)
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell

@@ -21,8 +21,8 @@ from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.writer import RecordingWriter
 from gateway.session.campaign_recording import ReadOrder, read_recording
-from gateway.session.contradictions import ContradictionWatch
 from gateway.session.core import SessionCore
+from gateway.session.statement_watch import StatementWatch
 from gateway.views.wording import notice_text
 from tests.session.hub_frames import HELLO, HubFrames
 
@@ -31,7 +31,7 @@ FL = {(0, 0): "FL"}
 
 
 def streamed(hub: HubFrames) -> list[Notice]:
-    watch, decoder = ContradictionWatch(FL), FrameDecoder()
+    watch, decoder = StatementWatch(FL), FrameDecoder()
     for data in hub.stream:
         watch.frames("x", decoder.feed(data))
     watch.counters("x", decoder.counters)
@@ -39,7 +39,7 @@ def streamed(hub: HubFrames) -> list[Notice]:
 
 
 def batched(hub: HubFrames, block_bytes: int) -> list[Notice]:
-    watch, decoder = ContradictionWatch(FL), BatchDecoder()
+    watch, decoder = StatementWatch(FL), BatchDecoder()
     data = b"".join(hub.stream)
     for at in range(0, len(data), block_bytes):
         watch.batch("x", decoder.feed(data[at : at + block_bytes]))
@@ -173,7 +173,7 @@ CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = 
 
 
 @pytest.mark.parametrize(("bend", "subject", "code", "values"), CASES, ids=[case[0].__name__ for case in CASES])
-def test_contradiction_is_named_once_with_its_count(
+def test_false_statement_is_named_once_with_its_count(
     bend: Callable[[HubFrames], None], subject: str, code: Code, values: dict[str, object]
 ) -> None:
     hub = HubFrames()
@@ -222,7 +222,7 @@ def test_hub_that_follows_the_protocol_is_not_named() -> None:
 
 
 def test_new_connection_begins_anew() -> None:
-    watch, decoder, hub = ContradictionWatch(), FrameDecoder(), HubFrames()
+    watch, decoder, hub = StatementWatch(), FrameDecoder(), HubFrames()
     hub.hello()
     hub.samples(1.0)
     watch.frames("x", decoder.feed(b"".join(hub.stream)))
@@ -247,7 +247,7 @@ def test_session_names_it_at_once_and_counts_at_the_end() -> None:
     other_axes(hub)
     core, notices = session(hub)
     assert [notice.reason.code for notice in notices].count(Code.HELLO_AXES_DIFFER) == 1
-    (final,) = core.contradictions()
+    (final,) = core.false_statements()
     assert final.reason["count"] == 26
     core.take(LinkEvent("x", START_NS, LinkEventKind.RESTORED))
 
@@ -279,7 +279,7 @@ def test_outputs_show_it(tmp_path) -> None:
 
 
 def test_two_links_are_told_apart() -> None:
-    watch = ContradictionWatch()
+    watch = StatementWatch()
     for link in ("a", "b"):
         hub = HubFrames()
         absurd_scale(hub)

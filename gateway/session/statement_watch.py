@@ -1,4 +1,4 @@
-"""Contradictions between what hubs state and what they send, each named once per wheel, with a count.
+"""Statements of hubs compared with what they send: each false one is named once per wheel, with a count.
 
 The rules are those of "What must agree" in the specification of the protocol. Sources are followed by the hub's numbers
 and clock only, so that a recording gives the same counts as the session.
@@ -93,7 +93,7 @@ class _Wheel:
 
 
 class _Finding:
-    """A contradiction and how often it was met."""
+    """A false statement and how often it was met."""
 
     __slots__ = ("count", "named", "values")
 
@@ -103,7 +103,7 @@ class _Finding:
         self.named = False
 
 
-class ContradictionWatch:
+class StatementWatch:
     """Watch over the frames of all links of a session or recording. Memory is bounded by the limit of wheels."""
 
     def __init__(self, positions: Mapping[tuple[int, int], str] | None = None, limit: WheelLimit | None = None) -> None:

@@ -1,0 +1,254 @@
+"""Base of all tables: named numpy columns with units, and their conversion to pandas and Arrow."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, fields
+from html import escape
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.errors import OutputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+TimeArray = NDArray[np.datetime64]
+TextArray = NDArray[np.object_]
+
+METADATA_KEY: Final = b"treadlink"
+"""Key of the metadata of an Arrow schema: the values that belong to the whole table, as JSON."""
+COLUMN: Final = "column"
+"""Key of the metadata of a field that is a column: its description."""
+
+# Suffix of a name -> SI unit, longer suffixes first.
+_UNITS: Final = {
+    "_radps2": "rad/s^2",
+    "_radps": "rad/s",
+    "_mps2": "m/s^2",
+    "_mps": "m/s",
+    "_per_degc": "1/K",
+    "_degc": "degC",
+    "_rad": "rad",
+    "_hz": "Hz",
+    "_npm": "N/m",
+    "_pa": "Pa",
+    "_mm": "mm",
+    "_n": "N",
+    "_m": "m",
+    "_s": "s",
+    "_v": "V",
+    "_utc": "UTC",
+}
+_SHOWN_DIGITS: Final = 6
+
+
+def column(description: str) -> dict[str, str]:
+    """Return the metadata that makes a field of a table a column; its unit is the suffix of its name."""
+    return {COLUMN: description}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit in a name as ASCII text, `m/s^2`; empty for a number without one."""
+    return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix) and len(name) > len(suffix)), "")
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ColumnTable:
+    """A table of numpy columns with one row per sample, revolution, reading or estimate.
+
+    Every column is an attribute with its SI unit at the end of its name.
+
+    Attributes:
+        recording: name of the recording.
+    """
+
+    _rows: ClassVar[str] = "rows"
+
+    recording: str
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self.descriptions)
+
+    @property
+    def descriptions(self) -> dict[str, str]:
+        """One line of explanation per column."""
+        return {one.name: one.metadata[COLUMN] for one in fields(self) if COLUMN in one.metadata}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each column as ASCII text; empty for numbers without unit, flags and text."""
+        return {name: unit_of(name) for name in self.columns}
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Values that belong to the whole table, such as wheel and sampling rate; NaN and arrays are left out."""
+        values = {one.name: getattr(self, one.name) for one in fields(self) if COLUMN not in one.metadata}
+        return {
+            name: value
+            for name, value in values.items()
+            if not isinstance(value, np.ndarray) and not (isinstance(value, float) and math.isnan(value))
+        }
+
+    def __len__(self) -> int:
+        return len(getattr(self, self.columns[0]))
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a column by name; raises KeyError for another name."""
+        if name not in self.columns:
+            raise KeyError(f"there is no column '{name}': the columns are {', '.join(self.columns)}")
+        values: NDArray[Any] = getattr(self, name)
+        return values
+
+    def to_dict(self) -> dict[str, NDArray[Any]]:
+        """Return the columns by name."""
+        return {name: self[name] for name in self.columns}
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return a DataFrame; `attrs` has `units`, `descriptions` and the values of the whole table.
+
+        Raises:
+            OutputError: pandas is not installed.
+        """
+        frame = require_pandas().DataFrame({name: _pandas_column(values) for name, values in self.to_dict().items()})
+        frame.attrs.update(self._attributes())
+        return frame
+
+    def to_arrow(self) -> pa.Table:
+        """Return an Arrow table; fields have the metadata `unit` and `description`, the schema has METADATA_KEY.
+
+        Raises:
+            OutputError: pyarrow is not installed.
+        """
+        pyarrow = require_pyarrow()
+        descriptions, units = self.descriptions, self.units
+        arrays = {name: _arrow_column(pyarrow, values) for name, values in self.to_dict().items()}
+        schema = pyarrow.schema(
+            [
+                pyarrow.field(name, array.type, metadata={"unit": units[name], "description": descriptions[name]})
+                for name, array in arrays.items()
+            ],
+            metadata={METADATA_KEY: json.dumps(self.metadata, ensure_ascii=False).encode()},
+        )
+        return pyarrow.table(list(arrays.values()), schema=schema)
+
+    def _attributes(self) -> dict[str, Any]:
+        return {"units": self.units, "descriptions": self.descriptions, **self.metadata}
+
+    def _selected(self, rows: NDArray[Any] | slice) -> Self:
+        """Return a table of some rows."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return type(self)(**{name: v[rows] if name in self.columns else v for name, v in values.items()})
+
+    def _title(self) -> str:
+        """Return the first line of the text form."""
+        return f"{len(self)} {self._rows}"
+
+    def _lines(self) -> list[tuple[str, str, str, str]]:
+        """Return name, unit, range and description of each column."""
+        return [(name, unit, _range(self[name]), self.descriptions[name]) for name, unit in self.units.items()]
+
+    def __repr__(self) -> str:
+        lines = self._lines()
+        name_width, unit_width, range_width = (max(len(line[place]) for line in lines) for place in range(3))
+        rows = [
+            f"  {name:<{name_width}}  {unit:<{unit_width}}  {span:<{range_width}}  {text}"
+            for name, unit, span, text in lines
+        ]
+        return "\n".join([f"<{type(self).__name__}: {self._title()}>", *rows])
+
+    def _repr_html_(self) -> str:
+        head = "<tr><th>column</th><th>unit</th><th>range</th><th></th></tr>"
+        rows = "".join(
+            "<tr>" + "".join(f'<td style="text-align:left">{escape(cell)}</td>' for cell in line) + "</tr>"
+            for line in self._lines()
+        )
+        return f"<p><b>{escape(type(self).__name__)}</b>: {escape(self._title())}</p><table>{head}{rows}</table>"
+
+
+def require_pandas() -> Any:
+    """Return pandas.
+
+    Raises:
+        OutputError: it is not installed; the remedy names the extra.
+    """
+    try:
+        import pandas
+    except ImportError as error:
+        raise OutputError("this needs the package pandas", "Install it: pip install 'treadlink[pandas]'") from error
+    return pandas
+
+
+def require_pyarrow() -> Any:
+    """Return pyarrow.
+
+    Raises:
+        OutputError: it is not installed; the remedy names the extra.
+    """
+    try:
+        import pyarrow
+    except ImportError as error:
+        raise OutputError("this needs the package pyarrow", "Install it: pip install 'treadlink[parquet]'") from error
+    return pyarrow
+
+
+def text_array(values: list[str]) -> TextArray:
+    """Return texts as an array of objects, (n,)."""
+    array = np.empty(len(values), np.object_)
+    array[:] = values
+    return array
+
+
+def utc_array(host_ns: NDArray[np.int64] | list[int]) -> TimeArray:
+    """Return ns since the epoch as `datetime64[ns]`, NaT for 0, which stands for an unknown time."""
+    times: NDArray[np.int64] = np.asarray(host_ns, np.int64)
+    return np.where(times == 0, np.datetime64("NaT", "ns"), times.astype("datetime64[ns]"))
+
+
+def _pandas_column(values: NDArray[Any]) -> Any:
+    if values.ndim > 1:
+        return list(values)
+    if values.dtype.kind == "M":
+        pandas = require_pandas()
+        return pandas.Series(values).dt.tz_localize("UTC")
+    return values
+
+
+def _arrow_column(pyarrow: Any, values: NDArray[Any]) -> Any:
+    if values.dtype.kind == "c":
+        # Arrow has no complex numbers: real and imaginary part follow each other in the last dimension.
+        values = np.stack((values.real, values.imag), axis=-1)
+    if values.dtype.kind == "M":
+        return pyarrow.array(values, pyarrow.timestamp("ns", tz="UTC"))
+    if values.ndim == 1:
+        return pyarrow.array(values, from_pandas=values.dtype.kind == "O")
+    array = pyarrow.array(np.ascontiguousarray(values).ravel())
+    for size in reversed(values.shape[1:]):
+        array = pyarrow.FixedSizeListArray.from_arrays(array, int(size))
+    return array
+
+
+def _range(values: NDArray[Any]) -> str:
+    """Return the lowest and the highest value as short text."""
+    if not len(values):
+        return ""
+    kind = values.dtype.kind
+    if kind == "b":
+        return f"{int(values.sum())} true"
+    if kind == "O":
+        distinct = sorted(set(values.tolist()))
+        return ", ".join(distinct) if len(", ".join(distinct)) <= 24 else f"{len(distinct)} different"
+    if kind == "M":
+        known = values[~np.isnat(values)]
+        return f"{str(known.min())[:19]} .. {str(known.max())[11:19]}" if len(known) else "unknown"
+    numbers = np.abs(values) if kind == "c" else values
+    known = numbers[np.isfinite(numbers)]
+    if not len(known):
+        return "unknown"
+    return f"{known.min():.{_SHOWN_DIGITS}g} .. {known.max():.{_SHOWN_DIGITS}g}"

@@ -1,0 +1,201 @@
+"""Diagnosis of recordings for programs: the result with its report as text, JSON and HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from html import escape
+from pathlib import Path
+from typing import Any, Literal
+
+from gateway.api.recording_access import Config, PathLike, Recording, chosen_vehicle
+from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained
+from gateway.config.effects_file import effects_text
+from gateway.errors import TreadlinkError
+from gateway.session.campaign_diagnosis import diagnose_recordings
+from gateway.views.output_file import write_whole
+from gateway.views.report.diagnosis_json import diagnosis_json, write_json
+from gateway.views.report.html import diagnosis_html, write_html
+from gateway.views.report.phrases import effect_title, why_unsaved
+from gateway.views.report.terminal import closure_summary_lines
+
+Model = Literal["exact", "series", "paper"]
+DiagnosisProgress = Callable[[float, str], None]
+
+
+def diagnose(
+    recordings: PathLike | Recording | Sequence[PathLike | Recording],
+    *,
+    config: Config | None = None,
+    wheel: str | None = None,
+    model: Model = "exact",
+    reverse: Collection[PathLike | Recording] = (),
+    empirical: bool = False,
+    folds: int = 5,
+    jobs: int = 1,
+    keys: PathLike | None = None,
+    progress: DiagnosisProgress | None = None,
+) -> DiagnosisReport:
+    """Identify the physical effects that the model of one wheel lacks, as `treadlink diagnose`.
+
+    Args:
+        recordings: files, or recordings opened from files.
+        config: vehicle configuration for all of them; None for the one in each recording.
+        wheel: position; None when the recordings contain one wheel only.
+        model: baseline model: `exact` ring, corrected `series` solution, or the ring `paper`'s as printed.
+        reverse: those of `recordings` made rolling backwards, or with the tire reversed on its rim.
+        empirical: also fit the unexplained residual empirically.
+        folds: blocks of cross-validation, 2 to 20.
+        jobs: maximum number of processes. A script that uses more than one needs `if __name__ == "__main__":`.
+        keys: file with the keys of signed frames; None for the key file of `treadlink keys`.
+        progress: called with the share done, 0 to 1, and the present step.
+
+    Raises:
+        TreadlinkError: a recording cannot be read, is given twice, or contains nothing usable; several wheels and none
+            chosen.
+        ValueError: no such model, or too few or too many folds.
+    """
+    chosen = BaselineModel(model)
+    if not 2 <= folds <= 20:
+        raise ValueError(f"folds must be 2 to 20, not {folds}")
+    given = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
+    paths = _distinct([_path(one) for one in given])
+    if not paths:
+        raise TreadlinkError("there is no recording to diagnose", "Give at least one.")
+    try:
+        diagnosis = diagnose_recordings(
+            paths,
+            vehicle=chosen_vehicle(config, (), ""),
+            wheel=wheel,
+            model=chosen,
+            empirical=empirical,
+            folds=folds,
+            jobs=jobs,
+            reverse=[_path(one) for one in reverse],
+            key_file=None if keys is None else Path(keys),
+            on_progress=progress,
+        )
+    except BrokenProcessPool as error:
+        raise TreadlinkError(
+            "a process of the diagnosis ended early",
+            'A script that uses more than one process needs `if __name__ == "__main__":`; or use jobs=1.',
+        ) from error
+    return DiagnosisReport(diagnosis)
+
+
+def _path(recording: PathLike | Recording) -> Path:
+    if not isinstance(recording, Recording):
+        return Path(recording)
+    if not recording.path.exists():
+        raise TreadlinkError(
+            f"'{recording.name}' is not in a file", "Write it: gateway.simulate(..., out='FILE.mcap')."
+        )
+    return recording.path
+
+
+def _distinct(paths: Sequence[Path]) -> list[Path]:
+    """Return the paths; a repeated one would count its revolutions twice."""
+    seen: set[Path] = set()
+    for path in paths:
+        if path.resolve() in seen:
+            raise TreadlinkError(f"'{path}' is given twice", "Give each recording once.")
+        seen.add(path.resolve())
+    return list(paths)
+
+
+class DiagnosisReport:
+    """A finished diagnosis of one wheel.
+
+    Attributes:
+        result: every figure of the report.
+    """
+
+    def __init__(self, result: Diagnosis) -> None:
+        """Take a finished diagnosis."""
+        self.result = result
+
+    @property
+    def wheel(self) -> str:
+        """Position of the wheel."""
+        return self.result.wheel
+
+    @property
+    def effects(self) -> tuple[Finding, ...]:
+        """Effects that were identified: the model lacks them."""
+        return self.result.named
+
+    @property
+    def unexplained(self) -> tuple[Unexplained, ...]:
+        """What no effect of the catalogue explains, largest first."""
+        return self.result.unexplained
+
+    @property
+    def estimates_before(self) -> dict[str, Fitted]:
+        """Estimates of the baseline model, by name."""
+        return dict(self.result.estimates_before)
+
+    @property
+    def estimates_after(self) -> dict[str, Fitted]:
+        """Estimates with the identified effects, by name."""
+        return dict(self.result.estimates_after)
+
+    @property
+    def held_out_rms_mps2(self) -> tuple[float, float]:
+        """Error on revolutions that no fit used, before and after the effects were added, m/s^2."""
+        return self.result.held_out.rms_before_mps2, self.result.held_out.rms_after_mps2
+
+    @property
+    def noise_floor_mps2(self) -> float:
+        """Held-out error that a right model would have, m/s^2."""
+        return self.result.noise_floor_mps2
+
+    def summary(self) -> str:
+        """Return what `treadlink diagnose` prints."""
+        return "\n".join(closure_summary_lines(self.result))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of the JSON file."""
+        return diagnosis_json(self.result)
+
+    def report_html(self, path: PathLike | None = None, *, force: bool = False) -> str:
+        """Return the report with figures as one self-contained HTML page, and write it to a file if one is given.
+
+        Args:
+            path: new file.
+            force: overwrite an existing one.
+
+        Raises:
+            OutputError: a package is missing, the file exists, or it cannot be written.
+        """
+        if path is not None:
+            write_html(self.result, Path(path), force=force)
+            return Path(path).read_text(encoding="utf-8")
+        return diagnosis_html(self.result)
+
+    def report_json(self, path: PathLike, *, force: bool = False) -> None:
+        """Write all results to a JSON file; arguments and errors as for `report_html`."""
+        write_json(self.result, Path(path), force=force)
+
+    def save_effects(self, path: PathLike, *, force: bool = False) -> None:
+        """Write the identified effects to a file, for `effects` of `open` and `live`.
+
+        Raises:
+            TreadlinkError: no effect was identified, or the baseline model is not the exact one.
+            OutputError: the file exists, or cannot be written.
+        """
+        if self.result.correction is None:
+            reason, remedy = why_unsaved(self.result)
+            raise TreadlinkError(f"'{path}' is not written: {reason}", remedy)
+        write_whole(Path(path), effects_text(self.result.correction), force=force)
+
+    def __repr__(self) -> str:
+        before, after = self.held_out_rms_mps2
+        found = ", ".join(effect_title(finding.name) for finding in self.effects) or "nothing"
+        return (
+            f"<DiagnosisReport of {self.wheel}: identified {found}; held-out rms {before:.2f} -> {after:.2f} m/s^2, "
+            f"noise floor {self.noise_floor_mps2:.2f} m/s^2>"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"

@@ -1,0 +1,198 @@
+"""Tables of a recording's results: estimates in long form, and alarms."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.api.column_table import (
+    ColumnTable,
+    TextArray,
+    TimeArray,
+    column,
+    require_pandas,
+    text_array,
+    unit_of,
+    utc_array,
+)
+from gateway.estimators.estimator import Status
+from gateway.pipeline.results import AlarmRecord, RevolutionResult
+from gateway.types import BoolArray, FloatArray
+from gateway.views.wording import joined, text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+IndexArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Estimates(ColumnTable):
+    """Estimates of a recording in long form: one row per revolution and quantity.
+
+    Values have the unit in their name: `load_n` is in N, `speed_mps` in m/s.
+    """
+
+    _rows: ClassVar[str] = "estimates"
+
+    wheel: TextArray = field(metadata=column("position"))
+    revolution: IndexArray = field(metadata=column("running number of the wheel's revolution"))
+    device_start_s: FloatArray = field(metadata=column("time of the hub's clock at the start of the revolution"))
+    device_end_s: FloatArray = field(metadata=column("time of the hub's clock at its end"))
+    host_utc: TimeArray = field(metadata=column("time of the computer's clock at its end; NaT when unknown"))
+    name: TextArray = field(metadata=column("quantity, with its unit"))
+    value: FloatArray = field(metadata=column("in the unit of the name; NaN when invalid"))
+    std: FloatArray = field(metadata=column("one standard error, same unit; NaN when not known"))
+    unit: TextArray = field(metadata=column("of value and std; empty without one"))
+    status: TextArray = field(metadata=column("valid, provisional or invalid"))
+    reasons: TextArray = field(metadata=column("why it is not valid, or notes on a valid one"))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Quantities in the table, in the order of their first rows."""
+        return tuple(dict.fromkeys(self.name.tolist()))
+
+    def select(
+        self, name: str | None = None, *, wheel: str | None = None, status: str | Sequence[str] | None = None
+    ) -> Self:
+        """Return the rows of a quantity, a wheel and a status; None for all of them.
+
+        Raises:
+            KeyError: the table has no such quantity or wheel.
+            ValueError: no such status.
+        """
+        chosen = np.ones(len(self), np.bool_)
+        for key, wanted in (("name", name), ("wheel", wheel)):
+            if wanted is not None:
+                is_wanted: BoolArray = self[key] == wanted
+                if not is_wanted.any():
+                    known = ", ".join(dict.fromkeys(self[key].tolist())) or "none"
+                    raise KeyError(f"no estimate has the {key} '{wanted}': there is {known}")
+                chosen &= is_wanted
+        if status is not None:
+            wanted_status = {Status(one).value for one in ([status] if isinstance(status, str) else status)}
+            chosen &= np.isin(self.status.astype(str), sorted(wanted_status))
+        return self._selected(chosen)
+
+    def to_pandas(self, *, wide: bool = False) -> pd.DataFrame:
+        """Return a DataFrame; text columns are categories.
+
+        Args:
+            wide: one row per revolution and wheel instead, with columns `NAME`, `NAME_std` and `NAME_status`.
+
+        Raises:
+            OutputError: pandas is not installed.
+        """
+        frame = super().to_pandas()
+        for column_of_text in ("wheel", "name", "unit", "status", "reasons"):
+            frame[column_of_text] = frame[column_of_text].astype("category")
+        if not wide:
+            return frame
+        pandas = require_pandas()
+        rows = ["wheel", "revolution"]
+        plain = frame.astype(dict.fromkeys(("wheel", "name", "status"), object))
+        times = plain[[*rows, "device_start_s", "device_end_s", "host_utc"]].drop_duplicates(rows).set_index(rows)
+        parts = {
+            suffix: plain.pivot(index=rows, columns="name", values=values)
+            for suffix, values in (("", "value"), ("_std", "std"), ("_status", "status"))
+        }
+        named = {f"{name}{suffix}": part[name] for name in self.names for suffix, part in parts.items()}
+        table: pd.DataFrame = pandas.concat([times, pandas.DataFrame(named)], axis=1).reset_index()
+        units = {name: unit_of(name.removesuffix("_std")) for name in table.columns}
+        table.attrs.clear()
+        table.attrs.update({"units": units, **self.metadata})
+        return table
+
+    def _title(self) -> str:
+        wheels = ", ".join(dict.fromkeys(self.wheel.tolist())) or "no wheel"
+        return f"{len(self)} estimates of {wheels}: {', '.join(self.names)}"
+
+
+class EstimateRows:
+    """Collects estimates result by result, in little memory."""
+
+    def __init__(self, *, has_host_time: bool) -> None:
+        """Start empty."""
+        self._has_host_time = has_host_time
+        self._codes: dict[str, int] = {}
+        self._texts = {name: array("q") for name in ("wheel", "name", "status", "reasons")}
+        self._revolution, self._host_ns = array("q"), array("q")
+        self._numbers = {name: array("d") for name in ("device_start_s", "device_end_s", "value", "std")}
+
+    def add(self, result: RevolutionResult) -> None:
+        """Add the estimates of a revolution."""
+        revolution, count = result.revolution, len(result.estimates)
+        self._texts["wheel"].extend([self._code(result.position)] * count)
+        self._revolution.extend([revolution.index] * count)
+        self._host_ns.extend([result.host_ns if self._has_host_time else 0] * count)
+        self._numbers["device_start_s"].extend([revolution.start_s] * count)
+        self._numbers["device_end_s"].extend([revolution.start_s + revolution.period_s] * count)
+        for estimate in result.estimates:
+            self._texts["name"].append(self._code(estimate.name))
+            self._texts["status"].append(self._code(str(estimate.status)))
+            self._texts["reasons"].append(self._code(joined(estimate.reasons)))
+            self._numbers["value"].append(_known(estimate.value))
+            self._numbers["std"].append(_known(estimate.std))
+
+    def table(self, recording: str) -> Estimates:
+        """Return the table."""
+        words = text_array(list(self._codes))
+        units = text_array(list(map(unit_of, self._codes)))
+        columns: dict[str, Any] = {name: words[np.array(codes, np.int64)] for name, codes in self._texts.items()}
+        columns |= {name: np.array(values, np.float64) for name, values in self._numbers.items()}
+        return Estimates(
+            recording=recording,
+            revolution=np.array(self._revolution, np.int64),
+            host_utc=utc_array(np.array(self._host_ns, np.int64)),
+            unit=units[np.array(self._texts["name"], np.int64)],
+            **columns,
+        )
+
+    def _code(self, word: str) -> int:
+        return self._codes.setdefault(word, len(self._codes))
+
+
+def _known(value: float) -> float:
+    return value if math.isfinite(value) else math.nan
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Alarms(ColumnTable):
+    """Alarms over a whole recording, one row per alarm; times count from its beginning."""
+
+    _rows: ClassVar[str] = "alarms"
+
+    subject: TextArray = field(metadata=column("position of the wheel, or name of the link"))
+    name: TextArray = field(metadata=column("kind of the alarm"))
+    reason: TextArray = field(metadata=column("what was wrong, as last seen"))
+    count: IndexArray = field(metadata=column("how often it was raised"))
+    first_s: FloatArray = field(metadata=column("first raising"))
+    last_s: FloatArray = field(metadata=column("last time at which it stood"))
+    total_s: FloatArray = field(metadata=column("time for which it stood"))
+    standing: BoolArray = field(metadata=column("whether it stood at the end"))
+
+    @classmethod
+    def of(cls, records: Iterable[AlarmRecord], *, recording: str) -> Self:
+        """Return the table of alarm records."""
+        kept = list(records)
+
+        def numbers(name: str, kind: type) -> Any:
+            return np.array([getattr(record, name) for record in kept], kind)
+
+        return cls(
+            recording=recording,
+            subject=text_array([record.position for record in kept]),
+            name=text_array([str(record.name) for record in kept]),
+            reason=text_array([text(record.reason) for record in kept]),
+            count=numbers("count", np.int64),
+            first_s=numbers("first_s", np.float64),
+            last_s=numbers("last_s", np.float64),
+            total_s=numbers("total_s", np.float64),
+            standing=numbers("is_standing", np.bool_),
+        )

@@ -1,0 +1,253 @@
+"""Live estimates for programs: an iterator over revolutions as they complete."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from gateway.api.recording_access import Config, PathLike, chosen_vehicle, path_of, paths, several_names
+from gateway.api.revolution_view import Revolution
+from gateway.clock import Clock, SystemClock
+from gateway.config.effects_file import open_effects
+from gateway.config.vehicle import VehicleConfig
+from gateway.errors import RecordingError, SourceError, TreadlinkError
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.io.source import Source, is_live, open_source, parse_source_uri
+from gateway.io.time_limit import limited
+from gateway.pipeline.results import SessionSnapshot
+from gateway.recording.writer import RecordingWriter
+from gateway.security.guard import open_guard
+from gateway.security.key_file import command_keys
+from gateway.session.commands import with_commands
+from gateway.session.live import LiveSession
+from gateway.session.signal_decoding import open_decoder
+from gateway.views.session_summary import ResultSummary, summary_lines
+from gateway.views.wording import notice_text, text
+
+_POLL_S: Final = 0.05
+
+
+def live(
+    *sources: str,
+    config: Config | None = None,
+    record: PathLike | None = None,
+    keys: PathLike | None = None,
+    effects: PathLike | Sequence[PathLike] = (),
+    estimators: str | Sequence[str] = (),
+    duration_s: float | None = None,
+) -> LiveRevolutions:
+    """Estimate the wheels of one or more sources as their data arrive.
+
+    `for revolution in gateway.live("serial:///dev/ttyUSB0"):` ends with the sources; leaving the loop, Ctrl-C and an
+    error close them. Reading, recording and estimating go on in the background while the loop is busy.
+
+    Args:
+        sources: URIs as for `treadlink live`: `serial:`, `tcp:`, `ble:`, `sim:` or `replay:`.
+        config: vehicle configuration, as a file or as read; None for the one in the recording or scenario.
+        record: also record to this new .mcap file, or to a new file in this folder.
+        keys: file with the keys of signed frames; None for the key file of `treadlink keys`.
+        effects: files of `treadlink diagnose --save-effects`, whose effects are subtracted.
+        estimators: names of the estimators; none for the default ones.
+        duration_s: stop after this many seconds of data, and of waiting for a silent hub.
+
+    Raises:
+        SourceError: no source is given, or one is wrong. One that cannot be opened is reported by the iterator.
+        ConfigError: the configuration or the effects have faults.
+        RecordingError: the recording cannot be created.
+    """
+    if not sources:
+        raise SourceError("there is no source", 'Give one, such as gateway.live("sim:demo").')
+    clock = SystemClock()
+    opened: list[Source] = []
+    recorder: RecordingWriter | None = None
+    try:
+        opened += [open_source(uri, clock) for uri in sources]
+        vehicle = chosen_vehicle(config, [source.vehicle_toml for source in opened], sources[0])
+        tables = open_effects(paths(effects), vehicle)
+        key_file = None if keys is None else Path(keys)
+        # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
+        guard = open_guard(vehicle, key_file, remembers=all(map(is_live, sources)))
+        signing = command_keys(key_file) if guard is not None or key_file is not None else {}
+        texts = [getattr(source, "dbc_text", None) for source in opened]
+        signals = open_decoder(vehicle, path_of(config), _given(texts, sources), texts)
+        dbc_text = signals.dbc_text if signals is not None else next(filter(None, texts), None)
+        opened = [with_commands(source, clock, signing) for source in opened]
+        recorder = _recorder(Path(record), clock, vehicle, sources, dbc_text) if record is not None else None
+        summary = ResultSummary()
+        session = LiveSession(
+            opened if duration_s is None else [limited(source, duration_s) for source in opened],
+            vehicle,
+            clock,
+            patient=[not is_live(uri) for uri in sources],
+            summary=summary,
+            recorder=recorder,
+            estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
+            guard=guard,
+            effects=tables,
+            signals=signals,
+        )
+        session.start()
+    except BaseException:
+        for source in opened:
+            source.close()
+        _remove_empty(recorder)
+        raise
+    limit_s = duration_s if any(map(is_live, sources)) else None
+    return LiveRevolutions(session, summary, sources, lambda: _remove_empty(recorder), limit_s)
+
+
+def _given(texts: Sequence[str | None], sources: Sequence[str]) -> list[str | None]:
+    """Return the DBC files given with sources, not those in recordings."""
+    pairs = zip(texts, sources, strict=True)
+    return [text for text, uri in pairs if parse_source_uri(uri).scheme != "replay"]
+
+
+def _recorder(
+    path: Path, clock: Clock, vehicle: VehicleConfig | None, sources: Sequence[str], dbc_text: str | None
+) -> RecordingWriter:
+    if path.suffix != ".mcap":
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot record to '{path}': {error.strerror}", "Give another folder, or a new .mcap file."
+            ) from error
+    toml = vehicle.to_toml() if vehicle is not None else None
+    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=sources, dbc_text=dbc_text)
+
+
+def _remove_empty(recorder: RecordingWriter | None) -> None:
+    """Remove a recording without a single item of a link."""
+    if recorder is not None and not recorder.items:
+        with suppress(RecordingError):
+            recorder.close()
+        recorder.path.unlink(missing_ok=True)
+
+
+class LiveRevolutions:
+    """Iterator over the revolutions of all wheels of a running session, and a context manager that closes it."""
+
+    def __init__(
+        self,
+        session: LiveSession,
+        summary: ResultSummary,
+        sources: Sequence[str],
+        at_end: Callable[[], None],
+        limit_s: float | None,
+    ) -> None:
+        """Take a started session; use `gateway.live`."""
+        self._session = session
+        self._summary = summary
+        self._sources = tuple(sources)
+        self._at_end = at_end
+        self._limit_s = limit_s
+        self._ready: deque[Revolution] = deque()
+        self._closed = False
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> Revolution:
+        """Wait for the next revolution.
+
+        Raises:
+            StopIteration: the sources have ended, or the session was closed.
+            TreadlinkError: a source, the recording or the session failed.
+        """
+        try:
+            while not self._ready:
+                if self._closed:
+                    raise StopIteration
+                ended = self._session.wait(0.0)
+                self._ready.extend(map(Revolution, self._session.results()))
+                if not self._ready and ended:
+                    self.close()
+                elif not self._ready:
+                    if self._limit_s is not None and self.snapshot.elapsed_s >= self._limit_s:
+                        self._session.request_stop()
+                    self._session.wait(_POLL_S)
+        except BaseException:
+            self._abandon()
+            raise
+        return self._ready.popleft()
+
+    @property
+    def snapshot(self) -> SessionSnapshot:
+        """Latest state of all wheels and links, made ten times a second."""
+        return self._session.snapshot()
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Positions of the wheels so far, configured ones first."""
+        return tuple(wheel.position for wheel in self.snapshot.wheels)
+
+    @property
+    def alarms(self) -> dict[str, tuple[str, ...]]:
+        """Present alarms in words, by position of the wheel or name of the link."""
+        found: dict[str, tuple[str, ...]] = {}
+        for alarm in self.snapshot.alarms:
+            found[alarm.position] = (*found.get(alarm.position, ()), text(alarm.reason))
+        return found
+
+    @property
+    def dropped(self) -> int:
+        """Items that the session could not take, and revolutions that the loop was too slow for."""
+        return sum(sum(link.queue_dropped.values()) for link in self.snapshot.links)
+
+    def notices(self) -> tuple[str, ...]:
+        """Return the notices since the last call, in words."""
+        return tuple(map(notice_text, self._session.notices()))
+
+    def mark(self, words: str) -> None:
+        """Mark an event in the recording, with the present time."""
+        self._session.mark(words)
+
+    def summary(self) -> str:
+        """Return what the command prints at the end, of the revolutions so far."""
+        snapshot = self.snapshot
+        return "\n".join(summary_lines(self._summary.wheels(), snapshot.links, snapshot.alarm_records))
+
+    def close(self) -> None:
+        """Close the sources and finish the recording; may be called twice.
+
+        Raises:
+            TreadlinkError: a source, the recording or the session failed.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._session.close()
+        finally:
+            self._at_end()
+        fault = self._session.core.recording_fault
+        if fault is not None:
+            raise RecordingError(fault, "The part written before is readable.")
+
+    def _abandon(self) -> None:
+        """Close after another error, which the user needs first."""
+        with suppress(TreadlinkError):
+            self.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self._abandon()
+
+    def __del__(self) -> None:
+        if hasattr(self, "_closed"):
+            self._abandon()
+
+    def __repr__(self) -> str:
+        state = "closed" if self._closed else f"running for {self.snapshot.elapsed_s:.1f} s"
+        return f"<LiveRevolutions of {', '.join(self._sources)}: {state}, wheels {', '.join(self.wheels) or 'none'}>"

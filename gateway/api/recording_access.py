@@ -1,0 +1,614 @@
+"""Recordings for programs: wheels, signals, estimates and alarms of a file as tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final, Literal, Self
+
+from gateway.api.document_tables import document_text
+from gateway.api.estimate_tables import Alarms, EstimateRows, Estimates
+from gateway.api.revolution_view import Revolution
+from gateway.api.signal_tables import (
+    AngleWaveforms,
+    AverageWaveform,
+    Environment,
+    OrderSpectra,
+    Revolutions,
+    Samples,
+)
+from gateway.config.effects_file import open_effects
+from gateway.config.validation import nearest
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
+from gateway.errors import RecordingError, TreadlinkError
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.reasons import Notice
+from gateway.recording.recorded_file import RecordedFile, open_recorded_file
+from gateway.security.guard import Guard, open_guard
+from gateway.session.batch_alarms import BatchAlarms
+from gateway.session.batch_estimation import estimated_results
+from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.session.recorded_signals import (
+    EnvironmentReading,
+    HeardWheel,
+    SignalBlock,
+    Survey,
+    sample_blocks,
+    signals,
+    survey,
+)
+from gateway.session.signal_decoding import SignalDecoder, open_decoder
+from gateway.session.statement_watch import StatementWatch
+from gateway.session.wheel_identity import SensorsHeard, configured, positions
+from gateway.views.wording import notice_text, text
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from firmware_protocol.block_decoder import FrameBatch
+    from gateway.pipeline.wheel_setup import CorrectionTable
+    from gateway.simulator.truth import WheelTruth
+
+PathLike = Path | str
+Config = VehicleConfig | Mapping[str, Any] | Path | str
+Progress = Callable[[float], None]
+Axis = Literal["circumferential", "lateral", "radial", "normalised"]
+
+_CONFIGURATION: Final = "the configuration"
+_AXES: Final = ("circumferential", "lateral", "radial", "normalised")
+# Revolutions that are kept in memory, so that each table of them does not read the file again: about 0.5 GB.
+_KEPT_REVOLUTIONS: Final = 15_000
+
+
+class WheelNotFoundError(TreadlinkError, KeyError):
+    """A recording has no wheel of this position."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Origin of a recording.
+
+    Attributes:
+        path: the file, or the scenario that was simulated.
+        size_bytes: size of the file.
+        finished: False when its writer was killed or its end is missing.
+        treadlink: version that wrote it, empty when unknown.
+        start_ns: start of the session, ns since the epoch; None when unknown.
+        duration_s: time from its first to its last frame.
+        sources: URIs of the sources, `serial:///dev/ttyUSB0`.
+        has_host_time: whether it contains the arrival times of frames.
+        frames: good frames of all links.
+        frames_lost: frames missing by their counters.
+        crc_errors: frames with a bad CRC.
+        damage: the first unreadable part in words, empty when everything was read.
+    """
+
+    path: Path
+    size_bytes: int
+    finished: bool
+    treadlink: str
+    start_ns: int | None
+    duration_s: float
+    sources: tuple[str, ...]
+    has_host_time: bool
+    frames: int
+    frames_lost: int
+    crc_errors: int
+    damage: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """Options of a recording, resolved."""
+
+    vehicle: VehicleConfig | None
+    config_path: Path | None
+    effects: tuple[CorrectionTable, ...]
+    keys: Path | None
+    estimators: tuple[str, ...]
+    progress: Progress | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Estimated:
+    """Results of one pass with estimators."""
+
+    estimates: Estimates
+    alarms: Alarms
+    notices: tuple[str, ...]
+
+
+def open(
+    path: PathLike,
+    *,
+    config: Config | None = None,
+    keys: PathLike | None = None,
+    effects: PathLike | Sequence[PathLike] = (),
+    estimators: str | Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Recording:
+    """Open a recording, or the raw dump of a link, which ends in `.bin`.
+
+    Options are those of `treadlink estimate`. Only the description of the file is read here; each table reads what it
+    needs.
+
+    Args:
+        path: the file.
+        config: vehicle configuration as a TOML file, as its tables, or as read; None for the one in the recording.
+        keys: file with the keys of signed frames; None for the key file of `treadlink keys`.
+        effects: files of `treadlink diagnose --save-effects`, whose effects are subtracted.
+        estimators: names of the estimators for `estimates`; none for the default ones.
+        progress: called with the share of the file read so far, 0 to 1.
+
+    Raises:
+        RecordingError: the file cannot be read or is no recording.
+        ConfigError: the configuration or the effects have faults, or do not belong together.
+    """
+    return recording_of(
+        open_recorded_file(path), config=config, keys=keys, effects=effects, estimators=estimators, progress=progress
+    )
+
+
+def recording_of(
+    file: RecordedFile,
+    *,
+    config: Config | None = None,
+    keys: PathLike | None = None,
+    effects: PathLike | Sequence[PathLike] = (),
+    estimators: str | Sequence[str] = (),
+    progress: Progress | None = None,
+    truth: Mapping[str, WheelTruth] | None = None,
+) -> Recording:
+    """Return an open file as a recording; arguments and errors as for `open`, `truth` as in `Recording`."""
+    vehicle = chosen_vehicle(config, [file.vehicle_toml], str(file.info.path))
+    settings = _Settings(
+        vehicle=vehicle,
+        config_path=path_of(config),
+        effects=open_effects(paths(effects), vehicle),
+        keys=None if keys is None else Path(keys),
+        estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
+        progress=progress,
+    )
+    return Recording(file, settings, truth)
+
+
+def path_of(config: Config | None) -> Path | None:
+    """Return the file of a configuration, None when it is not given as a file."""
+    return Path(config) if isinstance(config, str | Path) else None
+
+
+def paths(given: PathLike | Sequence[PathLike]) -> list[Path]:
+    """Return one or several paths as a list."""
+    return [Path(one) for one in ([given] if isinstance(given, str | Path) else given)]
+
+
+def several_names(given: str | Sequence[str]) -> tuple[str, ...]:
+    """Return one or several names of estimators as a tuple."""
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def chosen_vehicle(config: Config | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:
+    """Return a configuration as given, else the first that sources provide, else None.
+
+    Raises:
+        ConfigError: it cannot be read, or has faults.
+    """
+    if isinstance(config, VehicleConfig):
+        return config
+    if isinstance(config, Mapping):
+        return parse_vehicle(document_text(config, _CONFIGURATION), _CONFIGURATION)
+    return choose_vehicle(None if config is None else Path(config), provided, origin)
+
+
+class Recording(Mapping[str, "Wheel"]):
+    """A recording: a mapping of positions to wheels.
+
+    Every table is made from the file when it is asked for. Use it as a context manager, or call `close`, to free the
+    revolutions that are kept in memory.
+
+    Attributes:
+        vehicle: configuration in use; None without one, then the belt radius is assumed.
+        truth: true state of the wheels of a simulation, by position; empty for a recording.
+    """
+
+    def __init__(self, file: RecordedFile, settings: _Settings, truth: Mapping[str, WheelTruth] | None = None) -> None:
+        """Take an open file; use `gateway.open`."""
+        self.vehicle = settings.vehicle
+        self.truth: Mapping[str, WheelTruth] = truth or {}
+        self._file = file
+        self._settings = settings
+        self._survey: Survey | None = None
+        self._damage = ""
+        self._kept: dict[str, list[RevolutionResult]] | None = None
+        self._is_small = True
+        self._estimated: dict[tuple[str, ...], _Estimated] = {}
+        self._closed = False
+
+    # Mapping of wheels
+
+    def __getitem__(self, position: str) -> Wheel:
+        """Return a wheel; raises WheelNotFoundError for a position that the recording does not have."""
+        if position not in self._content.wheels:
+            known = ", ".join(self.wheels) or "no wheel"
+            guess = nearest(position, self.wheels)
+            hint = f"Did you mean {guess}? " if guess else ""
+            raise WheelNotFoundError(f"'{self.name}' has no wheel '{position}'", f"{hint}It has {known}.")
+        return Wheel(self, position)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._content.wheels)
+
+    def __len__(self) -> int:
+        return len(self._content.wheels)
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Positions of the wheels, configured ones first; only those that sent a frame."""
+        return tuple(self._content.wheels)
+
+    # Description
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return self._file.info.path.name
+
+    @property
+    def path(self) -> Path:
+        """Path of the file."""
+        return self._file.info.path
+
+    @property
+    def info(self) -> Provenance:
+        """Origin, length and losses."""
+        info, content = self._file.info, self._content
+        counters = content.links.values()
+        has_host_time = bool(content.first_ns)
+        longest_s = max(
+            (wheel.samples / wheel.rate_hz for wheel in content.wheels.values() if wheel.samples), default=0.0
+        )
+        return Provenance(
+            path=info.path,
+            size_bytes=info.size_bytes,
+            finished=info.finished,
+            treadlink=info.treadlink,
+            start_ns=info.start_ns,
+            duration_s=(content.last_ns - content.first_ns) * 1e-9 if has_host_time else longest_s,
+            sources=info.sources,
+            has_host_time=has_host_time,
+            frames=sum(counted.frames for counted in counters),
+            frames_lost=sum(counted.lost for counted in counters),
+            crc_errors=sum(counted.crc_errors for counted in counters),
+            damage=self._damage,
+        )
+
+    # Results
+
+    def estimates(self, estimators: str | Sequence[str] = ()) -> Estimates:
+        """Return the estimates of all wheels, as `treadlink estimate` makes them; computed once.
+
+        Args:
+            estimators: names; none for those given to `open`.
+
+        Raises:
+            RecordingError: the file cannot be read.
+            ConfigError: no such estimator.
+        """
+        return self._results(estimators).estimates
+
+    def alarms(self) -> Alarms:
+        """Return the alarms over the whole recording; computed together with the estimates."""
+        return self._results(()).alarms
+
+    def notices(self) -> tuple[str, ...]:
+        """Return what `treadlink estimate` warns of: misplaced sensors, contradictions, missing revolutions."""
+        return self._results(()).notices
+
+    def stream(self, estimators: str | Sequence[str] = ()) -> Iterator[Revolution]:
+        """Yield the revolutions of all wheels with their estimates, one by one, in constant memory.
+
+        Args:
+            estimators: names; none for those given to `open`.
+        """
+        alarms = BatchAlarms(self.vehicle)
+        results = estimated_results(
+            self._opened(),
+            self.vehicle,
+            estimators=several_names(estimators) or self._settings.estimators,
+            effects=self._settings.effects,
+            guard=self._guard(),
+            on_bytes=self._on_bytes,
+            alarms=alarms,
+            signals=self._signals(),
+        )
+        for result in results:
+            yield Revolution(result, has_host_time=self._has_host_time)
+
+    def samples(self, *, start_s: float = -math.inf, stop_s: float = math.inf) -> dict[str, Samples]:
+        """Return the samples of all wheels in one pass, by position; arguments as for `Wheel.samples`."""
+        blocks: dict[str, list[SignalBlock]] = {position: [] for position in self.wheels}
+        for block in self.sample_blocks():
+            blocks[block.wheel].append(block)
+        return {
+            position: Samples.of(own, recording=self.name, wheel=position, start_s=start_s, stop_s=stop_s)
+            for position, own in blocks.items()
+        }
+
+    def sample_blocks(self, wheels: Sequence[str] | None = None) -> Iterator[SignalBlock]:
+        """Yield the samples of all wheels, or of some, in blocks of some seconds, in constant memory."""
+        yield from sample_blocks(
+            self._opened(), self.vehicle, wheels=wheels, guard=self._guard(), on_bytes=self._on_bytes
+        )
+
+    # Life cycle
+
+    def close(self) -> None:
+        """Free what is kept in memory; may be called twice. Tables stay valid."""
+        self._closed = True
+        self._kept = None
+        self._estimated.clear()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        info = self.info
+        state = "" if info.finished else ", not finished"
+        return (
+            f"<Recording '{self.name}': {', '.join(self.wheels) or 'no wheel'}, {info.duration_s:.1f} s, "
+            f"{info.size_bytes / 1e6:.1f} MB{state}>"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{escape(name)}</td><td>{', '.join(f'{one:08x}' for one in wheel.sensor_ids)}</td>"
+            f"<td>{wheel.rate_hz:.0f}</td><td>{wheel.samples}</td></tr>"
+            for name, wheel in self._content.wheels.items()
+        )
+        head = "<tr><th>wheel</th><th>sensor</th><th>rate / Hz</th><th>samples</th></tr>"
+        return f"<p>{escape(repr(self)[1:-1])}</p><table>{head}{rows}</table>"
+
+    # For wheels
+
+    @property
+    def _content(self) -> Survey:
+        if self._survey is None:
+            self._survey = survey(self._opened(), self.vehicle, guard=self._guard(), on_bytes=self._on_bytes)
+            self._damage = "" if self._file.damage is None else text(self._file.damage)
+        return self._survey
+
+    @property
+    def _has_host_time(self) -> bool:
+        return bool(self._content.first_ns)
+
+    def _opened(self) -> RecordedFile:
+        if self._closed:
+            raise RecordingError(f"'{self.name}' is closed", "Open it again with gateway.open.")
+        return self._file
+
+    def _guard(self) -> Guard | None:
+        return open_guard(self.vehicle, self._settings.keys, remembers=False)
+
+    def _signals(self) -> SignalDecoder | None:
+        return open_decoder(self.vehicle, self._settings.config_path, (), [self._file.info.dbc_text])
+
+    def _on_bytes(self, _: int) -> None:
+        if self._settings.progress is not None:
+            self._settings.progress(min(1.0, self._file.position / max(1, self._file.info.size_bytes)))
+
+    def _revolutions(self, wheel: str) -> Iterator[RevolutionResult]:
+        """Yield the revolutions of a wheel; those of a recording of moderate length are kept."""
+        if self._kept is not None:
+            yield from self._kept.get(wheel, ())
+            return
+        kept: dict[str, list[RevolutionResult]] | None = {} if self._is_small else None
+        for count, result in enumerate(
+            estimated_results(
+                self._opened(),
+                self.vehicle,
+                estimators=(),
+                effects=self._settings.effects,
+                guard=self._guard(),
+                on_bytes=self._on_bytes,
+            )
+        ):
+            if kept is not None:
+                kept.setdefault(result.position, []).append(result)
+                if count >= _KEPT_REVOLUTIONS:
+                    kept, self._is_small = None, False
+            if result.position == wheel:
+                yield result
+        self._kept = kept
+
+    def _results(self, estimators: str | Sequence[str]) -> _Estimated:
+        names = several_names(estimators) or self._settings.estimators
+        if names not in self._estimated:
+            self._estimated[names] = self._estimate(names)
+        return self._estimated[names]
+
+    def _estimate(self, estimators: tuple[str, ...]) -> _Estimated:
+        """Run the estimators; return their results with everything that the command prints about them."""
+        vehicle = self.vehicle
+        rows = EstimateRows(has_host_time=self._has_host_time)
+        sensors, watch, alarms = SensorsHeard(), StatementWatch(positions(vehicle)), BatchAlarms(vehicle)
+        guard = self._guard()
+        states: list[WheelSnapshot] = []
+        heard: dict[str, None] = {}
+
+        def on_batch(link: str, batch: FrameBatch, _: NDArray[np.int64]) -> None:
+            sensors.take(batch)
+            watch.batch(link, batch)
+
+        results = estimated_results(
+            self._opened(),
+            vehicle,
+            estimators=estimators,
+            on_bytes=self._on_bytes,
+            guard=guard,
+            on_batch=on_batch,
+            on_wheels=states.extend,
+            effects=self._settings.effects,
+            alarms=alarms,
+            signals=self._signals(),
+        )
+        for result in results:
+            heard.setdefault(result.position)
+            rows.add(result)
+        links = self._content.links
+        for link, counted in links.items():
+            watch.counters(link, counted)
+        counts = {link: FrameCounts(counted.frames, counted.refused) for link, counted in links.items()}
+        notices: list[Notice] = guard.take_notices() if guard is not None else []
+        notices = [*(notices or sensors.mismatches(vehicle, heard)), *watch.found()]
+        notices += [*missing_frames(counts), *missing_revolutions(states, counts)]
+        return _Estimated(
+            estimates=rows.table(self.name),
+            alarms=Alarms.of(alarms.finish(), recording=self.name),
+            notices=tuple(map(notice_text, notices)),
+        )
+
+
+class Wheel:
+    """One wheel of a recording."""
+
+    def __init__(self, recording: Recording, position: str) -> None:
+        """Take a position of a recording; use `recording[position]`."""
+        self.recording = recording
+        self.position = position
+
+    @property
+    def heard(self) -> HeardWheel:
+        """Sensors, stated sampling rate and number of samples."""
+        return self.recording._content.wheels[self.position]
+
+    @property
+    def sensor_id(self) -> str:
+        """Serial number of its sensor, the last one, as hexadecimal text; empty when it did not send one."""
+        known = self.heard.sensor_ids
+        return f"{known[-1]:08x}" if known else ""
+
+    @property
+    def radius_m(self) -> float:
+        """Belt radius: as configured, else as assumed."""
+        vehicle = self.recording.vehicle
+        wheel = configured(vehicle, self.position)
+        radius_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
+        return ASSUMED_RADIUS_MM * 1e-3 if radius_m is None else radius_m
+
+    def samples(self, *, start_s: float = -math.inf, stop_s: float = math.inf) -> Samples:
+        """Return the samples of its axes in SI units.
+
+        An hour at 9600 Hz takes about 2 GB; choose a part of a long recording, or read `recording.sample_blocks()`.
+
+        Args:
+            start_s: time of the hub's clock from which on samples are returned.
+            stop_s: time of the hub's clock before which samples are returned.
+        """
+        return Samples.of(
+            self.recording.sample_blocks((self.position,)),
+            recording=self.recording.name,
+            wheel=self.position,
+            start_s=start_s,
+            stop_s=stop_s,
+        )
+
+    def environment(self) -> Environment:
+        """Return pressure and temperature in the tire."""
+        recording = self.recording
+        items = signals(
+            recording._opened(),
+            recording.vehicle,
+            wheels=(self.position,),
+            guard=recording._guard(),
+            on_bytes=recording._on_bytes,
+        )
+        readings = [item for item in items if isinstance(item, EnvironmentReading)]
+        return Environment.of(readings, recording=recording.name, wheel=self.position)
+
+    def revolutions(self) -> Revolutions:
+        """Return its revolutions: times, speed, contact and conditions."""
+        recording = self.recording
+        return Revolutions.of(
+            recording._revolutions(self.position),
+            recording=recording.name,
+            wheel=self.position,
+            has_host_time=recording._has_host_time,
+        )
+
+    def angle(self, *, start_s: float = -math.inf, stop_s: float = math.inf) -> AngleWaveforms:
+        """Return its revolutions in the angle domain, 33 kB each.
+
+        Args:
+            start_s: time of the hub's clock from which on revolutions are returned, by their start.
+            stop_s: time of the hub's clock before which revolutions are returned.
+        """
+        return AngleWaveforms.of(self._between(start_s, stop_s), recording=self.recording.name, wheel=self.position)
+
+    def average(self, *, start_s: float = -math.inf, stop_s: float = math.inf) -> AverageWaveform:
+        """Return the time synchronous average of its usable revolutions, with their scatter.
+
+        Args:
+            start_s: time of the hub's clock from which on revolutions are averaged, by their start.
+            stop_s: time of the hub's clock before which revolutions are averaged.
+
+        Raises:
+            RecordingError: there is no usable revolution.
+        """
+        average = AverageWaveform.of(self._between(start_s, stop_s), recording=self.recording.name, wheel=self.position)
+        if average is None:
+            raise RecordingError(
+                f"wheel {self.position} of '{self.recording.name}' has no usable revolution to average",
+                "Its revolutions and their faults are in `revolutions()`, missing ones in `recording.notices()`.",
+            )
+        return average
+
+    def orders(
+        self, axis: Axis = "normalised", *, start_s: float = -math.inf, stop_s: float = math.inf
+    ) -> OrderSpectra:
+        """Return the order spectrum of each revolution.
+
+        Args:
+            axis: `normalised` is the radial axis without gravity and angular acceleration; `radial`,
+                `circumferential` and `lateral` are the axes as measured.
+            start_s: time of the hub's clock from which on revolutions are returned, by their start.
+            stop_s: time of the hub's clock before which revolutions are returned.
+
+        Raises:
+            ValueError: another axis.
+        """
+        if axis not in _AXES:
+            raise ValueError(f"there is no axis '{axis}': choose {', '.join(_AXES)}")
+        return OrderSpectra.of(
+            self._between(start_s, stop_s), recording=self.recording.name, wheel=self.position, axis=axis
+        )
+
+    def estimates(self, estimators: str | Sequence[str] = ()) -> Estimates:
+        """Return its estimates; arguments as for `recording.estimates`."""
+        table = self.recording.estimates(estimators)
+        return table.select(wheel=self.position) if self.position in table.wheel.tolist() else table.select(status=())
+
+    def _between(self, start_s: float, stop_s: float) -> Iterator[RevolutionResult]:
+        for result in self.recording._revolutions(self.position):
+            if start_s <= result.revolution.start_s < stop_s:
+                yield result
+
+    def __repr__(self) -> str:
+        heard = self.heard
+        return (
+            f"<Wheel {self.position} of '{self.recording.name}': sensor {self.sensor_id or 'unknown'}, "
+            f"{heard.samples} samples at {heard.rate_hz:g} Hz, belt radius {self.radius_m:g} m>"
+        )

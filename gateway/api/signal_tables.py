@@ -1,0 +1,503 @@
+"""Tables of one wheel's signals: samples, revolutions, waveforms in angle, their average and their orders."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.api.column_table import ColumnTable, TextArray, TimeArray, column, require_pandas, text_array, utc_array
+from gateway.constants import AXIS_NAMES
+from gateway.pipeline.results import RevolutionResult
+from gateway.session.recorded_signals import EnvironmentReading, SignalBlock
+from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
+from gateway.signal.mean_revolution import MeanOfRevolutions, MeanRevolution
+from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
+from gateway.types import BoolArray, ComplexArray, FloatArray
+from gateway.views.wording import joined
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+IndexArray = NDArray[np.int64]
+
+_DEVICE_TIME: Final = "time of the hub's clock"
+_HOST_TIME: Final = "time of the computer's clock; NaT when unknown"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Samples(ColumnTable):
+    """Acceleration of one wheel, sample by sample.
+
+    The axes turn with the sensor: circumferential is positive in the direction in which it travels, lateral to the left
+    of the vehicle, radial toward the wheel centre. Scale and zero are those that the sensor states.
+
+    Attributes:
+        wheel: position.
+        rate_hz: sampling rate measured against the hub's clock.
+        ac_coupled: whether the sensor passes no steady value.
+    """
+
+    _rows: ClassVar[str] = "samples"
+
+    wheel: str
+    rate_hz: float
+    ac_coupled: bool
+    device_s: FloatArray = field(metadata=column(_DEVICE_TIME))
+    host_utc: TimeArray = field(metadata=column(_HOST_TIME))
+    circumferential_mps2: FloatArray = field(metadata=column("specific force along the tread; NaN without this axis"))
+    lateral_mps2: FloatArray = field(metadata=column("specific force across the tread; NaN without this axis"))
+    radial_mps2: FloatArray = field(metadata=column("specific force toward the wheel centre; NaN without this axis"))
+    saturated: BoolArray = field(metadata=column("whether an axis is at the end of the sensor's range"))
+    lost_before: IndexArray = field(metadata=column("samples lost on the link before this one"))
+    number: IndexArray = field(metadata=column("running number that the hub gave the sample"))
+    segment: IndexArray = field(metadata=column("stretch of one clock: a restart or a gap begins a new one"))
+
+    @property
+    def axes_mps2(self) -> FloatArray:
+        """The three axes together, (n, 3)."""
+        return np.stack((self.circumferential_mps2, self.lateral_mps2, self.radial_mps2), axis=1)
+
+    @property
+    def gaps(self) -> list[tuple[float, int]]:
+        """Gaps as (device time in s of the first sample after it, number of samples lost)."""
+        at = np.flatnonzero(self.lost_before)
+        return list(zip(self.device_s[at].tolist(), self.lost_before[at].tolist(), strict=True))
+
+    def _title(self) -> str:
+        lost, saturated = int(self.lost_before.sum()), int(self.saturated.sum())
+        duration_s = len(self) / self.rate_hz if self.rate_hz else 0.0
+        return (
+            f"{len(self)} samples of {self.wheel}, {duration_s:.2f} s at {self.rate_hz:.1f} Hz, {lost} lost, "
+            f"{saturated} saturated"
+        )
+
+    @classmethod
+    def of(cls, blocks: Iterable[SignalBlock], *, recording: str, wheel: str, start_s: float, stop_s: float) -> Self:
+        """Return the samples from device time `start_s` to `stop_s` of the blocks of one wheel."""
+        parts: list[tuple[SignalBlock, slice]] = []
+        for block in blocks:
+            first, end = np.searchsorted(block.hub_time_s, (start_s, stop_s)).tolist()
+            if first < end:
+                parts.append((block, slice(first, end)))
+        if not parts:
+            none = np.zeros(0, np.int64)
+            empty = np.zeros(0)
+            return cls(
+                recording=recording,
+                wheel=wheel,
+                rate_hz=math.nan,
+                ac_coupled=False,
+                device_s=empty,
+                host_utc=utc_array(none),
+                circumferential_mps2=empty,
+                lateral_mps2=empty,
+                radial_mps2=empty,
+                saturated=np.zeros(0, np.bool_),
+                lost_before=none,
+                number=none,
+                segment=none,
+            )
+        sizes = [part.stop - part.start for _, part in parts]
+        lost = np.zeros(sum(sizes), np.int64)
+        starts = np.cumsum([0, *sizes[:-1]])
+        lost[starts] = [block.lost_before if part.start == 0 else 0 for block, part in parts]
+        axes = np.empty((3, len(lost)))
+        np.concatenate([block.axes_mps2[part].T for block, part in parts], axis=1, out=axes)
+        last = parts[-1][0]
+        return cls(
+            recording=recording,
+            wheel=wheel,
+            rate_hz=last.rate_hz,
+            ac_coupled=last.ac_coupled,
+            device_s=np.concatenate([block.hub_time_s[part] for block, part in parts]),
+            host_utc=utc_array(np.concatenate([block.host_time_ns[part] for block, part in parts])),
+            circumferential_mps2=axes[0],
+            lateral_mps2=axes[1],
+            radial_mps2=axes[2],
+            saturated=np.concatenate([block.saturated[part] for block, part in parts]),
+            lost_before=lost,
+            number=np.concatenate(
+                [np.arange(block.first_sample + part.start, block.first_sample + part.stop) for block, part in parts]
+            ),
+            segment=np.repeat([block.segment for block, _ in parts], sizes),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Environment(ColumnTable):
+    """Pressure and temperature in the tire of one wheel.
+
+    Attributes:
+        wheel: position.
+    """
+
+    _rows: ClassVar[str] = "readings"
+
+    wheel: str
+    device_s: FloatArray = field(metadata=column(_DEVICE_TIME))
+    host_utc: TimeArray = field(metadata=column(_HOST_TIME))
+    pressure_pa: FloatArray = field(metadata=column("inflation pressure above ambient (gauge); NaN when not measured"))
+    temperature_degc: FloatArray = field(metadata=column("temperature of the inner liner; NaN when not measured"))
+    supply_v: FloatArray = field(metadata=column("supply of the sensor; NaN when not measured"))
+
+    def _title(self) -> str:
+        return f"{len(self)} readings of {self.wheel}"
+
+    @classmethod
+    def of(cls, readings: Sequence[EnvironmentReading], *, recording: str, wheel: str) -> Self:
+        """Return the readings of one wheel."""
+
+        def known(name: str) -> FloatArray:
+            values = [getattr(reading, name) for reading in readings]
+            return np.array([math.nan if value is None else value for value in values], np.float64)
+
+        return cls(
+            recording=recording,
+            wheel=wheel,
+            device_s=known("hub_time_s"),
+            host_utc=utc_array([reading.host_time_ns for reading in readings]),
+            pressure_pa=known("pressure_pa"),
+            temperature_degc=known("temperature_degc"),
+            supply_v=known("supply_v"),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Revolutions(ColumnTable):
+    """Revolutions of one wheel: times, speed, contact and conditions, one row each.
+
+    Attributes:
+        wheel: position.
+    """
+
+    _rows: ClassVar[str] = "revolutions"
+
+    wheel: str
+    revolution: IndexArray = field(metadata=column("running number"))
+    device_start_s: FloatArray = field(metadata=column("time of the hub's clock at the first contact centre"))
+    device_end_s: FloatArray = field(metadata=column("time of the hub's clock at the second contact centre"))
+    host_utc: TimeArray = field(metadata=column("time of the computer's clock at its end; NaT when unknown"))
+    speed_mps: FloatArray = field(metadata=column("rolling speed, belt radius times angular speed"))
+    omega_radps: FloatArray = field(metadata=column("mean angular speed"))
+    omega_dot_radps2: FloatArray = field(metadata=column("angular acceleration"))
+    leading_edge_rad: FloatArray = field(metadata=column("angle of the leading contact edge, negative"))
+    leading_edge_std_rad: FloatArray = field(metadata=column("its standard error"))
+    trailing_edge_rad: FloatArray = field(metadata=column("angle of the trailing contact edge, positive"))
+    trailing_edge_std_rad: FloatArray = field(metadata=column("its standard error"))
+    noise_mps2: FloatArray = field(metadata=column("noise of one sample of the normalised radial waveform"))
+    rate_hz: FloatArray = field(metadata=column("sampling rate measured against the hub's clock"))
+    radius_m: FloatArray = field(metadata=column("belt radius in use"))
+    load_n: FloatArray = field(metadata=column("vertical load as stated; NaN when it is not"))
+    pressure_pa: FloatArray = field(metadata=column("inflation pressure above ambient (gauge), measured or stated"))
+    temperature_degc: FloatArray = field(metadata=column("temperature of the inner liner"))
+    missing_fraction: FloatArray = field(metadata=column("share of its samples that were lost and interpolated"))
+    saturated: BoolArray = field(metadata=column("whether a radial sample is at the end of the sensor's range"))
+    usable: BoolArray = field(metadata=column("whether it may be used for estimates"))
+    faults: TextArray = field(metadata=column("why it may not"))
+
+    def _title(self) -> str:
+        if not len(self):
+            return f"no revolution of {self.wheel}"
+        kmh = self.speed_mps * 3.6
+        return (
+            f"{len(self)} revolutions of {self.wheel}, {int(self.usable.sum())} usable, "
+            f"{kmh.min():.1f} to {kmh.max():.1f} km/h"
+        )
+
+    @classmethod
+    def of(cls, results: Iterable[RevolutionResult], *, recording: str, wheel: str, has_host_time: bool) -> Self:
+        """Return the table of results of one wheel."""
+        rows = [_revolution_row(result, has_host_time) for result in results]
+        return cls(recording=recording, wheel=wheel, **_revolution_columns(rows))
+
+
+def _revolution_row(result: RevolutionResult, has_host_time: bool) -> tuple[Any, ...]:
+    """Return the cells of a revolution in the order of the columns of `Revolutions`."""
+    revolution, conditions = result.revolution, result.conditions
+    return (
+        revolution.index,
+        revolution.start_s,
+        revolution.start_s + revolution.period_s,
+        result.host_ns if has_host_time else 0,
+        revolution.omega_radps * conditions.radius_m,
+        revolution.omega_radps,
+        revolution.omega_dot_radps2,
+        revolution.leading_edge_rad,
+        revolution.leading_edge_std_rad,
+        revolution.trailing_edge_rad,
+        revolution.trailing_edge_std_rad,
+        revolution.noise_mps2,
+        revolution.rate_hz,
+        conditions.radius_m,
+        math.nan if conditions.load_n is None else conditions.load_n,
+        math.nan if conditions.pressure_pa is None else conditions.pressure_pa,
+        math.nan if conditions.temperature_degc is None else conditions.temperature_degc,
+        revolution.missing_fraction,
+        bool(revolution.saturated),
+        not revolution.faults,
+        joined(revolution.faults),
+    )
+
+
+def _revolution_columns(rows: Sequence[tuple[Any, ...]]) -> dict[str, Any]:
+    names = [one.name for one in fields(Revolutions) if one.metadata]
+    cells = list(zip(*rows, strict=True)) if rows else [()] * len(names)
+    columns: dict[str, Any] = {}
+    for name, values in zip(names, cells, strict=True):
+        if name == "host_utc":
+            columns[name] = utc_array(list(values))
+        elif name == "faults":
+            columns[name] = text_array(list(values))
+        else:
+            kind = {"revolution": np.int64, "saturated": np.bool_, "usable": np.bool_}.get(name, np.float64)
+            columns[name] = np.array(values, kind)
+    return columns
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class AngleWaveforms(ColumnTable):
+    """Acceleration of one wheel in the angle domain: one row per revolution, one value per angle.
+
+    The angle is 0 at the contact centre; the sensor enters the contact at negative and leaves it at positive angles.
+    Angles from 0 on come from the first half of the revolution, negative ones from its second half.
+
+    Attributes:
+        wheel: position.
+        angle_rad: (m,) angles of the columns, from -pi on in equal steps.
+    """
+
+    _rows: ClassVar[str] = "revolutions"
+
+    wheel: str
+    angle_rad: FloatArray
+    revolution: IndexArray = field(metadata=column("running number"))
+    device_start_s: FloatArray = field(metadata=column("time of the hub's clock at the first contact centre"))
+    omega_radps: FloatArray = field(metadata=column("mean angular speed"))
+    usable: BoolArray = field(metadata=column("whether it may be used for estimates"))
+    circumferential_mps2: FloatArray = field(metadata=column("specific force along the tread, (n, m)"))
+    lateral_mps2: FloatArray = field(metadata=column("specific force across the tread, (n, m)"))
+    radial_mps2: FloatArray = field(metadata=column("specific force toward the wheel centre, (n, m)"))
+    normalised_mps2: FloatArray = field(
+        metadata=column("radial axis without gravity and angular acceleration, (n, m); a steady tire repeats it")
+    )
+
+    def _title(self) -> str:
+        return f"{len(self)} revolutions of {self.wheel} at {len(self.angle_rad)} angles"
+
+    def to_pandas(self, axis: str = "radial") -> pd.DataFrame:
+        """Return one axis as a DataFrame: rows are revolutions, columns are angles in rad.
+
+        Args:
+            axis: `circumferential`, `lateral`, `radial` or `normalised`.
+
+        Raises:
+            ValueError: another axis.
+            OutputError: pandas is not installed.
+        """
+        name = f"{axis}_mps2"
+        if name not in ("normalised_mps2", *(f"{one}_mps2" for one in AXIS_NAMES)):
+            raise ValueError(f"there is no axis '{axis}': choose {', '.join(AXIS_NAMES)} or normalised")
+        pandas = require_pandas()
+        frame: pd.DataFrame = pandas.DataFrame(
+            self[name],
+            index=pandas.Index(self.revolution, name="revolution"),
+            columns=pandas.Index(self.angle_rad, name="angle_rad"),
+        )
+        frame.attrs.update({"unit": "m/s^2", "axis": axis, **self.metadata})
+        return frame
+
+    @classmethod
+    def of(cls, results: Iterable[RevolutionResult], *, recording: str, wheel: str) -> Self:
+        """Return the waveforms of results of one wheel."""
+        kept = [result.revolution for result in results]
+        axes = np.empty((3, len(kept), GRID_SIZE))
+        normalised = np.empty((len(kept), GRID_SIZE))
+        for place, revolution in enumerate(kept):
+            axes[:, place] = revolution.axes_mps2
+            normalised[place] = revolution.radial_mps2
+        return cls(
+            recording=recording,
+            wheel=wheel,
+            angle_rad=angle_grid(),
+            revolution=np.array([revolution.index for revolution in kept], np.int64),
+            device_start_s=np.array([revolution.start_s for revolution in kept], np.float64),
+            omega_radps=np.array([revolution.omega_radps for revolution in kept], np.float64),
+            usable=np.array([not revolution.faults for revolution in kept], np.bool_),
+            circumferential_mps2=axes[0],
+            lateral_mps2=axes[1],
+            radial_mps2=axes[2],
+            normalised_mps2=normalised,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class AverageWaveform(ColumnTable):
+    """Time synchronous average of one wheel's usable revolutions, one row per angle, with the scatter between them.
+
+    The axes are averaged as measured. The normalised radial axis is scaled to the mean speed first, revolution by
+    revolution. Over a range of speeds its scatter stays that of the tire, while that of the axes contains the change
+    with speed.
+
+    Attributes:
+        wheel: position.
+        count: number of revolutions.
+        omega_radps: mean angular speed.
+        omega_std_radps: its standard deviation.
+        leading_edge_rad: mean leading contact edge.
+        leading_edge_std_rad: its standard error.
+        trailing_edge_rad: mean trailing contact edge.
+        trailing_edge_std_rad: its standard error.
+        orders_mps2: (61,) complex coefficients c - i s of the normalised radial axis.
+        orders_std_mps2: (61,) standard error of each real coefficient.
+    """
+
+    _rows: ClassVar[str] = "angles"
+
+    wheel: str
+    count: int
+    omega_radps: float
+    omega_std_radps: float
+    leading_edge_rad: float
+    leading_edge_std_rad: float
+    trailing_edge_rad: float
+    trailing_edge_std_rad: float
+    orders_mps2: ComplexArray
+    orders_std_mps2: FloatArray
+    angle_rad: FloatArray = field(metadata=column("angle of the sensor, 0 at the contact centre"))
+    circumferential_mps2: FloatArray = field(metadata=column("mean specific force along the tread"))
+    circumferential_scatter_mps2: FloatArray = field(metadata=column("its standard deviation between revolutions"))
+    lateral_mps2: FloatArray = field(metadata=column("mean specific force across the tread"))
+    lateral_scatter_mps2: FloatArray = field(metadata=column("its standard deviation between revolutions"))
+    radial_mps2: FloatArray = field(metadata=column("mean specific force toward the wheel centre"))
+    radial_scatter_mps2: FloatArray = field(metadata=column("its standard deviation between revolutions"))
+    normalised_mps2: FloatArray = field(metadata=column("mean radial axis without gravity, at the mean speed"))
+    normalised_scatter_mps2: FloatArray = field(metadata=column("its standard deviation between revolutions"))
+
+    def _title(self) -> str:
+        return f"average of {self.count} revolutions of {self.wheel} at {self.omega_radps:.2f} rad/s"
+
+    @classmethod
+    def of(cls, results: Iterable[RevolutionResult], *, recording: str, wheel: str) -> Self | None:
+        """Return the average of the usable results of one wheel; None when there is none."""
+        total = MeanOfRevolutions()
+        for result in results:
+            revolution = result.revolution
+            if not revolution.faults:
+                total.add(
+                    revolution.axes_mps2,
+                    revolution.radial_mps2,
+                    revolution.orders_mps2,
+                    revolution.omega_radps,
+                    edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+                    edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
+                    noise_mps2=revolution.noise_mps2,
+                )
+        mean = total.mean()
+        return cls(recording=recording, wheel=wheel, **_average_columns(mean)) if mean is not None else None
+
+
+def _average_columns(mean: MeanRevolution) -> dict[str, Any]:
+    radial = mean.radial
+    axes: dict[str, Any] = {}
+    for place, name in enumerate(AXIS_NAMES):
+        axes[f"{name}_mps2"] = mean.axes_mps2[place]
+        axes[f"{name}_scatter_mps2"] = mean.axes_scatter_mps2[place]
+    return {
+        "count": mean.count,
+        "omega_radps": mean.omega_radps,
+        "omega_std_radps": mean.omega_std_radps,
+        "leading_edge_rad": radial.leading_edge_rad,
+        "leading_edge_std_rad": radial.leading_edge_std_rad,
+        "trailing_edge_rad": radial.trailing_edge_rad,
+        "trailing_edge_std_rad": radial.trailing_edge_std_rad,
+        "orders_mps2": radial.orders_mps2,
+        "orders_std_mps2": radial.orders_std_mps2,
+        "angle_rad": angle_grid(),
+        **axes,
+        "normalised_mps2": radial.radial_mps2,
+        "normalised_scatter_mps2": radial.scatter_mps2,
+    }
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OrderSpectra(ColumnTable):
+    """Order spectrum of one axis of one wheel, one row per revolution.
+
+    Order n repeats n times per revolution. Its coefficient is the complex number c - i s of c cos(n angle) + s sin(n
+    angle); order 0 is the mean. Orders that the sampling rate does not carry are NaN.
+
+    Attributes:
+        wheel: position.
+        axis: `circumferential`, `lateral`, `radial` or `normalised`.
+        order: (61,) orders 0 to 60.
+    """
+
+    _rows: ClassVar[str] = "revolutions"
+
+    wheel: str
+    axis: str
+    order: IndexArray
+    revolution: IndexArray = field(metadata=column("running number"))
+    device_start_s: FloatArray = field(metadata=column("time of the hub's clock at the first contact centre"))
+    omega_radps: FloatArray = field(metadata=column("mean angular speed"))
+    usable: BoolArray = field(metadata=column("whether it may be used for estimates"))
+    order_max: IndexArray = field(metadata=column("highest order that the sampling rate carries"))
+    orders_mps2: ComplexArray = field(metadata=column("coefficients c - i s, (n, 61) complex"))
+
+    @property
+    def amplitude_mps2(self) -> FloatArray:
+        """Amplitude of every order, (n, 61)."""
+        return np.abs(self.orders_mps2)
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequency of every order, (n, 61)."""
+        result: FloatArray = np.outer(self.omega_radps, self.order) / (2.0 * math.pi)
+        return result
+
+    def _title(self) -> str:
+        return f"orders 0 to {int(self.order[-1])} of {len(self)} revolutions of {self.wheel}, {self.axis} axis"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the complex coefficients as a DataFrame: rows are revolutions, columns are orders.
+
+        Raises:
+            OutputError: pandas is not installed.
+        """
+        pandas = require_pandas()
+        frame: pd.DataFrame = pandas.DataFrame(
+            self.orders_mps2,
+            index=pandas.Index(self.revolution, name="revolution"),
+            columns=pandas.Index(self.order, name="order"),
+        )
+        frame.attrs.update({"unit": "m/s^2", **self.metadata})
+        return frame
+
+    @classmethod
+    def of(cls, results: Iterable[RevolutionResult], *, recording: str, wheel: str, axis: str) -> Self:
+        """Return the orders of results of one wheel."""
+        kept = [result.revolution for result in results]
+        orders = np.empty((len(kept), ORDER_COUNT), np.complex128)
+        for place, revolution in enumerate(kept):
+            orders[place] = (
+                revolution.orders_mps2
+                if axis == "normalised"
+                else order_coefficients(revolution.axes_mps2[AXIS_NAMES.index(axis)], revolution.order_max)
+            )
+        return cls(
+            recording=recording,
+            wheel=wheel,
+            axis=axis,
+            order=np.arange(ORDER_COUNT),
+            revolution=np.array([revolution.index for revolution in kept], np.int64),
+            device_start_s=np.array([revolution.start_s for revolution in kept], np.float64),
+            omega_radps=np.array([revolution.omega_radps for revolution in kept], np.float64),
+            usable=np.array([not revolution.faults for revolution in kept], np.bool_),
+            order_max=np.array([revolution.order_max for revolution in kept], np.int64),
+            orders_mps2=orders,
+        )

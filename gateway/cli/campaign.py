@@ -1,0 +1,307 @@
+"""`treadlink campaign`: estimate many recordings into a dataset."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from gateway.cli import exit_status
+from gateway.cli.options import config_option, effects_option, keys_option
+from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
+from gateway.clock import Clock, SystemClock
+from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
+from gateway.views.text import clean
+from gateway.views.wording import text
+
+if TYPE_CHECKING:
+    from gateway.fleet.campaign_run import CampaignProgress
+    from gateway.fleet.recording_estimation import Failure
+
+CAMPAIGN_ESTIMATORS: Final = tuple(in_order({*DEFAULT_ESTIMATORS, "self-calibration", "load"}))
+"""What trends of a fleet need beyond the defaults: errors of the sensors and measured loads."""
+
+_LINE_EVERY_NS: Final = 30_000_000_000
+_DRAW_EVERY_NS: Final = 250_000_000
+_LISTED_FAILURES: Final = 20
+_GB: Final = 1e9
+
+
+@click.command()
+@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="PATH...")
+@click.option(
+    "--out",
+    "root",
+    required=True,
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DATASET",
+    help="Folder of the dataset; made when it does not exist, continued when it does.",
+)
+@config_option
+@click.option(
+    "--estimator",
+    "estimators",
+    multiple=True,
+    type=click.Choice(estimator_names()),
+    help=f"Estimator to run; repeat for several.  [default: {', '.join(CAMPAIGN_ESTIMATORS)}]",
+)
+@click.option(
+    "--rows",
+    type=click.Choice(["second", "all", "none"]),
+    default="second",
+    show_default=True,
+    help="Revolutions to keep: the last one of each second and wheel, all, or none. Each recording always has one row "
+    "per wheel with the means over its revolutions.",
+)
+@click.option("--diagnose", is_flag=True, help="Also diagnose every tire from its recordings; takes minutes per tire.")
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 256),
+    metavar="N",
+    help="Worker processes of this machine.  [default: one per processor]",
+)
+@click.option(
+    "--memory",
+    "memory_gb",
+    type=click.FloatRange(min=0.3),
+    default=2.0,
+    show_default=True,
+    metavar="GB",
+    help="Memory of a worker process of this machine, at which it is ended.",
+)
+@click.option(
+    "--scheduler", metavar="ADDRESS", help="Use the workers of a dask scheduler instead, such as tcp://10.0.0.5:8786."
+)
+@click.option("--retry", is_flag=True, help="Try recordings again that failed before and have not changed.")
+@keys_option
+@effects_option
+def campaign(
+    paths: tuple[Path, ...],
+    root: Path,
+    config_path: Path | None,
+    estimators: tuple[str, ...],
+    rows: str,
+    diagnose: bool,
+    jobs: int | None,
+    memory_gb: float,
+    scheduler: str | None,
+    retry: bool,
+    key_file: Path | None,
+    effects_paths: tuple[Path, ...],
+) -> None:
+    """Estimate all recordings of PATH... into a dataset of Parquet files.
+
+    A PATH is a recording, or a folder that is searched for .mcap files. The dataset has the tables recordings,
+    revolutions, failures and, with --diagnose, diagnoses. They are partitioned by vehicle and day (UTC):
+
+    \b
+      treadlink campaign /data/fleet --out fleet.dataset
+      duckdb -c "SELECT * FROM read_parquet('fleet.dataset/recordings/**/*.parquet')"
+      treadlink trends fleet.dataset --html fleet.html
+
+    The command can be stopped at any time and run again, also with more recordings: what is done is known by the
+    content of the files, the options and the version of the estimators. Renamed and copied files are not estimated
+    again; a changed file replaces its rows.
+
+    A recording that cannot be estimated is a row of the table failures and does not stop the others. One whose worker
+    process is killed or runs out of memory is tried once more. The exit status is 1 if there is a failure.
+    """
+    if scheduler is not None and jobs is not None:
+        raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
+    from gateway.fleet.parquet_parts import require_campaign_packages
+
+    require_campaign_packages()
+    from gateway.config.effects_file import load_effects
+    from gateway.config.vehicle import load_vehicle
+    from gateway.fleet.campaign_run import CampaignRun, find_recordings
+    from gateway.fleet.content_keys import estimators_version
+    from gateway.fleet.dataset import Description, opened
+    from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names
+    from gateway.fleet.tire_diagnoses import DiagnosisCounts, diagnose_tires
+    from gateway.fleet.worker_cluster import local_workers, scheduler_workers
+    from gateway.fleet.worker_tasks import WorkerTasks
+
+    found = find_recordings(paths)
+    key_file = key_file.resolve() if key_file is not None else None  # workers have other working folders
+    chosen = tuple(in_order(estimators or CAMPAIGN_ESTIMATORS))
+    settings = EstimationSettings(
+        estimators=chosen,
+        columns=estimate_names(chosen),
+        rows=RowsKept(rows),
+        vehicle=load_vehicle(config_path) if config_path is not None else None,
+        effects=tuple(map(load_effects, effects_paths)),
+        key_file=key_file,
+        code=estimators_version(),
+    )
+    description = Description(chosen, settings.columns, str(settings.rows))
+    clock = SystemClock()
+    memory_bytes = int(memory_gb * _GB)
+    failures: list[tuple[Path, Failure]] = []
+    counts = DiagnosisCounts()
+    with stop_request() as stop, ExitStack() as stack:
+        try:
+            dataset = stack.enter_context(opened(root, description, _waiting(clock, stop, root)))
+        except TimeoutError:
+            _stopped(stop)
+            return
+
+        pool: WorkerTasks | None = None
+
+        def connect() -> WorkerTasks:
+            nonlocal pool
+            if pool is None:
+                if scheduler is not None:
+                    pool = WorkerTasks(stack.enter_context(scheduler_workers(scheduler)))
+                else:
+                    count = jobs or os.cpu_count() or 1
+                    pool = WorkerTasks(stack.enter_context(local_workers(count, memory_bytes)), memory_bytes)
+            return pool
+
+        with _shown_progress(clock) as show:
+            run = CampaignRun(
+                dataset=dataset,
+                settings=settings,
+                connect=connect,
+                clock=clock,
+                stop=stop,
+                on_progress=show,
+                on_failure=lambda path, failure: failures.append((path, failure)),
+                retries_failed=retry,
+            )
+            progress = run.run(found)
+        if diagnose and not stop.is_set():
+            counts = diagnose_tires(
+                dataset,
+                connect,
+                found,
+                config=settings.vehicle,
+                key_file=key_file,
+                stop=stop,
+                on_tire=lambda done, every: click.echo(f"diagnosed {done} of {every} tires", err=True),
+            )
+    _report(progress, failures, root)
+    if diagnose:
+        click.echo(f"tires: {counts.made} diagnosed, {counts.known} done before, {counts.failed} without a diagnosis")
+    if stop.is_set():
+        click.echo("stopped: run the same command to continue", err=True)
+        _stopped(stop)
+    if progress.failed or progress.failed_before or counts.failed:
+        raise SystemExit(exit_status.NO_RESULT)
+
+
+def _stopped(stop: StopRequest) -> None:
+    """End with the exit status of the signal."""
+    if stop.number is not None:
+        raise SystemExit(exit_status.of_signal(StopSignal(stop.number)))
+
+
+def _waiting(clock: Clock, stop: StopRequest, root: Path) -> Callable[[str], bool]:
+    """Return what waits for another campaign on the dataset, and says so once."""
+    said = False
+
+    def wait(holder: str) -> bool:
+        nonlocal said
+        if not said:
+            said = True
+            who = f" ({clean(holder)})" if holder else ""
+            click.echo(f"waiting for another campaign on '{root}'{who}", err=True)
+        clock.sleep_until_ns(clock.now_ns() + 200_000_000)
+        return not stop.is_set()
+
+    return wait
+
+
+@contextmanager
+def _shown_progress(clock: Clock) -> Iterator[Callable[[CampaignProgress], None]]:
+    """Yield what shows the progress: a bar on a terminal, else a line every half minute."""
+    if not sys.stderr.isatty():
+        yield _lines(clock)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = (
+        BarColumn(bar_width=28),
+        TextColumn("{task.percentage:>5.1f} %"),
+        TextColumn("{task.fields[files]}"),
+        TextColumn("{task.fields[left]}"),
+        TextColumn("[red]{task.fields[failed]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as bar:
+        task = bar.add_task("", total=1.0, files="starting workers", left="", failed="")
+        due_ns = 0
+
+        def show(progress: CampaignProgress) -> None:
+            nonlocal due_ns
+            now_ns = clock.now_ns()
+            if now_ns < due_ns:
+                return
+            due_ns = now_ns + _DRAW_EVERY_NS
+            bar.update(
+                task,
+                total=max(progress.total_bytes, 1),
+                completed=progress.done_bytes,
+                files=_files_text(progress),
+                left=_left_text(progress),
+                failed=f"{progress.failed} failed" if progress.failed else "",
+                refresh=True,
+            )
+
+        yield show
+
+
+def _lines(clock: Clock) -> Callable[[CampaignProgress], None]:
+    due_ns = clock.now_ns() + _LINE_EVERY_NS
+
+    def show(progress: CampaignProgress) -> None:
+        nonlocal due_ns
+        now_ns = clock.now_ns()
+        if now_ns < due_ns:
+            return
+        due_ns = now_ns + _LINE_EVERY_NS
+        failed = f", {progress.failed} failed" if progress.failed else ""
+        share = 100.0 * progress.done_bytes / max(progress.total_bytes, 1)
+        click.echo(f"{_files_text(progress)}, {share:.1f} % of the bytes{failed}, {_left_text(progress)}", err=True)
+
+    return show
+
+
+def _files_text(progress: CampaignProgress) -> str:
+    return f"{progress.files - progress.files_left} of {progress.files} recordings"
+
+
+def _left_text(progress: CampaignProgress) -> str:
+    from gateway.views.numbers import duration
+
+    left_s = progress.left_s
+    return "time left not known yet" if left_s is None else f"{duration(left_s)} left"
+
+
+def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], root: Path) -> None:
+    """Print what was done, and the failures."""
+    from gateway.views.numbers import duration, file_size
+
+    rate = progress.estimated / progress.elapsed_s if progress.elapsed_s > 0.0 else 0.0
+    took = f" in {duration(progress.elapsed_s)} ({rate:.2g} per second)" if progress.estimated else ""
+    click.echo(f"{progress.estimated} recordings estimated{took}, {progress.revolutions} revolutions")
+    for count, words in (
+        (progress.known, "done before"),
+        (progress.copies, "copies of others"),
+        (progress.damaged, "damaged: their readable part was estimated"),
+        (progress.failed_before, "failed before and have not changed (--retry tries them again)"),
+        (progress.failed, "failed"),
+    ):
+        if count:
+            click.echo(f"{count} {words}")
+    for path, failure in failures[:_LISTED_FAILURES]:
+        click.echo(f"  {clean(str(path))}: {clean(text(failure.reason))}")
+    if len(failures) > _LISTED_FAILURES:
+        click.echo(f"  and {len(failures) - _LISTED_FAILURES} more, in the table failures")
+    if progress.peak_bytes:
+        click.echo(f"largest worker process: {file_size(progress.peak_bytes)}")
+    click.echo(f"dataset: {root}")

@@ -1,0 +1,207 @@
+"""Run of `treadlink estimate`: recordings to tables and summaries, in one process or several."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from gateway.cli import exit_status
+from gateway.cli.logs import configure_logging
+from gateway.errors import TreadlinkError
+from gateway.views.output_file import is_stdout
+
+if TYPE_CHECKING:
+    from gateway.reasons import Reason
+    from gateway.views.progress import ProgressView
+    from gateway.views.tables.result_table import TableFormat, TableWriter
+
+# A process needs half a second to start, in which another estimates this much.
+_BYTES_WORTH_A_PROCESS: Final = 8_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateOrder:
+    """Order to estimate one recording.
+
+    Attributes:
+        path: the recording.
+        config_path: vehicle configuration, None to use the recorded one.
+        effects_paths: files of known effects.
+        key_file: keys of signed frames, None for the user's.
+        estimators: names from the registry.
+        spools: file for the rows of each table, when another process writes the tables.
+    """
+
+    path: Path
+    config_path: Path | None
+    effects_paths: tuple[Path, ...]
+    key_file: Path | None
+    estimators: tuple[str, ...]
+    spools: Mapping[TableFormat, Path]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingEstimated:
+    """End of the work on one recording; its rows are written.
+
+    Attributes:
+        lines: summary.
+        missing: number of links and wheels without a result.
+        damage: unreadable parts, None without any.
+    """
+
+    lines: tuple[str, ...]
+    missing: int
+    damage: Reason | None
+
+
+def run_estimate(
+    orders: Sequence[EstimateOrder], outputs: Mapping[TableFormat, Path], *, force: bool, jobs: int | None
+) -> None:
+    """Estimate recordings, write their tables and print their summaries, in order.
+
+    Args:
+        orders: one per recording, without spools.
+        outputs: file of each table.
+        force: overwrite existing files.
+        jobs: maximum number of processes; None to choose it.
+
+    Raises:
+        TreadlinkError: a recording cannot be read or has unreadable parts, a table cannot be written, or a process was
+            terminated from outside.
+        SystemExit: a recording has no frames, or a wheel that sent samples has no revolution.
+    """
+    from gateway.views.progress import progress_view
+    from gateway.views.tables.result_table import open_table
+    from gateway.views.wording import text
+
+    # A table on standard output must not be mixed with other lines.
+    say = partial(click.echo, err=any(map(is_stdout, outputs.values())))
+    sizes = [order.path.stat().st_size if order.path.is_file() else 0 for order in orders]
+    jobs = min(jobs or _default_jobs(sum(sizes)), len(orders))
+    missing, damaged = 0, []
+    with contextlib.ExitStack() as stack:
+        tables = {kind: stack.enter_context(open_table(path, kind, force=force)) for kind, path in outputs.items()}
+        view = stack.enter_context(progress_view())
+        on_bytes = _bar(view, orders, sum(sizes))
+        if jobs > 1:
+            run = _in_parallel(orders, outputs, tables, jobs, on_bytes)
+        else:
+            run = _one_by_one(orders, tables, on_bytes)
+        for estimated in stack.enter_context(contextlib.closing(run)):
+            with view.hidden():
+                for line in estimated.lines:
+                    say(line)
+            missing += estimated.missing
+            if estimated.damage is not None:
+                damaged.append(text(estimated.damage))
+    for path in outputs.values():
+        if not is_stdout(path):
+            say(f"written: {path}")
+    if damaged:
+        raise TreadlinkError("; ".join(damaged), "The readable part was estimated.")
+    if missing:
+        raise SystemExit(exit_status.NO_RESULT)
+
+
+def _default_jobs(size: int) -> int:
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(processors, 1 + size // _BYTES_WORTH_A_PROCESS)
+
+
+def _bar(view: ProgressView, orders: Sequence[EstimateOrder], size: int) -> Callable[[int], None]:
+    """Return a function that adds a number of bytes to the progress."""
+    bar = view.bar(orders[0].path.name if len(orders) == 1 else f"{len(orders)} recordings")
+    read = 0
+
+    def on_bytes(count: int) -> None:
+        nonlocal read
+        read += count
+        bar.show(read / max(size, 1))
+
+    return on_bytes
+
+
+def _one_by_one(
+    orders: Sequence[EstimateOrder], tables: Mapping[TableFormat, TableWriter], on_bytes: Callable[[int], None]
+) -> Generator[RecordingEstimated]:
+    from gateway.cli.recording_estimates import estimate_recording
+    from gateway.session.recording_processes import work_on_recordings
+
+    rows = list(tables.values())
+    done = work_on_recordings(
+        lambda order, on_position: estimate_recording(order, on_position, rows), orders, 1, on_bytes
+    )
+    for _, estimated in done:
+        yield estimated
+
+
+def _in_parallel(
+    orders: Sequence[EstimateOrder],
+    outputs: Mapping[TableFormat, Path],
+    tables: Mapping[TableFormat, TableWriter],
+    jobs: int,
+    on_bytes: Callable[[int], None],
+) -> Generator[RecordingEstimated]:
+    """Yield the recordings in the order given, their rows written.
+
+    Raises:
+        TreadlinkError: the error of the first recording that has one; the rows of those before it are written.
+    """
+    from gateway.session.recording_processes import work_on_recordings
+    from gateway.views.tables.row_spool import spooled_rows
+
+    waiting: dict[int, RecordingEstimated | TreadlinkError] = {}
+    turn = 0
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(_spool_folder(path for path in outputs.values() if not is_stdout(path)))
+        spools = [{kind: folder / f"{place}.{kind}" for kind in tables} for place in range(len(orders))]
+        spooling = [replace(order, spools=own) for order, own in zip(orders, spools, strict=True)]
+        run = work_on_recordings(_estimate_in_process, spooling, jobs, on_bytes, _logging_of_this_process())
+        for place, found in stack.enter_context(contextlib.closing(run)):
+            waiting[place] = found
+            while turn in waiting:
+                estimated = waiting.pop(turn)
+                if isinstance(estimated, TreadlinkError):
+                    raise estimated
+                for kind, table in tables.items():
+                    for row in spooled_rows(spools[turn][kind]):
+                        table.put(row)
+                    spools[turn][kind].unlink()
+                turn += 1
+                yield estimated
+
+
+def _estimate_in_process(
+    order: EstimateOrder, on_position: Callable[[int], None]
+) -> RecordingEstimated | TreadlinkError:
+    """Estimate a recording; its error is returned, since those before it come first."""
+    from gateway.cli.recording_estimates import estimate_to_spools
+
+    try:
+        return estimate_to_spools(order, on_position)
+    except TreadlinkError as error:
+        return error
+
+
+@contextlib.contextmanager
+def _spool_folder(outputs: Iterable[Path]) -> Iterator[Path]:
+    """Yield a new folder for rows, on the disk of the first file; it is removed at the end."""
+    beside = next((path.resolve().parent for path in outputs if path.is_file() or not path.exists()), None)
+    with tempfile.TemporaryDirectory(prefix=".treadlink-", dir=beside, ignore_cleanup_errors=True) as made:
+        yield Path(made)
+
+
+def _logging_of_this_process() -> Callable[[], None] | None:
+    """Return a function that gives another process the same log."""
+    context = click.get_current_context(silent=True)
+    chosen = context.find_root().params if context is not None else {}
+    return partial(configure_logging, chosen.get("verbosity", 0), chosen.get("log_file"))

@@ -1,0 +1,119 @@
+"""`treadlink orders`: order spectra, amplitudes against speed and the average of the wheels of a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gateway.cli.options import config_option, effects_option, force_option, keys_option
+
+_DEFAULT_ORDERS = 12
+_SPEED_STEP_KMH = 5.0
+
+
+@click.command()
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--wheel", "wheels", multiple=True, metavar="POSITION", help="Wheel; repeat for several.  [default: all]")
+@click.option(
+    "--orders",
+    "shown",
+    type=click.IntRange(min=0, max=60),
+    default=_DEFAULT_ORDERS,
+    show_default=True,
+    help="Highest order that is printed.",
+)
+@click.option(
+    "--speed-step",
+    "speed_step_kmh",
+    type=click.FloatRange(min=0.5, max=100.0),
+    default=_SPEED_STEP_KMH,
+    show_default=True,
+    metavar="KMH",
+    help="Width of the ranges of speed.",
+)
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw a figure: .html, .svg or .png; needs treadlink[plot].",
+)
+@click.option(
+    "--csv",
+    "csv_path",
+    type=click.Path(path_type=Path, allow_dash=True),
+    metavar="FILE",
+    help="Write the amplitudes to a CSV table, one row per order and range of speed.",
+)
+@click.option(
+    "--json",
+    "json_path",
+    type=click.Path(path_type=Path, allow_dash=True),
+    metavar="FILE",
+    help="Write everything to a JSON file.",
+)
+@config_option
+@effects_option
+@keys_option
+@force_option
+def orders(
+    recording: Path,
+    wheels: tuple[str, ...],
+    shown: int,
+    speed_step_kmh: float,
+    figure: Path | None,
+    csv_path: Path | None,
+    json_path: Path | None,
+    config_path: Path | None,
+    effects_paths: tuple[Path, ...],
+    key_file: Path | None,
+    force: bool,
+) -> None:
+    """Show the order spectra and the time synchronous average of the wheels of RECORDING.
+
+    Order n repeats n times per revolution. What the tire does in every revolution lies on integer orders; road, cavity
+    resonance and other shafts lie between them. The share of the power on integer orders says how far the signal is
+    the tire's own; white noise alone has 12.5 %. Revolutions with faults are left out.
+
+    A FILE of - is standard output, and the summary is then printed to standard error. The exit status is 1 if no wheel
+    has a usable revolution.
+    """
+    from functools import partial
+
+    from gateway.security.key_file import default_key_file
+    from gateway.session.recorded_orders import recorded_orders
+    from gateway.views.orders.order_figure import check_figure, write_figure
+    from gateway.views.orders.order_tables import order_lines, write_csv, write_json
+    from gateway.views.output_file import check_outputs, is_stdout
+    from gateway.views.progress import progress_bar
+    from gateway.views.text import clean
+
+    outputs = (figure, csv_path, json_path)
+    check_outputs(outputs, (recording, config_path, *effects_paths, key_file or default_key_file()), force=force)
+    if figure is not None:
+        check_figure(figure)
+    say = partial(click.echo, err=any(map(is_stdout, outputs)))
+    with progress_bar(f"reading {recording.name}") as bar:
+        found = recorded_orders(
+            recording,
+            wheels=wheels,
+            speed_step_mps=speed_step_kmh / 3.6,
+            config_path=config_path,
+            effects_paths=effects_paths,
+            key_file=key_file,
+            on_progress=bar.show,
+        )
+    for place, wheel in enumerate(found):
+        if place:
+            say("")
+        for line in order_lines(wheel, shown):
+            say(clean(line))
+    if figure is not None:
+        write_figure(figure, found, recording.name, force=force)
+    if csv_path is not None:
+        write_csv(csv_path, found, recording.name, force=force)
+    if json_path is not None:
+        write_json(json_path, found, recording.name, force=force)
+    for path in outputs:
+        if path is not None and not is_stdout(path):
+            say(f"written: {path}")

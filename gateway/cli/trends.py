@@ -1,0 +1,94 @@
+"""`treadlink trends`: report how tires and sensors of a dataset change."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+
+import click
+
+from gateway.cli.options import force_option
+from gateway.views.output_file import check_outputs, is_stdout, write_whole
+
+
+@click.command()
+@click.argument("dataset", type=click.Path(path_type=Path), metavar="DATASET")
+@click.option(
+    "--odometer",
+    "odometer_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="CSV file with the columns vehicle, utc and km: the distance driven, which wear per 1,000 km needs.",
+)
+@click.option(
+    "--html",
+    "html_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write a report with figures to this HTML file.",
+)
+@click.option(
+    "--json", "json_path", type=click.Path(path_type=Path), metavar="FILE", help="Write all results to this JSON file."
+)
+@click.option(
+    "--csv",
+    "csv_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write a table of all numbers to this CSV file.",
+)
+@force_option
+def trends(
+    dataset: Path,
+    odometer_path: Path | None,
+    html_path: Path | None,
+    json_path: Path | None,
+    csv_path: Path | None,
+    force: bool,
+) -> None:
+    """Report how the tires and sensors of DATASET change, which `treadlink campaign` has made.
+
+    Per tire and wheel: wear per 1,000 km, pressure loss per month at one temperature, load and its changes, stiffness
+    with age and temperature, and noise, losses, clipping, offset and gain of the sensor; per axle, ply steer and slip
+    of left against right. Each number has a standard error from the scatter between the recordings. What they do not
+    determine has no value, but a reason. Another sensor, or a fall of the wear, begins a new tire. Recordings that do
+    not fit the trend of their tire are named; the probability of a single false one in the whole report is 1 %.
+
+    \b
+      treadlink trends fleet.dataset --odometer odometer.csv --html fleet.html
+      treadlink trends fleet.dataset --json - | jq '.tires[] | select(.findings != [])'
+    """
+    outputs = (html_path, json_path, csv_path)
+    check_outputs(outputs, (odometer_path,), force=force)
+    from gateway.fleet.parquet_parts import require_campaign_packages
+    from gateway.views.report.figures import require_report_packages
+
+    require_campaign_packages()
+    if html_path is not None:
+        require_report_packages()
+    from gateway.fleet.history_reading import read_histories, read_odometer
+    from gateway.trends.fleet_analysis import analyse
+    from gateway.views.trend_report.trend_tables import trend_lines, trends_csv, trends_json
+
+    odometer = read_odometer(odometer_path) if odometer_path is not None else None
+    histories = read_histories(dataset, odometer)
+    found = analyse(
+        histories.tires, recordings=histories.recordings, failures=histories.failures, notes=histories.notes
+    )
+    if json_path is not None:
+        content = json.dumps(trends_json(found), indent=2, ensure_ascii=False, allow_nan=False)
+        write_whole(json_path, content + "\n", force=force)
+    if csv_path is not None:
+        write_whole(csv_path, trends_csv(found), force=force)
+    if html_path is not None:
+        from gateway.views.trend_report.trend_page import write_trends_page
+
+        write_trends_page(found, html_path, force=force)
+    # A table on standard output must not be mixed with other lines.
+    say = partial(click.echo, err=any(map(is_stdout, outputs)))
+    for line in trend_lines(found):
+        say(line)
+    for path in filter(None, outputs):
+        if not is_stdout(path):
+            say(f"written: {path}")

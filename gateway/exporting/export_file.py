@@ -1,0 +1,81 @@
+"""File of an export, complete under its name or not there at all."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from gateway.exporting.export_registry import FORMATS
+from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, length
+from gateway.views.output_file import OutputFile, is_stdout
+
+
+class ExportFile:
+    """An export file. As a context manager it commits, and after an error discards.
+
+    Attributes:
+        rows: number of rows so far.
+    """
+
+    def __init__(self, path: Path, name: str, *, force: bool = False) -> None:
+        """Open a file.
+
+        Raises:
+            OutputError: as `OutputFile`; or a package that the format needs is missing.
+        """
+        self.rows = 0
+        self._output = OutputFile(path, force=force)
+        direct = is_stdout(path) or (path.exists() and not path.is_file())
+        # On the same disk, so that a full disk is reported as that of the file.
+        scratch = None if direct else str(path.resolve().parent)
+        try:
+            module_name, attribute = FORMATS[name].writer.split(":")
+            self._writer: ExportWriter = getattr(importlib.import_module(module_name), attribute)(
+                Target(self._output.file, scratch)
+            )
+        except BaseException:
+            self._output.discard()
+            raise
+
+    def begin(self, tables: Sequence[WheelTable]) -> None:
+        """Take the tables; as the writer's.
+
+        Raises:
+            OutputError: the format cannot hold them, or the disk refuses; the latter also for the other methods.
+        """
+        with self._output.explained():
+            self._writer.begin(tables)
+
+    def write(self, table: WheelTable, block: Block) -> None:
+        """Append rows to a table."""
+        if not length(block):
+            return
+        with self._output.explained():
+            self._writer.write(table, block)
+        self.rows += length(block)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                with self._output.explained():
+                    self._writer.end()
+                self._output.commit()
+                return
+        except BaseException:
+            self._discard()
+            raise
+        self._discard()
+
+    def _discard(self) -> None:
+        try:
+            self._writer.discard()
+        finally:
+            self._output.discard()

@@ -1,0 +1,1 @@
+"""Writers of export files, one module per format."""

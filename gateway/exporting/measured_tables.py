@@ -1,0 +1,363 @@
+"""Contents of an export: columns, and rows that are read from the recording block by block."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from firmware_protocol.messages import Axis
+from gateway.constants import AXIS_NAMES
+from gateway.exporting.export_registry import CONTENTS, SAMPLES
+from gateway.exporting.export_table import DTYPES, Block, Column, Kind, WheelTable
+from gateway.exporting.result_columns import estimate_columns, result_column, unit_of
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.revolution_fields import QUANTITIES
+from gateway.session.recorded_signals import SignalBlock
+from gateway.signal.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles
+from gateway.signal.mean_revolution import MeanOfRevolutions
+from gateway.signal.order_spectrum import ORDER_COUNT
+from gateway.types import FloatArray
+from gateway.views.tables.result_table import HEAD, OTHER, TAIL, row_of
+
+# Revolutions in one block of rows.
+_BLOCK_REVOLUTIONS: Final = 64
+# Results that are looked at for names of estimates that are not listed, such as those of plug-ins.
+_LOOKED_AT: Final = 256
+_TIME: Final = Column("time_s", "s", "time since the beginning of the recording, on the clock of the computer")
+_HOST: Final = Column("host_ns", "ns", "time on the clock of the computer, since 1970", Kind.INTEGER)
+_AXES: Final = (
+    "specific force along the tread, in the direction of travel of the sensor",
+    "specific force across the tread, to the left of the vehicle",
+    "specific force toward the wheel centre",
+)
+_REVOLUTION: Final = Column("revolution", "", "running number of the revolutions of the wheel", Kind.INTEGER)
+_USABLE: Final = Column("usable", "", "whether the revolution may be averaged and used for estimates", Kind.FLAG)
+_SPEED: Final = Column("omega_radps", "rad/s", "mean angular speed of the revolution")
+_ANGLE: Final = Column("angle_rad", "rad", "angle of the sensor, 0 at the contact centre")
+
+
+class Source(NamedTuple):
+    """What the rows are read from.
+
+    Attributes:
+        samples: makes an iterator over the samples of the chosen wheels.
+        results: makes an iterator over their revolutions, with the estimators or without.
+        recording: file name of the recording.
+        start_ns: zero of the times.
+        estimators: names of the estimators.
+    """
+
+    samples: Callable[[], Iterator[SignalBlock]]
+    results: Callable[[bool], Iterator[RevolutionResult]]
+    recording: str
+    start_ns: int
+    estimators: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A content of a recording.
+
+    Attributes:
+        what: its name.
+        columns: of every wheel.
+        rows: wheel and block of rows, in the order of the recording.
+    """
+
+    what: str
+    columns: tuple[Column, ...]
+    rows: Iterator[tuple[str, Block]]
+
+    def table(self, wheel: str) -> WheelTable:
+        """Return the table of a wheel, without conditions."""
+        return WheelTable(self.what, wheel, self.columns)
+
+
+def measured(what: str, source: Source) -> Measured:
+    """Return a content of a recording; nothing is read but the first results of the estimators.
+
+    Raises:
+        KeyError: there is no such content.
+    """
+    if what == SAMPLES:
+        return Measured(what, _SAMPLE_COLUMNS, _sample_rows(source))
+    results = source.results(CONTENTS[what].needs_estimators)
+    if what == "angle":
+        return Measured(what, _ANGLE_COLUMNS, _blocks(results, _ANGLE_COLUMNS, _in_angle(source.start_ns)))
+    if what == "orders":
+        return Measured(what, _ORDER_COLUMNS, _blocks(results, _ORDER_COLUMNS, _in_orders(source.start_ns)))
+    if what == "average":
+        return Measured(what, _AVERAGE_COLUMNS, _average_rows(results, source.start_ns))
+    first = list(itertools.islice(results, _LOOKED_AT))
+    columns = _estimate_columns(first, source.estimators)
+    results = itertools.chain(first, results)
+    return Measured(what, columns, _blocks(results, columns, _as_row(columns, source)))
+
+
+def _acceleration(name: str, description: str) -> Column:
+    return Column(f"{name}_mps2", "m/s^2", description)
+
+
+# --- samples
+
+_SAMPLE_COLUMNS: Final = (
+    _TIME,
+    *map(_acceleration, AXIS_NAMES, _AXES),
+    Column("saturated", "", "whether an axis is at the end of the range of the sensor", Kind.FLAG),
+    Column("lost_before", "", "samples lost on the link before this one", Kind.INTEGER),
+    Column("number", "", "running number that the hub gave the sample", Kind.INTEGER),
+    Column("segment", "", "stretch of one clock: a restart or a long gap begins a new one", Kind.INTEGER),
+    Column("device_s", "s", "time on the clock of the hub"),
+    _HOST,
+)
+
+
+def _sample_rows(source: Source) -> Iterator[tuple[str, Block]]:
+    for block in source.samples():
+        rows = len(block)
+        lost = np.zeros(rows, np.int64)
+        lost[:1] = block.lost_before
+        yield (
+            block.wheel,
+            {
+                "time_s": (block.host_time_ns - source.start_ns) * 1e-9,
+                **{f"{name}_mps2": block.axes_mps2[:, axis] for axis, name in enumerate(AXIS_NAMES)},
+                "saturated": block.saturated,
+                "lost_before": lost,
+                "number": block.first_sample + np.arange(rows, dtype=np.int64),
+                "segment": np.full(rows, block.segment, np.int64),
+                "device_s": block.hub_time_s,
+                "host_ns": block.host_time_ns,
+            },
+        )
+
+
+# --- contents of revolutions
+
+Rows = dict[str, Any]
+
+
+def _blocks(
+    results: Iterable[RevolutionResult], columns: Sequence[Column], rows_of: Callable[[RevolutionResult], Rows]
+) -> Iterator[tuple[str, Block]]:
+    """Yield the rows of results, several revolutions of a wheel at once."""
+    held: dict[str, list[Rows]] = {}
+    for result in results:
+        rows = held.setdefault(result.position, [])
+        rows.append(rows_of(result))
+        if len(rows) >= _BLOCK_REVOLUTIONS:
+            yield result.position, _joined(columns, held.pop(result.position))
+    for wheel, rows in held.items():
+        yield wheel, _joined(columns, rows)
+
+
+def _joined(columns: Sequence[Column], rows: Sequence[Rows]) -> Block:
+    return {
+        column.name: np.concatenate([np.atleast_1d(np.asarray(row[column.name], DTYPES[column.kind])) for row in rows])
+        for column in columns
+    }
+
+
+# --- angle
+
+_ANGLE_COLUMNS: Final = (
+    _TIME,
+    _REVOLUTION,
+    _ANGLE,
+    *map(_acceleration, AXIS_NAMES, _AXES),
+    _acceleration("normalised", "radial axis without gravity and the angular acceleration of the revolution"),
+    _SPEED,
+    _USABLE,
+    _HOST,
+)
+
+
+def _in_angle(start_ns: int) -> Callable[[RevolutionResult], Rows]:
+    # In the order of time: a revolution begins at angle 0, in the middle of the grid.
+    order = np.argsort(elapsed_angles())
+    angle, elapsed = angle_grid()[order], elapsed_angles()[order]
+
+    def rows_of(result: RevolutionResult) -> Rows:
+        revolution = result.revolution
+        host_ns = _begin_ns(result) + np.rint(_times_s(result, elapsed) * 1e9).astype(np.int64)
+        return {
+            "time_s": (host_ns - start_ns) * 1e-9,
+            "revolution": np.full(GRID_SIZE, revolution.index),
+            "angle_rad": angle,
+            **{f"{AXIS_NAMES[axis]}_mps2": revolution.axes_mps2[axis][order] for axis in Axis},
+            "normalised_mps2": revolution.radial_mps2[order],
+            "omega_radps": np.full(GRID_SIZE, revolution.omega_radps),
+            "usable": np.full(GRID_SIZE, not revolution.faults),
+            "host_ns": host_ns,
+        }
+
+    return rows_of
+
+
+def _begin_ns(result: RevolutionResult) -> int:
+    """Return the host time of the begin of a revolution."""
+    return result.host_ns - round(result.revolution.period_s * 1e9)
+
+
+def _times_s(result: RevolutionResult, elapsed_rad: FloatArray) -> FloatArray:
+    """Return the times since the begin of a revolution at constant angular acceleration, same shape."""
+    revolution = result.revolution
+    begin_radps = revolution.omega_radps - 0.5 * revolution.omega_dot_radps2 * revolution.period_s
+    square = np.maximum(begin_radps**2 + 2.0 * revolution.omega_dot_radps2 * elapsed_rad, 0.0)
+    times: FloatArray = 2.0 * elapsed_rad / (begin_radps + np.sqrt(square))
+    return times
+
+
+# --- orders
+
+_ORDER_COLUMNS: Final = (
+    _TIME,
+    _REVOLUTION,
+    _SPEED,
+    _USABLE,
+    Column("order_max", "", "highest order that the sampling rate carries", Kind.INTEGER),
+    *(
+        _acceleration(f"order_{order:02d}_{part}", f"{part} coefficient of order {order} of the normalised radial axis")
+        for order in range(ORDER_COUNT)
+        for part in ("cosine", "sine")
+    ),
+    _HOST,
+)
+
+
+def _in_orders(start_ns: int) -> Callable[[RevolutionResult], Rows]:
+    def row_of_orders(result: RevolutionResult) -> Rows:
+        revolution = result.revolution
+        row: Rows = {
+            "time_s": (result.host_ns - start_ns) * 1e-9,
+            "revolution": revolution.index,
+            "omega_radps": revolution.omega_radps,
+            "usable": not revolution.faults,
+            "order_max": revolution.order_max,
+            "host_ns": result.host_ns,
+        }
+        for order, value in enumerate(revolution.orders_mps2.tolist()):
+            # A coefficient is c - i s.
+            row[f"order_{order:02d}_cosine_mps2"] = value.real
+            row[f"order_{order:02d}_sine_mps2"] = -value.imag if not math.isnan(value.imag) else math.nan
+        return row
+
+    return row_of_orders
+
+
+# --- average
+
+_CURVES: Final = (
+    *zip(AXIS_NAMES, _AXES, strict=True),
+    ("normalised", "radial axis without gravity, at the mean speed"),
+)
+_AVERAGE_COLUMNS: Final = (
+    _ANGLE,
+    *(
+        column
+        for name, description in _CURVES
+        for column in (
+            _acceleration(name, f"mean of {description}"),
+            _acceleration(f"{name}_scatter", "its standard deviation from revolution to revolution"),
+        )
+    ),
+    Column("revolutions", "", "number of averaged revolutions", Kind.INTEGER),
+    replace(_SPEED, description="mean angular speed of the revolutions"),
+    Column("omega_std_radps", "rad/s", "standard deviation of the angular speed"),
+    replace(_HOST, description="beginning of the recording on the clock of the computer, since 1970"),
+)
+
+
+def _average_rows(results: Iterable[RevolutionResult], start_ns: int) -> Iterator[tuple[str, Block]]:
+    means: dict[str, MeanOfRevolutions] = {}
+    for result in results:
+        revolution = result.revolution
+        if not revolution.faults:
+            means.setdefault(result.position, MeanOfRevolutions()).add(
+                revolution.axes_mps2,
+                revolution.radial_mps2,
+                revolution.orders_mps2,
+                revolution.omega_radps,
+                edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+                edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
+                noise_mps2=revolution.noise_mps2,
+            )
+    for wheel, total in means.items():
+        mean = total.mean()
+        if mean is None:
+            continue
+        curves: dict[str, FloatArray] = {}
+        for axis, name in enumerate(AXIS_NAMES):
+            curves[f"{name}_mps2"] = mean.axes_mps2[axis]
+            curves[f"{name}_scatter_mps2"] = mean.axes_scatter_mps2[axis]
+        yield (
+            wheel,
+            {
+                "angle_rad": angle_grid(),
+                **curves,
+                "normalised_mps2": mean.radial.radial_mps2,
+                "normalised_scatter_mps2": mean.radial.scatter_mps2,
+                "revolutions": np.full(GRID_SIZE, mean.count, np.int64),
+                "omega_radps": np.full(GRID_SIZE, mean.omega_radps),
+                "omega_std_radps": np.full(GRID_SIZE, mean.omega_std_radps),
+                "host_ns": np.full(GRID_SIZE, start_ns, np.int64),
+            },
+        )
+
+
+# --- estimates
+
+# The wheel is the table's, and the time a column of its own.
+_LEFT_OUT: Final = frozenset({"position", "host_utc"})
+
+
+def _estimate_columns(first: Iterable[RevolutionResult], estimators: Sequence[str]) -> tuple[Column, ...]:
+    names: dict[str, None] = {}
+    for estimator in (name for name in QUANTITIES if name in estimators):
+        # A name that an earlier estimator uses gets the prefix of the later one.
+        names |= dict.fromkeys(f"{estimator}:{name}" if name in names else name for name in list(QUANTITIES[estimator]))
+    for result in first:
+        names |= dict.fromkeys(_plain(name) for name in row_of(result)[1])
+    fixed = [result_column(name) for name in HEAD if name not in _LEFT_OUT]
+    of_estimates = [column for name in names for column in estimate_columns(name)]
+    return (
+        _TIME,
+        *fixed,
+        Column("period_s", unit_of("period_s"), "duration of the revolution"),
+        _SPEED,
+        *of_estimates,
+        *map(result_column, TAIL),
+        result_column(OTHER),
+    )
+
+
+def _plain(name: str) -> str:
+    return name.replace("/", "_over_")
+
+
+def _as_row(columns: Sequence[Column], source: Source) -> Callable[[RevolutionResult], Rows]:
+    known = {column.name for column in columns}
+    empty: Rows = {
+        column.name: {Kind.REAL: math.nan, Kind.INTEGER: 0, Kind.FLAG: False, Kind.TEXT: ""}[column.kind]
+        for column in columns
+    }
+
+    def row(result: RevolutionResult) -> Rows:
+        fixed, named = row_of(result, source.recording)
+        cells: Rows = dict(fixed)
+        for name, parts in named.items():
+            cells |= {_plain(name) + part: cell for part, cell in parts.items()}
+        late = {name: cell for name, cell in cells.items() if name not in known and name not in _LEFT_OUT}
+        cells["time_s"] = (result.host_ns - source.start_ns) * 1e-9
+        cells["period_s"] = result.revolution.period_s
+        cells["omega_radps"] = result.revolution.omega_radps
+        cells[OTHER] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else ""
+        return {name: default if cells.get(name) is None else cells[name] for name, default in empty.items()}
+
+    return row

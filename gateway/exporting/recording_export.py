@@ -1,0 +1,141 @@
+"""Export of a recording to a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gateway.config.effects_file import open_effects
+from gateway.config.vehicle import choose_vehicle
+from gateway.errors import OutputError
+from gateway.exporting.export_file import ExportFile
+from gateway.exporting.export_registry import CONTENTS
+from gateway.exporting.export_table import WheelTable
+from gateway.exporting.measured_tables import Source, measured
+from gateway.exporting.wheel_conditions import conditions, first_pass, on_hub_time
+from gateway.pipeline.results import RevolutionResult
+from gateway.reasons import Reason
+from gateway.recording.recorded_file import RecordedFile, open_recorded_file
+from gateway.security.guard import Guard, open_guard
+from gateway.session.recorded_signals import SignalBlock, revolutions, sample_blocks
+
+
+@dataclass(frozen=True, slots=True)
+class ExportReport:
+    """Result of an export.
+
+    Attributes:
+        wheels: positions.
+        rows: number of rows of all contents and wheels.
+        columns: number of columns of each content, by its name.
+        damage: first unreadable part of the recording; None when everything was read.
+    """
+
+    wheels: tuple[str, ...]
+    rows: int
+    columns: dict[str, int]
+    damage: Reason | None
+
+
+def export_recording(
+    path: Path,
+    out: Path,
+    *,
+    contents: Sequence[str],
+    format_name: str,
+    wheels: Sequence[str] = (),
+    estimators: Sequence[str],
+    config_path: Path | None = None,
+    effects_paths: Sequence[Path] = (),
+    key_file: Path | None = None,
+    force: bool = False,
+    on_progress: Callable[[float], None] = lambda _: None,
+) -> ExportReport:
+    """Write contents of a recording to a file; memory use does not depend on its length.
+
+    Args:
+        path: recording or dump of a link.
+        out: file; `-` is standard output.
+        contents: names from CONTENTS; several only for a format that takes them.
+        format_name: name from FORMATS.
+        wheels: positions to export; all when empty.
+        estimators: names from the registry, for estimates.
+        config_path: vehicle configuration; None for the one in the recording.
+        effects_paths: known effects to subtract from revolutions.
+        key_file: sensor signing keys; None for the default file.
+        force: overwrite the file.
+        on_progress: called with the share of the work that is done.
+
+    Raises:
+        TreadlinkError: the recording or the configuration cannot be read, has nothing to export, or the file cannot be
+            written, which then is as before.
+    """
+    recording = open_recorded_file(path)
+    vehicle = choose_vehicle(config_path, [recording.vehicle_toml], str(path))
+    effects = open_effects(effects_paths, vehicle)
+    passes = 1 + len(contents)
+    done = 0
+
+    def guard() -> Guard | None:
+        # A guard remembers the frames that it has seen, so that each pass needs its own.
+        return open_guard(vehicle, key_file, remembers=False)
+
+    def progress_of(reader: RecordedFile) -> Callable[[int], None]:
+        size = max(reader.info.size_bytes, 1)
+        return lambda _: on_progress((done + reader.position / size) / passes)
+
+    seen = first_pass(recording, vehicle, wheels=wheels, guard=guard(), on_bytes=progress_of(recording))
+    done = 1
+    damage = recording.damage
+    positions = [wheel.position for wheel in seen.wheels]
+
+    def samples() -> Iterator[SignalBlock]:
+        # A file of its own, since passes may overlap.
+        own = open_recorded_file(path)
+        blocks = sample_blocks(own, vehicle, wheels=positions, guard=guard(), on_bytes=progress_of(own))
+        return blocks if seen.has_arrivals else map(on_hub_time, blocks)
+
+    def results(with_estimators: bool) -> Iterator[RevolutionResult]:
+        own = open_recorded_file(path)
+        found = revolutions(
+            own,
+            vehicle,
+            wheels=positions,
+            estimators=tuple(estimators) if with_estimators else (),
+            effects=effects,
+            guard=guard(),
+            on_bytes=progress_of(own),
+        )
+        return found if seen.has_arrivals else map(_on_hub_time, found)
+
+    source = Source(samples, results, path.name, seen.start_ns, estimators)
+    stated = {
+        wheel.position: conditions(wheel, seen, recording, vehicle, from_file=config_path is not None)
+        for wheel in seen.wheels
+    }
+    with ExportFile(out, format_name, force=force) as file:
+        found = [measured(what, source) for what in contents]
+        tables: dict[tuple[str, str], WheelTable] = {
+            (content.what, wheel): replace(content.table(wheel), conditions=stated[wheel])
+            for content in found
+            for wheel in positions
+        }
+        file.begin(list(tables.values()))
+        for content in found:
+            rows = file.rows
+            for wheel, block in content.rows:
+                file.write(tables[content.what, wheel], block)
+            if file.rows == rows and CONTENTS[content.what].needs_results:
+                raise OutputError(
+                    f"'{path}' has no {content.what} to export: no wheel completed a revolution that can be used",
+                    f"`treadlink estimate {path}` lists the reasons.",
+                )
+            done += 1
+    columns = {content.what: len(content.columns) for content in found}
+    return ExportReport(tuple(positions), file.rows, columns, damage)
+
+
+def _on_hub_time(result: RevolutionResult) -> RevolutionResult:
+    revolution = result.revolution
+    return replace(result, host_ns=round((revolution.start_s + revolution.period_s) * 1e9))

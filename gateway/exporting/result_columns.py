@@ -1,0 +1,91 @@
+"""Units and descriptions of the columns of results, by their names."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gateway.exporting.export_table import Column, Kind
+from gateway.recording.revolution_fields import estimate_descriptions
+from gateway.views.tables.result_table import HEAD, OTHER, PARTS, TAIL
+
+# Suffix of a name -> symbol. Longer suffixes first: `_mps2` must not be read as `_mps`.
+_SYMBOLS: Final = {
+    "_per_degc": "1/K",
+    "_radps2": "rad/s^2",
+    "_radps": "rad/s",
+    "_mps2": "m/s^2",
+    "_mps": "m/s",
+    "_rad": "rad",
+    "_degc": "degC",
+    "_pa": "Pa",
+    "_mm": "mm",
+    "_hz": "Hz",
+    "_ns": "ns",
+    "_n": "N",
+    "_m": "m",
+    "_s": "s",
+}
+_PARTS: Final = {
+    "": "{}",
+    "_std": "one standard error of {}",
+    "_status": "valid, provisional or invalid: {}",
+    "_reason": "why it is not valid, or a note: {}",
+}
+_DESCRIPTIONS: Final = {
+    "recording": "file name of the recording",
+    "position": "wheel",
+    "revolution": "running number of the revolutions of the wheel",
+    "device_start_s": "begin of the revolution on the clock of the hub",
+    "device_end_s": "end of the revolution on the clock of the hub",
+    "host_utc": "end of the revolution on the clock of the computer, UTC",
+    "host_ns": "end of the revolution on the clock of the computer, since 1970",
+    "acceleration_mps2": "angular acceleration times belt radius",
+    "radius_m": "belt radius in use",
+    "radius_std_m": "one standard error of the belt radius",
+    "mounting_offset_m": "distance of the sensor below the neutral layer, in use",
+    "mounting_offset_std_m": "one standard error of the distance",
+    "load_n": "stated vertical load",
+    "load_std_n": "one standard error of the stated load",
+    "pressure_pa": "gauge pressure, measured or else stated",
+    "pressure_std_pa": "one standard error of the pressure",
+    "temperature_degc": "temperature of the inner liner, measured or else stated",
+    "missing_fraction": "share of the samples that was lost on the link",
+    "saturated": "whether the sensor reached the end of its range",
+    "ac_coupled": "whether the sensor passes no steady value",
+    "faults": "why the revolution is not averaged",
+    "silent_before_s": "silence of the sensor before the revolution",
+    "alarms": "alarms that stood at the wheel",
+    OTHER: "estimates that appeared after the columns were fixed, as JSON",
+}
+_KINDS: Final = {str: Kind.TEXT, int: Kind.INTEGER, float: Kind.REAL, bool: Kind.FLAG}
+
+
+def unit_of(name: str) -> str:
+    """Return the symbol of the unit in a name, also of its standard error; empty without one."""
+    plain = name.removesuffix("_std")
+    return next((symbol for suffix, symbol in _SYMBOLS.items() if plain.endswith(suffix)), "")
+
+
+def result_column(name: str) -> Column:
+    """Return a fixed column of the results of a revolution.
+
+    Raises:
+        KeyError: there is none of this name.
+    """
+    kind = {**HEAD, **TAIL, OTHER: str}[name]
+    return Column(name, unit_of(name.replace("_std_", "_")), _DESCRIPTIONS[name], _KINDS[kind])
+
+
+def estimate_columns(name: str) -> list[Column]:
+    """Return the columns of an estimate; the description of an estimate that is not listed is its name."""
+    plain = name.replace("/", "_over_")
+    about = estimate_descriptions().get(plain, plain)
+    return [
+        Column(
+            plain + part,
+            unit_of(plain) if kind is float else "",
+            _PARTS[part].format(about),
+            _KINDS[kind],
+        )
+        for part, kind in PARTS.items()
+    ]

@@ -1,0 +1,248 @@
+"""First pass over a recording: its wheels, their sensors, and the conditions that an export file states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from firmware_protocol.messages import Axis
+from gateway import __version__
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.constants import AXIS_NAMES
+from gateway.errors import OutputError
+from gateway.exporting.export_table import Condition
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code, Reason
+from gateway.recording.recorded_file import RecordedFile
+from gateway.recording.replay_source import RawDump
+from gateway.security.guard import Guard
+from gateway.session.recorded_signals import SignalBlock, signals
+from gateway.session.wheel_identity import configured
+from gateway.views.text import escaped
+from gateway.views.wording import text
+
+
+@dataclass(slots=True)
+class _Mean:
+    total: float = 0.0
+    count: int = 0
+
+    def add(self, value: float | None) -> None:
+        if value is not None and math.isfinite(value):
+            self.total += value
+            self.count += 1
+
+    @property
+    def value(self) -> float | None:
+        return self.total / self.count if self.count else None
+
+
+@dataclass(slots=True)
+class MeasuredWheel:
+    """A wheel of a recording.
+
+    Attributes:
+        position: its name.
+        sensors: serial numbers heard, in order.
+        rate_hz: last measured sampling rate; 0 without samples.
+        ac_coupled: whether the sensor passes no steady value.
+        axes: which of the axes the sensor has, in the order of AXIS_NAMES.
+        samples: number of samples.
+        lost: number of samples lost on the link.
+        start_ns: host time of the first sample.
+        end_ns: host time of the last sample.
+        pressure: mean of the measured gauge pressure, Pa.
+        temperature: mean of the measured temperature, degC.
+    """
+
+    position: str
+    sensors: list[int] = field(default_factory=list)
+    rate_hz: float = 0.0
+    ac_coupled: bool = False
+    axes: list[bool] = field(default_factory=lambda: [False] * len(Axis))
+    samples: int = 0
+    lost: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
+    pressure: _Mean = field(default_factory=_Mean)
+    temperature: _Mean = field(default_factory=_Mean)
+
+    def take(self, block: SignalBlock) -> None:
+        """Take a block of samples."""
+        if block.sensor_id not in self.sensors:
+            self.sensors.append(block.sensor_id)
+        if not self.samples:
+            self.start_ns = int(block.host_time_ns[0])
+        self.end_ns = int(block.host_time_ns[-1])
+        self.rate_hz, self.ac_coupled = block.rate_hz, block.ac_coupled
+        self.samples += len(block)
+        self.lost += block.lost_before
+        for axis in Axis:
+            self.axes[axis] |= not math.isnan(block.axes_mps2[0, axis])
+
+
+@dataclass(frozen=True, slots=True)
+class FirstPass:
+    """Result of the first pass.
+
+    Attributes:
+        wheels: with samples, in the order of the configuration, others behind in that of the recording.
+        start_ns: beginning of the recording, ns since the epoch; the zero of its times.
+        has_arrivals: whether the file contains arrival times; without them, times are those of the hub.
+    """
+
+    wheels: tuple[MeasuredWheel, ...]
+    start_ns: int
+    has_arrivals: bool
+
+
+def has_arrivals(recording: RecordedFile) -> bool:
+    """Return whether a file contains arrival times; the dump of a link does not."""
+    return not isinstance(recording, RawDump)
+
+
+def on_hub_time(block: SignalBlock) -> SignalBlock:
+    """Return samples with the times of the hub instead of those of the computer."""
+    return replace(block, host_time_ns=np.rint(block.hub_time_s * 1e9).astype(np.int64))
+
+
+def first_pass(
+    recording: RecordedFile,
+    vehicle: VehicleConfig | None,
+    *,
+    wheels: Collection[str] = (),
+    guard: Guard | None = None,
+    on_bytes: Callable[[int], None] | None = None,
+) -> FirstPass:
+    """Read a recording once.
+
+    Args:
+        recording: the file.
+        vehicle: its configuration.
+        wheels: positions to export; all when empty.
+        guard: verifies every frame first; None when signatures are not checked.
+        on_bytes: called with the number of link bytes of each chunk, for a progress bar.
+
+    Raises:
+        OutputError: it has no samples, or a wheel of `wheels` has none.
+    """
+    order = {wheel.position: place for place, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
+    found: dict[str, MeasuredWheel] = {}
+    for item in signals(recording, vehicle, guard=guard, on_bytes=on_bytes):
+        wheel = found.setdefault(item.wheel, MeasuredWheel(item.wheel))
+        if isinstance(item, SignalBlock):
+            wheel.take(item if has_arrivals(recording) else on_hub_time(item))
+        else:
+            wheel.pressure.add(item.pressure_pa)
+            wheel.temperature.add(item.temperature_degc)
+    heard = sorted(
+        (wheel for wheel in found.values() if wheel.samples), key=lambda wheel: order.get(wheel.position, len(order))
+    )
+    path = recording.info.path
+    if not heard:
+        raise OutputError(
+            f"'{path}' has no samples to export", f"`treadlink inspect {path}` shows what the recording contains."
+        )
+    missing = [name for name in wheels if name not in {wheel.position for wheel in heard}]
+    if missing:
+        raise OutputError(
+            f"'{path}' has no samples of wheel {', '.join(missing)}",
+            f"It has: {', '.join(wheel.position for wheel in heard)}.",
+        )
+    chosen = tuple(wheel for wheel in heard if not wheels or wheel.position in wheels)
+    if not has_arrivals(recording):
+        return FirstPass(chosen, 0, has_arrivals=False)
+    # A wheel that is left out must not move the zero of the times.
+    first_ns = min(wheel.start_ns for wheel in heard)
+    start_ns = recording.info.start_ns
+    start_ns = first_ns if start_ns is None or not start_ns <= first_ns else start_ns
+    return FirstPass(chosen, start_ns, has_arrivals=True)
+
+
+def conditions(
+    wheel: MeasuredWheel, seen: FirstPass, recording: RecordedFile, vehicle: VehicleConfig | None, *, from_file: bool
+) -> tuple[Condition, ...]:
+    """Return what is known of a wheel, each entry with its source.
+
+    Args:
+        wheel: the wheel.
+        seen: the pass that found it.
+        recording: the file.
+        vehicle: its configuration.
+        from_file: whether the configuration was given, and is not the one in the recording.
+    """
+    found = _conditions(wheel, seen, recording, vehicle, from_file=from_file)
+    # Names come from files and hubs, and neither a terminal nor XML takes their control characters.
+    return tuple(
+        replace(entry, value=escaped(entry.value)) if isinstance(entry.value, str) else entry for entry in found
+    )
+
+
+def _conditions(
+    wheel: MeasuredWheel, seen: FirstPass, recording: RecordedFile, vehicle: VehicleConfig | None, *, from_file: bool
+) -> Iterator[Condition]:
+    by_sensor = text(Reason(Code.FROM_SENSOR))
+    stated = text(Reason(Code.FROM_CONFIGURATION if from_file else Code.FROM_RECORDING))
+    setups = {setup.position: setup for setup in (vehicle.wheel_setups() if vehicle is not None else ())}
+    setup = setups.get(wheel.position)
+    info = recording.info
+    yield Condition("exported_by", f"treadlink {__version__}")
+    yield Condition("recording", info.path.name)
+    if info.treadlink:
+        yield Condition("recorded_by", f"treadlink {info.treadlink}")
+    yield Condition("recorded_from", ", ".join(info.sources))
+    yield Condition("start_ns", seen.start_ns, "ns")
+    yield Condition("clock", "computer" if seen.has_arrivals else "hub")
+    yield Condition("wheel", wheel.position)
+    if vehicle is not None:
+        yield Condition("vehicle", vehicle.name, "", stated)
+        if vehicle.vehicle.assumed:
+            yield Condition("assumed", "; ".join(vehicle.vehicle.assumed), "", stated)
+    yield Condition("sensor_id", ", ".join(f"{number:08x}" for number in wheel.sensors), "", by_sensor)
+    yield Condition("axes", ", ".join(name for name, has in zip(AXIS_NAMES, wheel.axes, strict=True) if has))
+    yield Condition("rate_hz", wheel.rate_hz, "Hz", by_sensor)
+    yield Condition("coupling", "ac" if wheel.ac_coupled else "dc", "", by_sensor)
+    yield Condition("samples", wheel.samples)
+    yield Condition("samples_lost", wheel.lost)
+    yield Condition("duration_s", (wheel.end_ns - wheel.start_ns) * 1e-9, "s")
+    yield from _tire(setup, vehicle, wheel, stated)
+    yield from _environment(setup, wheel, stated, by_sensor)
+
+
+def _tire(
+    setup: WheelSetup | None, vehicle: VehicleConfig | None, wheel: MeasuredWheel, stated: str
+) -> Iterator[Condition]:
+    if setup is None or vehicle is None:
+        radius_m = ASSUMED_RADIUS_MM * 1e-3
+        source = text(Reason(Code.ASSUMED_RADIUS, radius_m=radius_m))
+        yield Condition("radius_m", radius_m, "m", source)
+        return
+    yield Condition("radius_m", setup.radius_m, "m", stated)
+    yield Condition("radius_std_m", setup.radius_std_m, "m", stated)
+    own = configured(vehicle, wheel.position)
+    assert own is not None
+    tire = vehicle.tire_of(own)
+    if tire.size is not None:
+        yield Condition("tire_size", tire.size, "", stated)
+    if setup.load_n is not None:
+        yield Condition("load_n", setup.load_n, "N", stated)
+        if setup.load_std_n > 0.0:
+            yield Condition("load_std_n", setup.load_std_n, "N", stated)
+    if own.mounting.offset_m is not None:
+        yield Condition("mounting_offset_m", own.mounting.offset_m, "m", stated)
+
+
+def _environment(setup: WheelSetup | None, wheel: MeasuredWheel, stated: str, by_sensor: str) -> Iterator[Condition]:
+    """Yield pressure and temperature: the mean of what the sensor measured, else what is stated."""
+    known = (
+        ("pressure_pa", "Pa", wheel.pressure.value, setup.pressure_pa if setup is not None else None),
+        ("temperature_degc", "degC", wheel.temperature.value, setup.temperature_degc if setup is not None else None),
+    )
+    for name, unit, measured, configured_value in known:
+        if measured is not None:
+            yield Condition(name, measured, unit, by_sensor)
+        elif configured_value is not None:
+            yield Condition(name, configured_value, unit, stated)

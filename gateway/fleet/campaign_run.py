@@ -1,0 +1,333 @@
+"""Run of a campaign: recordings are found, identified by content, estimated by workers and added to the dataset."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gateway.clock import Clock
+from gateway.errors import OutputError, RecordingError, TreadlinkError
+from gateway.fleet.content_keys import FileContent, estimators_version, path_key, read_content
+from gateway.fleet.dataset import Dataset
+from gateway.fleet.recording_estimation import (
+    Estimated,
+    EstimationOrder,
+    EstimationSettings,
+    Failure,
+    estimate_recording,
+)
+from gateway.fleet.worker_tasks import TaskPosition, TaskResult, WorkerTasks, position_reporter
+from gateway.reasons import Code, Reason
+
+_POLL_S: Final = 0.1
+_READ_AHEAD: Final = 64
+
+
+@dataclass(slots=True)
+class CampaignProgress:
+    """State of a campaign, for views.
+
+    Attributes:
+        files: found.
+        files_left: neither estimated nor known to need no estimate.
+        total_bytes: of the files that need an estimate; a file counts until it is known to be done.
+        done_bytes: estimated of these.
+        elapsed_s: since the first recording was given to a worker; 0 before.
+        estimated: recordings added now.
+        failed: recordings that failed now.
+        known: recordings whose results were there.
+        failed_before: recordings known to fail, which have not changed.
+        copies: files with the content of another file.
+        damaged: of the estimated, files with an unreadable part.
+        revolutions: added now.
+        peak_bytes: largest memory of a worker process.
+        workers: tasks at once.
+    """
+
+    files: int = 0
+    files_left: int = 0
+    total_bytes: int = 0
+    done_bytes: int = 0
+    elapsed_s: float = 0.0
+    estimated: int = 0
+    failed: int = 0
+    known: int = 0
+    failed_before: int = 0
+    copies: int = 0
+    damaged: int = 0
+    revolutions: int = 0
+    peak_bytes: int = 0
+    workers: int = 0
+
+    @property
+    def left_s(self) -> float | None:
+        """Time to the end at the mean rate of bytes so far; None before there is a rate to tell it by."""
+        if self.done_bytes <= 0 or self.elapsed_s <= 0.0:
+            return None
+        return self.elapsed_s * max(self.total_bytes - self.done_bytes, 0) / self.done_bytes
+
+
+@dataclass(slots=True)
+class _Job:
+    content: FileContent
+    read_bytes: int = 0
+
+
+class _Hashed(NamedTuple):
+    path: Path
+    content: FileContent | None
+    error: RecordingError | None
+
+
+@dataclass(slots=True)
+class CampaignRun:
+    """One run over given files.
+
+    Attributes:
+        dataset: to add to.
+        settings: of the estimation.
+        connect: returns the tasks of the workers; called when the first recording needs one.
+        clock: reads the time.
+        stop: event that asks to stop.
+        on_progress: called often.
+        on_failure: called with each recording that failed now.
+        work: estimates one recording in a worker.
+        retries_failed: whether recordings are tried again that are known to fail.
+        progress: the state.
+    """
+
+    dataset: Dataset
+    settings: EstimationSettings
+    connect: Callable[[], WorkerTasks]
+    clock: Clock
+    stop: threading.Event
+    on_progress: Callable[[CampaignProgress], None] = lambda _: None
+    on_failure: Callable[[Path, Failure], None] = lambda _, __: None
+    work: Callable[..., Estimated] = estimate_recording
+    retries_failed: bool = False
+    progress: CampaignProgress = field(default_factory=CampaignProgress)
+    _jobs: dict[str, _Job] = field(default_factory=dict)
+    _seen: dict[str, FileContent] = field(default_factory=dict)
+    _sizes: dict[Path, int] = field(default_factory=dict)
+    _tasks: WorkerTasks | None = None
+    _begin_ns: int = 0
+    _done_bytes: int = 0
+
+    def run(self, paths: Sequence[Path]) -> CampaignProgress:
+        """Estimate what is not done; return the state at the end, or at the request to stop.
+
+        Raises:
+            OutputError: the dataset cannot be written; it is whole.
+            TreadlinkError: the workers cannot do it at all.
+        """
+        key = self.settings.key
+        self.progress.files = self.progress.files_left = len(paths)
+        self._sizes = {path: _size(path) for path in paths}
+        self.progress.total_bytes = sum(self._sizes.values())
+        end = threading.Event()
+        waiting: queue.Queue[_Hashed | None] = queue.Queue(_READ_AHEAD)
+        reader = threading.Thread(target=_read_ahead, args=(paths, waiting, end), daemon=True)
+        reader.start()
+        try:
+            self._loop(key, waiting)
+        finally:
+            end.set()
+            if self._tasks is not None:
+                self._tasks.cancel()
+        if not self.stop.is_set():
+            self._follow_renamed(paths)
+        return self.progress
+
+    def _loop(self, key: str, waiting: queue.Queue[_Hashed | None]) -> None:
+        all_read = False
+        while not self.stop.is_set() and not (all_read and not self._jobs):
+            self.progress.workers = self._tasks.places() if self._tasks is not None else 0
+            while not all_read and len(self._jobs) < max(self.progress.workers, 1):
+                try:
+                    hashed = waiting.get(timeout=0.0 if self._jobs else _POLL_S)
+                except queue.Empty:
+                    break
+                if hashed is None:
+                    all_read = True
+                else:
+                    self._consider(hashed, key)
+            self._report()
+            if self._tasks is not None and self._jobs:
+                event = self._tasks.wait(_POLL_S)
+                if isinstance(event, TaskPosition):
+                    self._jobs[event.token].read_bytes = event.position
+                elif event is not None:
+                    self._finished(event, key)
+        self._report()
+
+    def _consider(self, hashed: _Hashed, key: str) -> None:
+        """Submit a file, unless it needs no estimate."""
+        path, content = hashed.path, hashed.content
+        if content is None:
+            assert hashed.error is not None
+            reason = Reason(Code.RECORDING_NOT_READ, message=str(hashed.error))
+            failure = Failure(reason, hashed.error.remedy, is_final=False)
+            self.dataset.fail(path, None, key, failure, self.clock.now_ns())
+            self._count_failure(path, failure)
+            self._settle(path)
+            return
+        for other in self.dataset.replaced_by(content):
+            if other in self._seen:
+                self.dataset.keep(self._seen[other])
+        if content.recording_id in self._seen:
+            self.progress.copies += 1
+            self._settle(path)
+            return
+        self._seen[content.recording_id] = content
+        if self.dataset.done(content.recording_id, key):
+            self.dataset.clear_failure(content)
+            self.progress.known += 1
+            self._settle(path)
+        elif self.dataset.failed(content, key) and not self.retries_failed:
+            self.progress.failed_before += 1
+            self._settle(path)
+        else:
+            self._submit(_Job(content))
+
+    def _submit(self, job: _Job) -> None:
+        if self._tasks is None:
+            self._tasks = self.connect()
+            self._begin_ns = self.clock.now_ns()
+        token = job.content.recording_id
+        self._jobs[token] = job
+        order = EstimationOrder(job.content, self.settings, self.dataset.incoming, token)
+        self._tasks.submit(token, run_order, self.work, order)
+
+    def _finished(self, event: TaskResult, key: str) -> None:
+        job = self._jobs.pop(event.token)
+        outcome: Estimated | None = event.outcome
+        failure = outcome.failure if outcome is not None else None
+        if outcome is None:
+            assert event.ended is not None
+            failure = Failure(event.ended, _remedy(event.ended), is_final=False)
+        else:
+            self.progress.peak_bytes = max(self.progress.peak_bytes, outcome.peak_bytes)
+        if failure is not None:
+            self._fail(job, replace(failure, attempts=event.attempts), key)
+        elif outcome is not None:
+            self.dataset.commit(job.content, key, outcome.parts, outcome.vehicle, outcome.start_ns)
+            self.progress.estimated += 1
+            self.progress.revolutions += outcome.revolutions
+            self.progress.damaged += outcome.damage is not None
+        self._settle(job.content.path, counts=True)
+
+    def _fail(self, job: _Job, failure: Failure, key: str) -> None:
+        self.dataset.fail(job.content.path, job.content, key, failure, self.clock.now_ns())
+        self._count_failure(job.content.path, failure)
+
+    def _count_failure(self, path: Path, failure: Failure) -> None:
+        self.progress.failed += 1
+        self.on_failure(path, failure)
+
+    def _settle(self, path: Path, *, counts: bool = False) -> None:
+        """Take a file off the work that is left; the bytes of one that needed no estimate tell nothing of the rate."""
+        size = self._sizes.pop(path, 0)
+        self.progress.files_left -= 1
+        if counts:
+            self._done_bytes += size
+        else:
+            self.progress.total_bytes -= size
+
+    def _report(self) -> None:
+        reading = sum(min(job.read_bytes, job.content.size_bytes) for job in self._jobs.values())
+        self.progress.done_bytes = self._done_bytes + reading
+        if self._begin_ns:
+            self.progress.elapsed_s = (self.clock.now_ns() - self._begin_ns) * 1e-9
+        self.on_progress(self.progress)
+
+    def _follow_renamed(self, paths: Sequence[Path]) -> None:
+        """Give contents whose path is not among the files any more the path at which they were found."""
+        given = {path_key(path) for path in paths}
+        for content in self._seen.values():
+            self.dataset.follow(content, given)
+
+
+def run_order(work: Callable[..., Estimated], order: EstimationOrder) -> Estimated:
+    """Estimate one recording in a worker, which reports how far it has read.
+
+    Raises:
+        OutputError: the dataset cannot be written.
+        TreadlinkError: the worker has another version of the estimators.
+    """
+    if order.settings.code != estimators_version():
+        raise TreadlinkError(
+            "a worker has another version of the estimators", "Install the same version of treadlink everywhere."
+        )
+    if not order.folder.is_dir():
+        raise OutputError(
+            f"a worker does not see the dataset: there is no folder '{order.folder}'",
+            "Keep recordings and dataset on a disk that all workers share, under the same path.",
+        )
+    return work(order, position_reporter(order.token))
+
+
+def _remedy(reason: Reason) -> str:
+    if reason.code in (Code.WORKER_MEMORY_ABOVE_LIMIT, Code.WORKER_MEMORY_FULL):
+        return "Give the workers more memory with --memory, and fewer workers if there is not enough."
+    return "Run it alone with `treadlink estimate` to see why."
+
+
+def find_recordings(paths: Sequence[Path]) -> list[Path]:
+    """Return the absolute paths of files as given, and of all `.mcap` files in folders, each once.
+
+    Raises:
+        RecordingError: a path does not exist, or there is no recording.
+    """
+    found: dict[Path, None] = {}
+    for path in paths:
+        if path.is_dir():
+            found |= dict.fromkeys(sorted(one.resolve() for one in _in_folder(path)))
+        elif path.exists():
+            found[path.resolve()] = None
+        else:
+            raise RecordingError(f"'{path}' does not exist", "Check the path.")
+    if not found:
+        raise RecordingError(
+            f"no recording in {', '.join(map(repr, map(str, paths)))}",
+            "Recordings in folders are found by their ending, .mcap.",
+        )
+    return list(found)
+
+
+def _in_folder(path: Path) -> Iterator[Path]:
+    return (one for one in path.rglob("*.mcap") if one.is_file() and not one.name.startswith("."))
+
+
+def _read_ahead(paths: Sequence[Path], waiting: queue.Queue[_Hashed | None], end: threading.Event) -> None:
+    """Identify files, some ahead of the workers."""
+
+    def put(hashed: _Hashed | None) -> None:
+        while not end.is_set():
+            try:
+                waiting.put(hashed, timeout=_POLL_S)
+                return
+            except queue.Full:
+                continue
+
+    for path in paths:
+        if end.is_set():
+            return
+        try:
+            content = read_content(path, end)
+        except RecordingError as error:
+            put(_Hashed(path, None, error))
+            continue
+        if content is not None:
+            put(_Hashed(path, content, None))
+    put(None)
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0

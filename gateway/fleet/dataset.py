@@ -1,0 +1,434 @@
+"""Dataset of a campaign on disk: files named by content, added and replaced as a whole.
+
+    DATASET/
+      treadlink-dataset.json                                    settings that all rows share
+      recordings/vehicle=NAME/day=2026-01-31/KEY.parquet        one row per recording and wheel
+      revolutions/vehicle=NAME/day=2026-01-31/KEY.parquet       one row per revolution that is kept
+      diagnoses/vehicle=NAME/day=2026-01-31/KEY.parquet         one row per effect and tire
+      failures/KEY.parquet                                      one row per recording without results
+      .incoming/                                                parts that are being written
+
+KEY is PATH-CONTENT-SETTINGS: identities of the file's path, its content, and the settings with the estimators' version.
+One process at a time changes a dataset. A recording is there when its file in `recordings` is. The old file is removed
+before the new one appears, so that a crash leaves no recording twice; what it loses is estimated again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple, Self
+from urllib.parse import quote
+
+import numpy as np
+
+from gateway import __version__
+from gateway.errors import OutputError
+from gateway.fleet.content_keys import FileContent, path_key
+from gateway.fleet.parquet_parts import FORMAT, PartFile
+from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
+from gateway.views.output_file import write_whole
+from gateway.views.tables.campaign_columns import FAILURE_COLUMNS
+from gateway.views.wording import as_json, text
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
+DESCRIPTION: Final = "treadlink-dataset.json"
+DIAGNOSES: Final = "diagnoses"
+FAILURES: Final = "failures"
+INCOMING: Final = ".incoming"
+UNKNOWN_VEHICLE: Final = "unknown"
+"""Partition of recordings whose configuration names no vehicle, or that have none."""
+
+_LOCK: Final = ".lock"
+_FINAL, _AGAIN = "final", "again"
+_LONGEST_NAME: Final = 80
+_NULL_PARTITION: Final = "__HIVE_DEFAULT_PARTITION__"
+_LOCK_RETRY_NS: Final = 200_000_000
+
+
+class Key(NamedTuple):
+    """Name of a recording's files, without their end.
+
+    Attributes:
+        path: identity of the path.
+        recording_id: identity of the content.
+        settings: identity of settings and code.
+    """
+
+    path: str
+    recording_id: str
+    settings: str
+
+    def __str__(self) -> str:
+        return "-".join(self)
+
+    @classmethod
+    def of_name(cls, name: str) -> Self | None:
+        """Return the key in the name of a file, None when it is not one."""
+        parts = name.split(".")[0].split("-")
+        return cls(*parts) if len(parts) == 3 and all(parts) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """Settings that all rows of a dataset share.
+
+    Attributes:
+        estimators: names of the estimators.
+        estimates: names of the estimates that have columns.
+        rows: revolutions that are kept.
+    """
+
+    estimators: tuple[str, ...]
+    estimates: tuple[str, ...]
+    rows: str
+
+
+class Dataset:
+    """A dataset that this process may change; `opened` makes one.
+
+    Attributes:
+        root: its folder.
+        description: of its rows.
+        incoming: folder for parts that are being written.
+    """
+
+    def __init__(self, root: Path, description: Description) -> None:
+        self.root = root
+        self.description = description
+        self.incoming = root.resolve() / INCOMING  # workers have other working folders
+        self._done: dict[str, Key] = {}
+        self._of_path: dict[str, set[str]] = {}
+        self._failed: dict[str, tuple[Key, bool]] = {}
+        self._read()
+
+    def done(self, recording_id: str, settings: str) -> bool:
+        """Return whether a content has its rows under these settings."""
+        known = self._done.get(recording_id)
+        return known is not None and known.settings == settings
+
+    def failed(self, content: FileContent, settings: str) -> bool:
+        """Return whether a content has failed under these settings for a reason that lasts."""
+        known = self._failed.get(path_key(content.path))
+        return known is not None and known[1] and known[0][1:] == (content.recording_id, settings)
+
+    def recording_ids(self) -> frozenset[str]:
+        """Return the contents that have rows."""
+        return frozenset(self._done)
+
+    def replaced_by(self, content: FileContent) -> frozenset[str]:
+        """Return the other contents that the file at this path has had; a new one replaces their rows."""
+        return frozenset(self._of_path.get(path_key(content.path), set()) - {content.recording_id})
+
+    def keep(self, content: FileContent) -> None:
+        """Note that a content with rows is found at another path, so that a change of the first does not remove it."""
+        known = self._done[content.recording_id]
+        here = path_key(content.path)
+        if known.path == here:
+            return
+        new = known._replace(path=here)
+        with _explained(self.root):
+            for table in (REVOLUTIONS, RECORDINGS):
+                for path in self._files(table, known):
+                    path.replace(path.with_name(f"{new}.parquet"))
+        self._forget(known)
+        self._remember(new)
+
+    def follow(self, content: FileContent, given: Collection[str]) -> None:
+        """Note the new path of a content whose old path, by its identity, is not among those given any more."""
+        known = self._done.get(content.recording_id)
+        if known is not None and known.path not in given:
+            self.keep(content)
+
+    def commit(
+        self, content: FileContent, settings: str, parts: Mapping[str, Path], vehicle: str, start_ns: int
+    ) -> None:
+        """Give the finished parts of a recording their place, instead of all that they replace.
+
+        Args:
+            content: the recording.
+            settings: identity of the settings.
+            parts: file of each table, in `incoming`.
+            vehicle: name, empty when unknown.
+            start_ns: start of the recording, which decides about its day (UTC).
+
+        Raises:
+            OutputError: the disk refuses; the recording is then not in the dataset.
+        """
+        key = Key(path_key(content.path), content.recording_id, settings)
+        with _explained(self.root):
+            for old in (self._done.get(other) for other in (content.recording_id, *self.replaced_by(content))):
+                if old is not None:
+                    self._remove(old)
+            self.clear_failure(content)
+            # The file of the recordings is the last: what is without it does not count, and is removed.
+            for table in (REVOLUTIONS, RECORDINGS):
+                if table not in parts:
+                    continue
+                folder = self.root / table / partition(vehicle, start_ns)
+                folder.mkdir(parents=True, exist_ok=True)
+                parts[table].replace(folder / f"{key}.parquet")
+        self._remember(key)
+
+    def fail(self, path: Path, content: FileContent | None, settings: str, failure: Failure, now_ns: int) -> None:
+        """Add or replace the failure of a recording, and remove the rows of what the file was before.
+
+        Raises:
+            OutputError: the disk refuses.
+        """
+        recording_id = content.recording_id if content is not None else path_key(path)
+        key = Key(path_key(path), recording_id, settings)
+        if content is not None:
+            with _explained(self.root):
+                for old in (self._done.get(other) for other in self.replaced_by(content)):
+                    if old is not None:
+                        self._remove(old)
+        self._drop_failure(key.path)
+        folder = self.root / FAILURES
+        with _explained(self.root):
+            folder.mkdir(exist_ok=True)
+        reason = failure.reason
+        target = folder / f"{key}.{_FINAL if failure.is_final else _AGAIN}.parquet"
+        with PartFile(target, FAILURE_COLUMNS, FAILURES) as part:
+            part.row(
+                {
+                    "recording_id": content.recording_id if content is not None else None,
+                    "recording": _storable(path.name),
+                    "path": _storable(str(path)),
+                    "code": str(reason.code),
+                    "text": text(reason),
+                    "values": json.dumps(as_json(reason)["values"], ensure_ascii=False),
+                    "remedy": failure.remedy,
+                    "attempts": failure.attempts,
+                    "is_final": failure.is_final,
+                    "failed_utc": now_ns,
+                    "size_bytes": content.size_bytes if content is not None else None,
+                    "version": __version__,
+                }
+            )
+        self._failed[key.path] = key, failure.is_final
+
+    def clear_failure(self, content: FileContent) -> None:
+        """Remove the failure of a path, and those of the same content at others, as after it was estimated."""
+        here = path_key(content.path)
+        for path, (key, _) in list(self._failed.items()):
+            if path == here or key.recording_id == content.recording_id:
+                self._drop_failure(path)
+
+    def replace_files(self, table: str, parts: Sequence[tuple[Path, str, int, str]], old: Sequence[Path]) -> None:
+        """Give (part, vehicle, time in ns, name) their places in another table, instead of old files.
+
+        Raises:
+            OutputError: the disk refuses.
+        """
+        with _explained(self.root):
+            for path in old:
+                path.unlink(missing_ok=True)
+            for part, vehicle, start_ns, name in parts:
+                folder = self.root / table / partition(vehicle, start_ns)
+                folder.mkdir(parents=True, exist_ok=True)
+                part.replace(folder / name)
+
+    def clear_incoming(self) -> None:
+        """Remove parts that no campaign writes any more."""
+        with suppress(OSError):
+            for path in self.incoming.iterdir():
+                path.unlink(missing_ok=True)
+
+    def _read(self) -> None:
+        """Find what is done, and remove what a killed campaign has left unfinished."""
+        with _explained(self.root):
+            self.incoming.mkdir(exist_ok=True)
+            self.clear_incoming()
+            for path in sorted((self.root / RECORDINGS).rglob("*.parquet")):
+                key = Key.of_name(path.name)
+                if key is None:
+                    continue
+                if key.recording_id in self._done:
+                    path.unlink(missing_ok=True)  # two campaigns without a common lock, or a copied file
+                else:
+                    self._remember(key)
+            for path in (self.root / REVOLUTIONS).rglob("*.parquet"):
+                key = Key.of_name(path.name)
+                if key is not None and self._done.get(key.recording_id) != key:
+                    path.unlink(missing_ok=True)
+            for path in sorted((self.root / FAILURES).glob("*.parquet")):
+                key = Key.of_name(path.name)
+                if key is None:
+                    continue
+                if key.path in self._failed or self.done(key.recording_id, key.settings):
+                    path.unlink(missing_ok=True)
+                else:
+                    self._failed[key.path] = key, path.name.split(".")[1] == _FINAL
+
+    def _files(self, table: str, key: Key) -> Iterator[Path]:
+        return (self.root / table).glob(f"*/*/{key}.parquet")
+
+    def _remember(self, key: Key) -> None:
+        self._done[key.recording_id] = key
+        self._of_path.setdefault(key.path, set()).add(key.recording_id)
+
+    def _forget(self, key: Key) -> None:
+        self._done.pop(key.recording_id, None)
+        self._of_path.get(key.path, set()).discard(key.recording_id)
+
+    def _remove(self, key: Key) -> None:
+        for table in (RECORDINGS, REVOLUTIONS):
+            for path in self._files(table, key):
+                path.unlink(missing_ok=True)
+        self._forget(key)
+
+    def _drop_failure(self, path: str) -> None:
+        known = self._failed.pop(path, None)
+        if known is not None:
+            for found in (self.root / FAILURES).glob(f"{known[0]}.*.parquet"):
+                found.unlink(missing_ok=True)
+
+
+@contextmanager
+def opened(root: Path, description: Description, waiting: Callable[[str], bool]) -> Iterator[Dataset]:
+    """Make or open a dataset, for this process alone.
+
+    Args:
+        root: its folder; a missing one is made.
+        description: wanted; an existing dataset must have the same.
+        waiting: called every 0.2 s, with a text about the process, while another process has the dataset; it waits, and
+            returns whether to go on waiting.
+
+    Raises:
+        OutputError: the folder is not a dataset, has other settings, or cannot be written.
+        TimeoutError: `waiting` has returned False.
+    """
+    with _explained(root):
+        if root.is_dir() and not (root / DESCRIPTION).is_file():
+            others = [one.name for one in root.iterdir() if one.name not in (_LOCK, INCOMING)]
+            if others:
+                raise OutputError(
+                    f"'{root}' is not a dataset, but contains files such as '{sorted(others)[0]}'",
+                    "Choose a new or an empty folder.",
+                )
+        root.mkdir(parents=True, exist_ok=True)
+    with _locked(root, waiting):
+        path = root / DESCRIPTION
+        if path.is_file():
+            found = read_description(root)
+            if found != description:
+                raise OutputError(_difference(root, found, description), "Choose a new folder, or the same options.")
+        else:
+            entries = {"treadlink": __version__, "format": FORMAT, "time_zone": "UTC", **_as_dict(description)}
+            write_whole(path, json.dumps(entries, indent=2, ensure_ascii=False) + "\n", force=True)
+        dataset = Dataset(root, description)
+        try:
+            yield dataset
+        finally:
+            dataset.clear_incoming()
+            with suppress(OSError):
+                dataset.incoming.rmdir()
+
+
+def read_description(root: Path) -> Description:
+    """Return the settings of a dataset.
+
+    Raises:
+        OutputError: there is no dataset, or its description is not one.
+    """
+    path = root / DESCRIPTION
+    try:
+        entries = json.loads(path.read_text("utf-8"))
+        return Description(
+            tuple(map(str, entries["estimators"])), tuple(map(str, entries["estimates"])), str(entries["rows"])
+        )
+    except FileNotFoundError as error:
+        raise OutputError(
+            f"'{root}' is not a dataset: it has no file {DESCRIPTION}",
+            "Make one: treadlink campaign PATH... --out DATASET",
+        ) from error
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"'{path}' cannot be read: {error}", "Restore it, or choose a new folder.") from error
+
+
+def partition(vehicle: str, start_ns: int) -> Path:
+    """Return `vehicle=NAME/day=YYYY-MM-DD`, NAME as other programs of Parquet read it back, the day in UTC."""
+    name = vehicle.strip() or UNKNOWN_VEHICLE
+    if len(name) > _LONGEST_NAME:
+        name = f"{name[:_LONGEST_NAME]}~{path_key(Path(name))}"
+    encoded = quote(name.encode("utf-8", "backslashreplace"), safe=" ")
+    if name == _NULL_PARTITION:
+        encoded = encoded.replace("_", "%5F", 1)
+    day = np.datetime_as_string(np.datetime64(start_ns, "ns"), unit="D")
+    return Path(f"vehicle={encoded}") / f"day={day}"
+
+
+def _as_dict(description: Description) -> dict[str, Any]:
+    return {
+        "estimators": list(description.estimators), "rows": description.rows, "estimates": list(description.estimates)
+    }  # fmt: skip
+
+
+def _difference(root: Path, found: Description, wanted: Description) -> str:
+    for name, word in (("estimators", "estimators"), ("rows", "kept rows"), ("estimates", "columns")):
+        old, new = getattr(found, name), getattr(wanted, name)
+        if old != new:
+            shown = [", ".join(one) if isinstance(one, tuple) else one for one in (old, new)]
+            return f"the dataset '{root}' was made with other {word}: {shown[0]}; now: {shown[1]}"
+    return ""
+
+
+@contextmanager
+def _locked(root: Path, waiting: Callable[[str], bool]) -> Iterator[None]:
+    """Hold the dataset's lock, which ends with the process whatever ends it."""
+    with _explained(root):
+        descriptor = os.open(root / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        while not _try_lock(descriptor):
+            holder = os.pread(descriptor, 200, 0).decode("utf-8", "replace") if sys.platform != "win32" else ""
+            if not waiting(holder):
+                raise TimeoutError
+        with suppress(OSError):
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, f"process {os.getpid()} on {_host()}".encode())
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _try_lock(descriptor: int) -> bool:
+    try:
+        if sys.platform == "win32":
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return False
+    return True
+
+
+def _host() -> str:
+    import socket
+
+    return socket.gethostname()
+
+
+@contextmanager
+def _explained(root: Path) -> Iterator[None]:
+    """Raise OutputError for errors of the system at the dataset."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"the dataset '{root}' cannot be written: {error.strerror or error}",
+            "Free some space or check the permissions, then run the same command again.",
+        ) from error
+
+
+def _storable(text: str) -> str:
+    return text.encode("utf-8", "backslashreplace").decode()

@@ -1,0 +1,213 @@
+"""Histories of tires, read from the table of recordings of a dataset and an odometer file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.errors import OutputError, RecordingError
+from gateway.fleet.dataset import FAILURES, read_description
+from gateway.fleet.recording_estimation import RECORDINGS
+from gateway.reasons import Code, Reason
+from gateway.trends.tire_history import TireHistory
+from gateway.types import FloatArray
+
+Odometer = Mapping[str, tuple[NDArray[np.int64], FloatArray]]
+"""Vehicle -> times in ns and distances in km, both increasing."""
+
+_PLAIN: Final = (
+    "recording", "path", "position", "sensor_id", "start_utc", "duration_s", "revolutions", "distance_m",
+    "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
+    "missing_fraction", "samples", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
+)  # fmt: skip
+_ESTIMATES: Final = (
+    "wear_mm", "estimated_load_n", "contact_length_m", "Bs", "Cw", "Rs", "Ts", "gain", "zero_g_offset_mps2",
+    "ply_steer_contact_line_rad", "slip_angle_rad",
+)  # fmt: skip
+_TEXT: Final = frozenset({"recording", "path", "position", "sensor_id", "start_utc"})
+_ODOMETER_COLUMNS: Final = ("vehicle", "utc", "km")
+
+
+@dataclass(frozen=True, slots=True)
+class DatasetHistories:
+    """Content of a dataset for trends.
+
+    Attributes:
+        tires: one history for each vehicle, wheel and sensor.
+        recordings: number of recordings with rows.
+        failures: number of recordings without.
+        notes: on files and the odometer.
+    """
+
+    tires: tuple[TireHistory, ...]
+    recordings: int
+    failures: int
+    notes: tuple[Reason, ...]
+
+
+def read_histories(root: Path, odometer: Odometer | None = None) -> DatasetHistories:
+    """Read the table of recordings.
+
+    Raises:
+        OutputError: there is no dataset, or it has no recordings.
+    """
+    description = read_description(root)
+    estimates = [name for name in _ESTIMATES if name in description.estimates]
+    names = [*_PLAIN, *(name + part for name in estimates for part in ("", "_std", "_reason"))]
+    files = sorted((root / RECORDINGS).glob("*/*/*.parquet"))
+    rows: dict[tuple[str, str, str], list[dict[str, Any]]] = defaultdict(list)
+    notes: list[Reason] = []
+    read: set[str] = set()
+    for path in files:
+        found = _rows(path, names)
+        if found is None:
+            notes.append(Reason(Code.TREND_UNREADABLE_FILE, path=str(path)))
+            continue
+        vehicle = unquote(path.parent.parent.name.removeprefix("vehicle="))
+        read.add(path.name)
+        for row in found:
+            rows[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
+    if not rows:
+        raise OutputError(
+            f"the dataset '{root}' has no recordings", "Add some: treadlink campaign PATH... --out DATASET"
+        )
+    vehicles = sorted({vehicle for vehicle, _, _ in rows})
+    if odometer is not None:
+        notes += [Reason(Code.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=one) for one in vehicles if one not in odometer]
+    tires = [_history(key, rows[key], estimates, odometer) for key in sorted(rows)]
+    tires.sort(key=lambda tire: (tire.vehicle, tire.position, int(tire.time_ns[0])))
+    failures = sum(1 for _ in (root / FAILURES).glob("*.parquet"))
+    return DatasetHistories(tuple(tires), len(read), failures, tuple(notes))
+
+
+def read_odometer(path: Path) -> Odometer:
+    """Read a CSV file with the columns vehicle, utc and km; between two readings the distance is interpolated.
+
+    Raises:
+        RecordingError: the file cannot be read, or a line is wrong.
+    """
+    found: dict[str, list[tuple[int, float]]] = defaultdict(list)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = csv.DictReader(file)
+            missing = [name for name in _ODOMETER_COLUMNS if name not in (lines.fieldnames or ())]
+            if missing:
+                raise RecordingError(
+                    f"'{path}' has no column {', '.join(missing)}", f"Its header must be {','.join(_ODOMETER_COLUMNS)}."
+                )
+            for line in lines:
+                try:
+                    time_ns = int(np.datetime64(str(line["utc"]).strip().removesuffix("Z"), "ns").astype(np.int64))
+                    km = float(line["km"])
+                except (ValueError, TypeError) as error:
+                    raise RecordingError(
+                        f"'{path}', line {lines.line_num}: {error}",
+                        "A line is such as: truck 7,2026-01-31T12:00:00Z,20450.5",
+                    ) from error
+                if not math.isfinite(km):
+                    raise RecordingError(f"'{path}', line {lines.line_num}: km is not a number", "Correct the line.")
+                found[str(line["vehicle"]).strip()].append((time_ns, km))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"'{path}' cannot be read: {error}", "Give a CSV file in UTF-8.") from error
+    readings = {}
+    for vehicle, points in found.items():
+        points.sort()
+        times = np.array([time for time, _ in points], dtype=np.int64)
+        km_read = np.array([km for _, km in points])
+        if (np.diff(km_read) < 0.0).any():
+            raise RecordingError(
+                f"'{path}': the distance of vehicle '{vehicle}' decreases with time", "Correct the odometer's readings."
+            )
+        readings[vehicle] = times, km_read
+    return readings
+
+
+def _rows(path: Path, names: Sequence[str]) -> list[dict[str, Any]] | None:
+    """Return the rows of a file, None when it is not readable."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:
+            present = set(file.schema_arrow.names)
+            table = file.read([name for name in names if name in present])
+        at = table.schema.get_field_index("start_utc")
+        table = table.set_column(at, "start_utc", table.column(at).cast(pa.int64()))
+        rows: list[dict[str, Any]] = table.to_pylist()
+    except (OSError, ValueError, KeyError, pa.ArrowException):
+        return None
+    return rows
+
+
+def _history(
+    key: tuple[str, str, str], rows: list[dict[str, Any]], estimates: Sequence[str], odometer: Odometer | None
+) -> TireHistory:
+    rows.sort(key=lambda row: (row["start_utc"], row["path"]))
+    time_ns = np.array([row["start_utc"] for row in rows], dtype=np.int64)
+    numbers = [name for name in _PLAIN if name not in _TEXT] + [
+        name + part for name in estimates for part in ("", "_std")
+    ]
+    columns = {name: _numbers(rows, name) for name in numbers}
+    invalid = {
+        name: next(
+            (
+                str(row[f"{name}_reason"])
+                for row in reversed(rows)
+                if row.get(name) is None and row.get(f"{name}_reason")
+            ),
+            "",
+        )
+        for name in estimates
+    }
+    vehicle, position, sensor_id = key
+    readings = odometer.get(vehicle) if odometer is not None else None
+    return TireHistory(
+        vehicle=vehicle,
+        position=position,
+        sensor_id=sensor_id,
+        recordings=tuple(str(row["recording"]) for row in rows),
+        paths=tuple(str(row["path"]) for row in rows),
+        time_ns=time_ns,
+        km=_km(time_ns, readings, columns["distance_m"]),
+        has_odometer=readings is not None,
+        columns=columns,
+        invalid={name: reason for name, reason in invalid.items() if reason},
+    )
+
+
+def _last_reason(rows: Sequence[Mapping[str, Any]], name: str) -> str:
+    """Return why the last recording without a value has none; empty when every recording has one."""
+    without = (row.get(f"{name}_reason") for row in reversed(rows) if row.get(name) is None)
+    return next((str(reason) for reason in without if reason), "")
+
+
+def _km(
+    time_ns: NDArray[np.int64], readings: tuple[NDArray[np.int64], FloatArray] | None, distance_m: FloatArray
+) -> FloatArray:
+    """Return the distance at the start of each recording; beyond the readings it goes on as between the last two."""
+    if readings is None:
+        driven = np.nan_to_num(distance_m)
+        return np.asarray((np.cumsum(driven) - driven) * 1e-3, dtype=np.float64)
+    times, km = readings
+    begin = int(times[0])
+    at, known = (time_ns - begin).astype(np.float64), (times - begin).astype(np.float64)
+    found = np.interp(at, known, km)
+    if len(known) > 1:
+        for edge, inner, beyond in ((0, 1, at < known[0]), (-1, -2, at > known[-1])):
+            step = known[edge] - known[inner]
+            slope = (km[edge] - km[inner]) / step if step else 0.0
+            found = np.where(beyond, km[edge] + slope * (at - known[edge]), found)
+    return np.asarray(found, dtype=np.float64)
+
+
+def _numbers(rows: Sequence[Mapping[str, Any]], name: str) -> FloatArray:
+    return np.array([math.nan if row.get(name) is None else float(row[name]) for row in rows], dtype=np.float64)

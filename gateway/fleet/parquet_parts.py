@@ -1,0 +1,164 @@
+"""Parquet files of a dataset: fixed columns, units and descriptions in their metadata, complete or not there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+from gateway import __version__
+from gateway.errors import OutputError
+from gateway.views.output_file import OutputFile
+from gateway.views.tables.campaign_columns import Column, unit_of
+from gateway.views.tables.table_sinks import Cell
+
+_ROW_GROUP: Final = 16_384
+_COMPRESSION: Final = "zstd"
+_SELECTED: Final = ("recording_id", "position", "sensor_id", "host_utc", "start_utc")
+FORMAT: Final = "1"
+
+
+def require_campaign_packages() -> None:
+    """Raise OutputError, naming the extra to install, when a package of campaigns is missing."""
+    missing = []
+    try:
+        import pyarrow  # noqa: F401 - only whether it is installed
+    except ImportError:
+        missing.append("pyarrow")
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        missing.append("dask[distributed]")
+    if missing:
+        raise OutputError(
+            f"a campaign needs the package{'s' if len(missing) > 1 else ''} {' and '.join(missing)}",
+            "Install: pip install 'treadlink[campaign]'",
+        )
+
+
+class PartFile:
+    """One Parquet file, written row by row in constant memory; it appears when it is complete.
+
+    Attributes:
+        rows: written so far.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        columns: Mapping[str, Column],
+        table: str,
+        estimates: Sequence[str] = (),
+        *,
+        many_rows: bool = False,
+    ) -> None:
+        """Open the file.
+
+        Args:
+            path: of the file.
+            columns: in order.
+            table: name of the table, for the metadata.
+            estimates: names of estimates, whose columns have their units.
+            many_rows: whether text repeats from row to row.
+
+        Raises:
+            OutputError: the file cannot be created.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        self.rows = 0
+        self._columns = columns
+        self._cells: dict[str, list[Any]] = {name: [] for name in columns}
+        self._schema = schema_of(columns, table, estimates)
+        self._output = OutputFile(path, force=True)
+        text = [field.name for field in self._schema if pa.types.is_string(field.type)]
+        # The footer of a file with hundreds of columns and few rows is larger than its data: no Arrow schema, which
+        # repeats Parquet's, and statistics only of what queries select by.
+        with self._output.explained():
+            self._writer = pq.ParquetWriter(
+                self._output.file,
+                self._schema,
+                compression=_COMPRESSION,
+                use_dictionary=text if many_rows else False,
+                write_statistics=[name for name in _SELECTED if name in columns],
+                store_schema=False,
+            )
+
+    def row(self, cells: Mapping[str, Cell]) -> None:
+        """Add a row; columns without a cell are null. Times are ns since the epoch.
+
+        Raises:
+            OutputError: the disk refuses.
+        """
+        for name, column in self._cells.items():
+            column.append(cells.get(name))
+        self.rows += 1
+        if self.rows % _ROW_GROUP == 0:
+            self._flush()
+
+    def close(self) -> None:
+        """Write the rest and give the file its name.
+
+        Raises:
+            OutputError: the disk refuses; there is no file then.
+        """
+        with self._output.explained():
+            self._flush()
+            self._writer.add_key_value_metadata(self._schema.metadata)
+            self._writer.close()
+        self._output.commit()
+
+    def discard(self) -> None:
+        """Leave no file."""
+        with suppress(Exception):  # pyarrow would try to finish the file when it is collected
+            self._writer.close()
+        self._output.discard()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is not None:
+            self.discard()
+            return
+        try:
+            self.close()
+        except BaseException:
+            self.discard()
+            raise
+
+    def _flush(self) -> None:
+        import pyarrow as pa
+
+        held = {name: pa.array(cells, self._schema.field(name).type) for name, cells in self._cells.items()}
+        if next(iter(self._cells.values())):
+            with self._output.explained():
+                self._writer.write_table(pa.table(held, schema=self._schema))
+        self._cells = {name: [] for name in self._columns}
+
+
+def schema_of(columns: Mapping[str, Column], table: str, estimates: Sequence[str] = ()) -> Any:
+    """Return the Arrow schema; the file's metadata have the units of all columns as one JSON object."""
+    import pyarrow as pa
+
+    kinds = {str: pa.string(), int: pa.int64(), bool: pa.bool_(), datetime: pa.timestamp("ns", tz="UTC")}
+    units = {name: unit_of(name, estimates) for name in columns}
+    fields = [
+        pa.field(name, kinds.get(column.kind) or (pa.float32() if column.is_short else pa.float64()))
+        for name, column in columns.items()
+    ]
+    about = {
+        "treadlink": __version__,
+        "treadlink.dataset": FORMAT,
+        "treadlink.table": table,
+        "treadlink.time_zone": "UTC",
+        "treadlink.units": json.dumps({name: unit for name, unit in units.items() if unit}, ensure_ascii=False),
+    }
+    return pa.schema(fields, metadata=about)

@@ -1,0 +1,421 @@
+"""Estimation of one recording of a campaign by a worker process: from the file to the rows of the dataset."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.block_decoder import FrameBatch
+from firmware_protocol.counters import LinkCounters
+from gateway import __version__
+from gateway.config.effects_file import check_effects
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, recorded_vehicle
+from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
+from gateway.estimators.estimator import Revolution
+from gateway.fleet.content_keys import FileContent, settings_key
+from gateway.fleet.parquet_parts import PartFile
+from gateway.fleet.wheel_rows import WheelRow
+from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.pipeline.tire_estimates import TireEstimates
+from gateway.pipeline.wheel_setup import CorrectionTable
+from gateway.plugins import PluginGroup, installed
+from gateway.reasons import Code, Reason
+from gateway.recording.reader import RecordingReader
+from gateway.security.guard import open_guard
+from gateway.session.batch_alarms import BatchAlarms
+from gateway.session.batch_estimation import estimate_items
+from gateway.session.missing_results import FrameCounts, missing_frames
+from gateway.session.wheel_identity import SensorsHeard, configured
+from gateway.views.numbers import distinct_name
+from gateway.views.tables.campaign_columns import (
+    RECORDING_HEAD,
+    RECORDING_TAIL,
+    recording_columns,
+    revolution_columns,
+)
+from gateway.views.tables.result_table import HEAD, TAIL, alarm_fields, row_of
+from gateway.views.tables.table_sinks import Cell
+from gateway.views.wording import as_json
+
+REVOLUTIONS: Final = "revolutions"
+RECORDINGS: Final = "recordings"
+
+_NS: Final = 1_000_000_000
+_ANGLES: Final = 1024
+_ORDERS: Final = 61
+
+
+class RowsKept(StrEnum):
+    """Revolutions that the dataset keeps."""
+
+    SECOND = "second"
+    """The last one of each second and wheel."""
+    ALL = "all"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class EstimationSettings:
+    """Settings that all recordings of a campaign share.
+
+    Attributes:
+        estimators: names.
+        columns: names of the estimates that have columns.
+        rows: revolutions that are kept.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        effects: known effects to subtract.
+        key_file: keys of signed frames; None for the user's.
+        code: version of the estimators that the campaign expects of its workers.
+    """
+
+    estimators: tuple[str, ...]
+    columns: tuple[str, ...]
+    rows: RowsKept = RowsKept.SECOND
+    vehicle: VehicleConfig | None = None
+    effects: tuple[CorrectionTable, ...] = ()
+    key_file: Path | None = None
+    code: str = ""
+
+    @property
+    def key(self) -> str:
+        """Identity of all that decides about the rows of a given content."""
+        return settings_key(
+            {
+                "estimators": self.estimators,
+                "rows": self.rows,
+                "vehicle": None if self.vehicle is None else self.vehicle.to_toml(),
+                "effects": [_effects_identity(table) for table in self.effects],
+                "code": self.code,
+                "plugins": [
+                    [plugin.name, plugin.package, plugin.version]
+                    for plugin in installed(PluginGroup.ESTIMATORS)
+                    if plugin.name in self.estimators
+                ],
+            }
+        )
+
+
+def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the estimates of estimators, as in tables; they do not depend on the data."""
+    nothing = np.full(_ANGLES, math.nan)
+    revolution = Revolution(
+        index=0,
+        start_s=0.0,
+        period_s=1.0,
+        omega_radps=2.0 * math.pi,
+        omega_dot_radps2=0.0,
+        radial_mps2=nothing,
+        axes_mps2=np.full((3, _ANGLES), math.nan),
+        orders_mps2=np.full(_ORDERS, complex(math.nan, math.nan)),
+        order_max=0,
+        leading_edge_rad=math.nan,
+        trailing_edge_rad=math.nan,
+        leading_edge_std_rad=math.nan,
+        trailing_edge_std_rad=math.nan,
+        noise_mps2=math.nan,
+        missing_fraction=1.0,
+        saturated=False,
+        ac_coupled=False,
+        faults=(Reason(Code.SAMPLES_LOST),),
+    )
+    (result,) = TireEstimates(UNKNOWN_WHEEL, estimators).take_block([revolution], [0.0], [0], [None])
+    taken = {*RECORDING_HEAD, *RECORDING_TAIL, *HEAD, *TAIL}
+    return tuple(distinct_name(estimate.name, taken) for estimate in result.estimates)
+
+
+@dataclass(frozen=True, slots=True)
+class EstimationOrder:
+    """Order to estimate one recording.
+
+    Attributes:
+        content: the file.
+        settings: of the campaign.
+        folder: for the finished parts, in the dataset.
+        token: beginning of their names.
+    """
+
+    content: FileContent
+    settings: EstimationSettings
+    folder: Path
+    token: str
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A recording without rows.
+
+    Attributes:
+        reason: why.
+        remedy: what to do about it.
+        is_final: whether the file or the settings must change before another try can succeed.
+        attempts: times that it was tried.
+    """
+
+    reason: Reason
+    remedy: str = ""
+    is_final: bool = True
+    attempts: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Estimated:
+    """What a worker made of a recording.
+
+    Attributes:
+        vehicle: name, empty when unknown.
+        start_ns: start of the recording by its own clock.
+        parts: file of each table.
+        rows: rows of each table.
+        wheels: (position, sensor id) of each wheel with revolutions.
+        revolutions: of all wheels.
+        damage: first unreadable part of the file.
+        failure: why there are no rows; None when there are.
+        peak_bytes: largest memory of the worker process so far, 0 when not known.
+    """
+
+    vehicle: str = ""
+    start_ns: int = 0
+    parts: dict[str, Path] = field(default_factory=dict)
+    rows: dict[str, int] = field(default_factory=dict)
+    wheels: tuple[tuple[str, str], ...] = ()
+    revolutions: int = 0
+    damage: Reason | None = None
+    failure: Failure | None = None
+    peak_bytes: int = 0
+
+
+def estimate_recording(order: EstimationOrder, on_bytes: Callable[[int], None] | None = None) -> Estimated:
+    """Estimate one recording and write its parts into the order's folder.
+
+    Args:
+        order: recording, settings and place.
+        on_bytes: called with the bytes of the file read so far.
+
+    Returns:
+        the parts, or the failure of the recording.
+
+    Raises:
+        OutputError: the dataset cannot be written, which concerns all recordings.
+        MemoryError: the worker has no memory left.
+    """
+    try:
+        return _estimate(order, on_bytes or (lambda _: None))
+    except (OutputError, MemoryError):
+        raise
+    except RecordingError as error:
+        return _failed(Code.RECORDING_NOT_READ, str(error), error.remedy, final=order.content.is_unchanged())
+    except TreadlinkError as error:
+        return _failed(Code.RECORDING_NOT_USED, str(error), error.remedy, final=isinstance(error, ConfigError))
+    except OSError as error:
+        return _failed(Code.RECORDING_NOT_READ, error.strerror or str(error), final=False)
+    except Exception as error:  # a fault of treadlink in one recording must not stop the others
+        reason = Reason(Code.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500])
+        return Estimated(failure=Failure(reason), peak_bytes=_peak_bytes())
+
+
+def _failed(code: Code, message: str, remedy: str = "", *, final: bool) -> Estimated:
+    return Estimated(failure=Failure(Reason(code, message=message), remedy, is_final=final), peak_bytes=_peak_bytes())
+
+
+class _Collector:
+    """Takes the results of a recording and keeps the rows of its revolutions."""
+
+    def __init__(self, order: EstimationOrder) -> None:
+        self.wheels: dict[str, WheelRow] = {}
+        self.sensors = SensorsHeard()
+        self.snapshots: tuple[WheelSnapshot, ...] = ()
+        self.revolutions: PartFile | None = None
+        self.first_ns: int | None = None
+        self.last_ns = 0
+        self._order = order
+        self._held: dict[str, RevolutionResult] = {}
+
+    def batch(self, _: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+        self.sensors.take(batch)
+        if arrivals_ns.size:
+            first, last = int(arrivals_ns.min()), int(arrivals_ns.max())
+            self.first_ns = first if self.first_ns is None else min(self.first_ns, first)
+            self.last_ns = max(self.last_ns, last)
+
+    def result(self, result: RevolutionResult) -> None:
+        row = self.wheels.get(result.position)
+        if row is None:
+            row = self.wheels[result.position] = WheelRow()
+        row.add(result)
+        kept = self._order.settings.rows
+        if kept is RowsKept.ALL:
+            self._write(result)
+        elif kept is RowsKept.SECOND:
+            held = self._held.get(result.position)
+            if held is not None and held.host_ns // _NS != result.host_ns // _NS:
+                self._write(held)
+            self._held[result.position] = result
+
+    def states(self, wheels: tuple[WheelSnapshot, ...]) -> None:
+        self.snapshots = wheels
+
+    def finish(self) -> None:
+        for held in self._held.values():
+            self._write(held)
+        self._held.clear()
+        if self.revolutions is not None:
+            self.revolutions.close()
+
+    def discard(self) -> None:
+        if self.revolutions is not None:
+            self.revolutions.discard()
+
+    def _write(self, result: RevolutionResult) -> None:
+        order = self._order
+        names = order.settings.columns
+        if self.revolutions is None:
+            path = order.folder / f"{order.token}.{REVOLUTIONS}.parquet"
+            self.revolutions = PartFile(path, revolution_columns(names), REVOLUTIONS, names, many_rows=True)
+        fixed, named = row_of(result, order.content.path.name)
+        cells: dict[str, Cell] = {**fixed, "recording_id": order.content.recording_id}
+        cells["host_utc"] = cells["host_ns"]
+        late: dict[str, Cell] = {}
+        for name, parts in named.items():
+            target = cells if name in names else late
+            target.update({name + part: cell for part, cell in parts.items()})
+        if late:
+            cells["other_estimates"] = json.dumps(late, ensure_ascii=False, allow_nan=False)
+        self.revolutions.row(cells)
+
+
+def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estimated:
+    settings = order.settings
+    reader = RecordingReader(order.content.path)
+    vehicle = settings.vehicle
+    if vehicle is None and reader.vehicle_toml:
+        vehicle = recorded_vehicle(reader.vehicle_toml, str(order.content.path))
+    positions = {wheel.position for wheel in vehicle.wheel} if vehicle is not None else set()
+    effects = tuple(table for table in settings.effects if table.position in positions)
+    check_effects(effects, vehicle)
+    guard = open_guard(vehicle, settings.key_file, remembers=False)
+    alarms = BatchAlarms(vehicle)
+    collected = _Collector(order)
+    try:
+        counters = estimate_items(
+            reader,
+            vehicle,
+            collected.result,
+            estimators=settings.estimators,
+            on_bytes=lambda _: on_bytes(reader.position),
+            guard=guard,
+            on_batch=collected.batch,
+            on_wheels=collected.states,
+            effects=effects,
+            alarms=alarms,
+        )
+        collected.finish()
+    except BaseException:
+        collected.discard()
+        raise
+    if not order.content.is_unchanged():
+        return Estimated(failure=Failure(Reason(Code.RECORDING_CHANGED), is_final=False), peak_bytes=_peak_bytes())
+    links = {link: FrameCounts(counted.frames, counted.refused) for link, counted in counters.items()}
+    if not any(counts.accepted for counts in links.values()):
+        notice = missing_frames(links)[0]
+        final = notice.reason.code is Code.NO_FRAME_RECEIVED
+        return Estimated(failure=Failure(notice.reason, is_final=final), damage=reader.damage, peak_bytes=_peak_bytes())
+    return _recording_rows(order, reader, vehicle, collected, counters, alarms.finish())
+
+
+def _recording_rows(
+    order: EstimationOrder,
+    reader: RecordingReader,
+    vehicle: VehicleConfig | None,
+    collected: _Collector,
+    counters: dict[str, LinkCounters],
+    alarms: Sequence[AlarmRecord],
+) -> Estimated:
+    """Write the rows of the recording's wheels and return what was made."""
+    names, content = order.settings.columns, order.content
+    first_ns = collected.first_ns or 0
+    start_ns = reader.info.start_ns if reader.info.start_ns else first_ns
+    states = {state.position: state for state in collected.snapshots}
+    # A wheel that is configured and sent nothing has no row: its silence is an alarm of the recording.
+    heard = [
+        state.position for state in collected.snapshots if state.counters.samples or state.position in collected.wheels
+    ]
+    own = dict.fromkeys([*collected.wheels, *heard])
+    of_links = [alarm for alarm in alarms if alarm.position not in own]
+    sensors = {position: _sensor_text(collected.sensors.at(vehicle, position)) for position in own}
+    path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
+    with PartFile(path, recording_columns(names), RECORDINGS, names) as part:
+        for position in own:
+            wheel = configured(vehicle, position)
+            mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
+            cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
+            cells |= {
+                "recording_id": content.recording_id,
+                "recording": _storable(content.path.name),
+                "path": _storable(str(content.path)),
+                "position": position,
+                "sensor_id": sensors[position],
+                "start_utc": start_ns,
+                "duration_s": (collected.last_ns - first_ns) * 1e-9,
+                "pressure_measured": collected.sensors.measures_pressure(vehicle, position),
+                "frames": sum(counted.frames for counted in counters.values()),
+                "frames_lost": sum(counted.lost for counted in counters.values()),
+                "alarms": _json([{"position": alarm.position, **alarm_fields(alarm)} for alarm in mine]),
+                "alarm_count": sum(alarm.count for alarm in mine),
+                "damage": _json(as_json(reader.damage)) if reader.damage is not None else None,
+                "tire_size": vehicle.tire_of(wheel).size if vehicle is not None and wheel is not None else None,
+                "size_bytes": content.size_bytes,
+                "version": __version__,
+            }
+            part.row(cells)
+    parts = {RECORDINGS: path}
+    rows = {RECORDINGS: part.rows}
+    if collected.revolutions is not None:
+        parts[REVOLUTIONS] = order.folder / f"{order.token}.{REVOLUTIONS}.parquet"
+        rows[REVOLUTIONS] = collected.revolutions.rows
+    return Estimated(
+        vehicle=vehicle.name.strip() if vehicle is not None else "",
+        start_ns=start_ns,
+        parts=parts,
+        rows=rows,
+        wheels=tuple((position, sensors[position]) for position in collected.wheels),
+        revolutions=sum(state.counters.revolutions for state in collected.snapshots),
+        damage=reader.damage,
+        peak_bytes=_peak_bytes(),
+    )
+
+
+def _sensor_text(sensors: frozenset[int]) -> str:
+    return ",".join(f"{sensor:08x}" for sensor in sorted(sensors))
+
+
+def _json(value: Any) -> str | None:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False) if value else None
+
+
+def _storable(text: str) -> str:
+    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+def _effects_identity(table: CorrectionTable) -> str:
+    from gateway.config.effects_file import effects_text
+
+    return effects_text(table)
+
+
+def _peak_bytes() -> int:
+    if sys.platform == "win32":
+        return 0
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

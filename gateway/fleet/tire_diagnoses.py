@@ -1,0 +1,238 @@
+"""Diagnoses of the tires of a campaign: one for each tire, from recordings at its different speeds."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import unquote
+
+from gateway import __version__
+from gateway.config.vehicle import VehicleConfig
+from gateway.errors import OutputError, TreadlinkError
+from gateway.fleet.content_keys import diagnosis_version, settings_key
+from gateway.fleet.dataset import DIAGNOSES, Dataset
+from gateway.fleet.parquet_parts import PartFile
+from gateway.fleet.recording_estimation import RECORDINGS
+from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
+from gateway.reasons import Code, Reason
+from gateway.views.tables.campaign_columns import DIAGNOSIS_COLUMNS
+from gateway.views.wording import joined, text
+
+MOST_RECORDINGS: Final = 12
+"""Recordings of a diagnosis: the time that it takes grows with their number."""
+
+_POLL_S: Final = 0.1
+_COLUMNS: Final = ("recording_id", "path", "position", "sensor_id", "start_utc", "speed_mean_mps", "revolutions_valid")
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisOrder:
+    """Order to diagnose one tire.
+
+    Attributes:
+        vehicle: name.
+        position: of the wheel.
+        sensor_id: of its sensor.
+        paths: of the recordings.
+        start_ns: of the earliest.
+        config: configuration for all recordings, None for the one in each.
+        key_file: keys of signed frames.
+        part: file to write.
+    """
+
+    vehicle: str
+    position: str
+    sensor_id: str
+    paths: tuple[Path, ...]
+    start_ns: int
+    config: VehicleConfig | None
+    key_file: Path | None
+    part: Path
+
+
+@dataclass(slots=True)
+class DiagnosisCounts:
+    """Counts of a run: tires diagnosed now, known before, and without a diagnosis."""
+
+    made: int = 0
+    known: int = 0
+    failed: int = 0
+
+
+def diagnose_tires(
+    dataset: Dataset,
+    tasks: Callable[[], WorkerTasks],
+    given: Collection[Path],
+    *,
+    config: VehicleConfig | None,
+    key_file: Path | None,
+    stop: threading.Event,
+    on_tire: Callable[[int, int], None] = lambda _, __: None,
+) -> DiagnosisCounts:
+    """Diagnose the tires of the given recordings, as far as that is not done.
+
+    Args:
+        dataset: with the rows of the recordings.
+        tasks: returns the tasks of the workers.
+        given: recordings of the campaign; others may not exist any more.
+        config: configuration for all recordings, None for the one in each.
+        key_file: keys of signed frames.
+        stop: event that asks to stop.
+        on_tire: called with the number of finished and of all tires.
+
+    Raises:
+        OutputError: the dataset cannot be written.
+    """
+    counts = DiagnosisCounts()
+    orders: dict[str, tuple[DiagnosisOrder, list[Path]]] = {}
+    for tire, rows in _tires(dataset.root, given).items():
+        chosen = _chosen(rows)
+        tire_key = settings_key(list(tire))
+        key = settings_key(
+            [
+                sorted(str(row["recording_id"]) for row in chosen),
+                None if config is None else config.to_toml(),
+                diagnosis_version(),
+            ]
+        )
+        name = f"{tire_key}-{key}"
+        old = list((dataset.root / DIAGNOSES).glob(f"*/*/{tire_key}-*.parquet"))
+        if any(path.name == f"{name}.parquet" for path in old):
+            counts.known += 1
+            continue
+        paths = tuple(Path(str(row["path"])) for row in chosen)
+        start_ns = min(int(row["start_utc"]) for row in chosen)
+        part = dataset.incoming / f"{name}.parquet"
+        orders[name] = DiagnosisOrder(*tire, paths, start_ns, config, key_file, part), old
+    waiting, running = list(orders), set[str]()
+    on_tire(0, len(orders))
+    while (waiting or running) and not stop.is_set():
+        pool = tasks()
+        while waiting and len(running) < max(pool.places(), 1):
+            name = waiting.pop(0)
+            running.add(name)
+            pool.submit(name, diagnose_tire, orders[name][0])
+        event = pool.wait(_POLL_S)
+        if not isinstance(event, TaskResult):
+            continue
+        running.discard(event.token)
+        order, old = orders[event.token]
+        if event.outcome is None:
+            _write_failure(order, event.ended or Reason(Code.WORKER_ENDED))
+        dataset.replace_files(DIAGNOSES, [(order.part, order.vehicle, order.start_ns, f"{event.token}.parquet")], old)
+        counts.made += event.outcome is True
+        counts.failed += event.outcome is not True
+        on_tire(counts.made + counts.failed, len(orders))
+    if running:
+        tasks().cancel()
+    return counts
+
+
+def diagnose_tire(order: DiagnosisOrder) -> bool:
+    """Diagnose one tire in a worker and write its part; return False where the recordings give no diagnosis.
+
+    Raises:
+        OutputError: the dataset cannot be written.
+    """
+    from gateway.session.campaign_diagnosis import diagnose_recordings
+    from gateway.views.report.diagnosis_json import diagnosis_json
+
+    try:
+        diagnosis = diagnose_recordings(
+            order.paths, vehicle=order.config, wheel=order.position, jobs=1, key_file=order.key_file
+        )
+    except OutputError:
+        raise
+    except TreadlinkError as error:
+        _write_failure(order, Reason(Code.RECORDING_NOT_USED, message=str(error)))
+        return False
+    except Exception as error:  # a fault of treadlink at one tire must not stop the others
+        _write_failure(order, Reason(Code.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500]))
+        return False
+    whole = json.dumps(diagnosis_json(diagnosis), ensure_ascii=False, allow_nan=False)
+    common = {
+        **_head(order),
+        "held_out_before_mps2": diagnosis.held_out.rms_before_mps2,
+        "held_out_after_mps2": diagnosis.held_out.rms_after_mps2,
+        "noise_floor_mps2": diagnosis.noise_floor_mps2,
+        "unexplained": len(diagnosis.unexplained),
+    }
+    with PartFile(order.part, DIAGNOSIS_COLUMNS, DIAGNOSES) as part:
+        for number, finding in enumerate(diagnosis.findings):
+            parameters = {
+                name: {"value": fitted.value, "std": fitted.std, "unit": fitted.unit}
+                for name, fitted in finding.parameters.items()
+            }
+            part.row(
+                {
+                    **common,
+                    "effect": finding.name,
+                    "verdict": str(finding.verdict),
+                    "parameters": json.dumps(_finite(parameters), ensure_ascii=False),
+                    "reason": joined([finding.reason]) if finding.reason is not None else None,
+                    "rms_mps2": finding.rms_mps2,
+                    "diagnosis": whole if number == 0 else None,
+                }
+            )
+        if not diagnosis.findings:
+            part.row({**common, "diagnosis": whole})
+    return True
+
+
+def _head(order: DiagnosisOrder) -> dict[str, Any]:
+    recordings = [str(path).encode("utf-8", "backslashreplace").decode() for path in order.paths]
+    return {
+        "position": order.position,
+        "sensor_id": order.sensor_id,
+        "recordings": json.dumps(recordings, ensure_ascii=False),
+        "first_utc": order.start_ns,
+        "version": __version__,
+    }
+
+
+def _write_failure(order: DiagnosisOrder, reason: Reason) -> None:
+    with PartFile(order.part, DIAGNOSIS_COLUMNS, DIAGNOSES) as part:
+        part.row({**_head(order), "code": str(reason.code), "text": text(reason)})
+
+
+def _tires(root: Path, given: Collection[Path]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
+    """Return the rows of the given recordings by (vehicle, position, sensor)."""
+    known = {str(path).encode("utf-8", "backslashreplace").decode() for path in given}
+    tires: dict[tuple[str, str, str], list[dict[str, Any]]] = defaultdict(list)
+    for vehicle, row in _recording_rows(root):
+        if row["path"] in known and row["revolutions_valid"]:
+            tires[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
+    return tires
+
+
+def _recording_rows(root: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    for path in sorted((root / RECORDINGS).glob("*/*/*.parquet")):
+        with pq.ParquetFile(path) as file:
+            table = file.read(list(_COLUMNS))
+        at = table.schema.get_field_index("start_utc")
+        vehicle = unquote(path.parent.parent.name.removeprefix("vehicle="))
+        for row in table.set_column(at, "start_utc", table.column(at).cast(pa.int64())).to_pylist():
+            yield vehicle, row
+
+
+def _chosen(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return recordings spread evenly over the speeds of all, in the order of time."""
+    by_speed = sorted(rows, key=lambda row: (row["speed_mean_mps"] or 0.0, row["recording_id"]))
+    if len(by_speed) > MOST_RECORDINGS:
+        last = len(by_speed) - 1
+        by_speed = [by_speed[round(at * last / (MOST_RECORDINGS - 1))] for at in range(MOST_RECORDINGS)]
+    return sorted(by_speed, key=lambda row: (row["start_utc"], row["recording_id"]))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    return value if not isinstance(value, float) or abs(value) < float("inf") else None

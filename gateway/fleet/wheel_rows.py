@@ -1,0 +1,196 @@
+"""Rows of the table of recordings: one wheel of one recording, accumulated revolution by revolution."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+from gateway.estimators.estimator import Estimate, Status
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.reasons import Reason
+from gateway.views.numbers import distinct_name
+from gateway.views.tables.campaign_columns import RECORDING_HEAD, RECORDING_PARTS, RECORDING_TAIL
+from gateway.views.tables.table_sinks import Cell
+from gateway.views.wording import as_json, joined
+
+_TAKEN = frozenset((*RECORDING_HEAD, *RECORDING_TAIL))
+
+
+class WeightedMean:
+    """Mean of values with standard errors, weighted by these, in constant memory.
+
+    Revolutions share most of their error: a running average, the belt radius, the load. Its standard error is therefore
+    the weighted mean of the errors, sum(w s) / sum(w) with w = 1 / s^2, as for errors that are fully correlated.
+
+    Attributes:
+        count: number of values.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._weight = self._weighted = self._weighted_std = 0.0
+        self._mean = self._squares = 0.0
+        self._has_errors = True
+
+    def add(self, value: float, std: float) -> None:
+        """Take a finite value; one without a usable error makes the mean an unweighted one without error."""
+        self.count += 1
+        step = value - self._mean
+        self._mean += step / self.count
+        self._squares += step * (value - self._mean)
+        if std > 0.0 and math.isfinite(std):
+            weight = 1.0 / (std * std)
+            self._weight += weight
+            self._weighted += weight * value
+            self._weighted_std += weight * std
+        else:
+            self._has_errors = False
+
+    @property
+    def value(self) -> float | None:
+        """The mean, None without a value."""
+        if not self.count:
+            return None
+        found = self._weighted / self._weight if self._has_errors and self._weight > 0.0 else self._mean
+        return found if math.isfinite(found) else None
+
+    @property
+    def std(self) -> float | None:
+        """Standard error of the mean, None when it is not known."""
+        if not self.count or not self._has_errors or not self._weight > 0.0:
+            return None
+        found = self._weighted_std / self._weight
+        return found if math.isfinite(found) else None
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation between the values, None of less than two."""
+        return math.sqrt(self._squares / (self.count - 1)) if self.count > 1 else None
+
+
+class _Quantity:
+    """One estimate over a recording; valid values count, provisional ones only where there is none."""
+
+    def __init__(self) -> None:
+        self._means = {Status.VALID: WeightedMean(), Status.PROVISIONAL: WeightedMean()}
+        self._reasons: dict[Status, tuple[Reason, ...]] = {}
+
+    def add(self, estimate: Estimate) -> None:
+        self._reasons[estimate.status] = estimate.reasons
+        if estimate.status is not Status.INVALID and math.isfinite(estimate.value):
+            self._means[estimate.status].add(estimate.value, estimate.std)
+
+    def cells(self) -> tuple[Cell, ...]:
+        """Return the cells in the order of RECORDING_PARTS."""
+        for status, mean in self._means.items():
+            if mean.count:
+                reasons = joined(self._reasons[status])
+                return mean.value, mean.std, mean.scatter, mean.count, str(status), reasons
+        return None, None, None, 0, str(Status.INVALID), joined(self._reasons.get(Status.INVALID, ()))
+
+
+class WheelRow:
+    """The row of one wheel of one recording."""
+
+    def __init__(self) -> None:
+        self._revolutions = self._valid = self._saturated = 0
+        self._distance_m = self._rolling_s = self._missing_s = 0.0
+        self._speed_mps = (math.inf, -math.inf)
+        self._load, self._pressure = WeightedMean(), WeightedMean()
+        self._temperature, self._noise = WeightedMean(), WeightedMean()
+        self._temperatures = (math.inf, -math.inf)
+        self._faults: Counter[Reason] = Counter()
+        self._estimates: dict[str, _Quantity] = {}
+        self._last: RevolutionResult | None = None
+
+    def add(self, result: RevolutionResult) -> None:
+        """Take one revolution."""
+        revolution, conditions = result.revolution, result.conditions
+        self._last = result
+        self._revolutions += 1
+        self._saturated += bool(revolution.saturated)
+        self._distance_m += 2.0 * math.pi * conditions.radius_m
+        self._rolling_s += revolution.period_s
+        self._missing_s += revolution.missing_fraction * revolution.period_s
+        self._speed_mps = _extended(self._speed_mps, revolution.omega_radps * conditions.radius_m)
+        self._faults.update(revolution.faults)
+        if not revolution.faults:
+            self._valid += 1
+            if math.isfinite(revolution.noise_mps2):
+                self._noise.add(revolution.noise_mps2, math.nan)
+        if conditions.load_n is not None:
+            self._load.add(conditions.load_n, conditions.load_std_n)
+        if conditions.pressure_pa is not None:
+            self._pressure.add(conditions.pressure_pa, conditions.pressure_std_pa)
+        if conditions.temperature_degc is not None and math.isfinite(conditions.temperature_degc):
+            self._temperature.add(conditions.temperature_degc, math.nan)
+            self._temperatures = _extended(self._temperatures, conditions.temperature_degc)
+        for estimate in result.estimates:
+            name = distinct_name(estimate.name, _TAKEN)
+            known = self._estimates.get(name)
+            if known is None:
+                known = self._estimates[name] = _Quantity()
+            known.add(estimate)
+
+    def cells(self, wheel: WheelSnapshot | None, estimates: Sequence[str]) -> dict[str, Cell]:
+        """Return the cells that revolutions and the last state of the wheel decide.
+
+        Args:
+            wheel: its last state, None when it is not known.
+            estimates: names of the dataset's columns; others go into `other_estimates`.
+        """
+        rolled, conditions = self._rolling_s > 0.0, self._last.conditions if self._last is not None else None
+        cells: dict[str, Cell] = {
+            "revolutions": self._revolutions,
+            "revolutions_valid": self._valid,
+            "revolutions_saturated": self._saturated,
+            "distance_m": self._distance_m,
+            "rolling_s": self._rolling_s,
+            "speed_mean_mps": self._distance_m / self._rolling_s if rolled else None,
+            "speed_min_mps": self._speed_mps[0] if rolled else None,
+            "speed_max_mps": self._speed_mps[1] if rolled else None,
+            "load_n": self._load.value,
+            "load_std_n": self._load.std,
+            "pressure_pa": self._pressure.value,
+            "pressure_std_pa": self._pressure.std,
+            "temperature_degc": self._temperature.value,
+            "temperature_min_degc": self._temperatures[0] if self._temperature.count else None,
+            "temperature_max_degc": self._temperatures[1] if self._temperature.count else None,
+            "radius_m": conditions.radius_m if conditions is not None else None,
+            "mounting_offset_m": conditions.sensor_offset_m if conditions is not None else None,
+            "mounting_offset_std_m": conditions.sensor_offset_std_m if conditions is not None else None,
+            "noise_mps2": self._noise.value,
+            "missing_fraction": self._missing_s / self._rolling_s if rolled else None,
+            "faults": _as_list([{**as_json(fault), "count": n} for fault, n in self._faults.most_common()]),
+        }
+        if wheel is not None:
+            counters = wheel.counters
+            cells |= {
+                "rate_hz": wheel.rate_hz or None,
+                "samples": counters.samples,
+                "samples_lost": counters.samples_lost,
+                "samples_saturated": counters.samples_saturated,
+            }
+            if self._last is None and wheel.missing is not None:
+                cells["missing"] = json.dumps(as_json(wheel.missing), ensure_ascii=False)
+        for name in estimates:
+            known = self._estimates.get(name)
+            if known is not None:
+                cells |= dict(zip((name + part for part in RECORDING_PARTS), known.cells(), strict=True))
+        late = {
+            name: dict(zip((part or "value" for part in RECORDING_PARTS), known.cells(), strict=True))
+            for name, known in self._estimates.items()
+            if name not in estimates
+        }
+        cells["other_estimates"] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else None
+        return cells
+
+
+def _extended(span: tuple[float, float], value: float) -> tuple[float, float]:
+    return (min(span[0], value), max(span[1], value)) if math.isfinite(value) else span
+
+
+def _as_list(entries: Sequence[object]) -> str | None:
+    return json.dumps(entries, ensure_ascii=False, allow_nan=False) if entries else None

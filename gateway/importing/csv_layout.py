@@ -1,0 +1,138 @@
+"""Layout of a text file with columns, recognised by its first lines."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from gateway.errors import ImportDataError
+from gateway.importing.import_map import DELIMITERS, FileLayout
+
+_READ_BYTES: Final = 1 << 17
+_LINES: Final = 400
+_NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
+_DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\s*\d\d:\d\d:\d\d.*")
+_DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_MAX_HEADER_LINES: Final = 200
+
+
+@dataclass(frozen=True, slots=True)
+class TextLayout:
+    """Layout of a text file.
+
+    Attributes:
+        layout: as in the import map.
+        units: text of the line of units, by column; empty without such a line.
+        dates: columns of dates with times.
+        texts: columns of other texts.
+    """
+
+    layout: FileLayout
+    units: dict[str, str]
+    dates: frozenset[str]
+    texts: frozenset[str]
+
+
+def recognise_layout(path: Path) -> TextLayout:
+    """Return the layout of a text file.
+
+    Raises:
+        ImportDataError: it has no lines of numbers.
+        OSError: the file cannot be read.
+    """
+    with path.open("rb") as file:
+        data = file.read(_READ_BYTES)
+    if not data:
+        raise ImportDataError(f"{path} is empty", "Check the file.")
+    text, encoding = _decoded(data)
+    lines = text.splitlines()[:_LINES]
+    if len(data) == _READ_BYTES:
+        lines = lines[:-1]
+    delimiter = _delimiter(lines)
+    rows = [_cells(line, delimiter) for line in lines]
+    start = next((k for k in range(min(len(rows), _MAX_HEADER_LINES)) if _are_data(rows[k : k + 5])), None)
+    if start is None:
+        raise ImportDataError(
+            f"{path}: no line of the first {len(rows)} consists of numbers", "Check that it is a text file of columns."
+        )
+    width = len(rows[start])
+    above = [k for k in range(start) if len(rows[k]) == width and any(rows[k])]
+    # A line of units is directly below that of the names.
+    has_units = len(above) >= 2 and above[-1] == start - 1 and above[-2] == start - 2
+    header = above[-2] if has_units else above[-1] if above and above[-1] == start - 1 else None
+    names = rows[header] if header is not None else [str(k + 1) for k in range(width)]
+    data_rows = [row for row in rows[start:] if len(row) == width]
+    comma = delimiter != "comma" and any(_DECIMAL_COMMA.fullmatch(cell) for row in data_rows for cell in row)
+    layout = FileLayout(
+        delimiter=delimiter,
+        decimal="," if comma else ".",
+        encoding=encoding,
+        skip_rows=start if header is None else header,
+        header=header is not None,
+        skip_rows_after_header=1 if has_units else 0,
+    )
+    columns = dict(zip(names, zip(*data_rows, strict=True), strict=False))
+    dates = {name for name, cells in columns.items() if any(_DATE.fullmatch(cell) for cell in cells)}
+    texts = {
+        name
+        for name, cells in columns.items()
+        if name not in dates and not all(not cell or _NUMBER.fullmatch(cell) for cell in cells)
+    }
+    units = dict(zip(names, rows[start - 1], strict=True)) if has_units else {}
+    return TextLayout(layout, units, frozenset(dates), frozenset(texts))
+
+
+def _decoded(data: bytes) -> tuple[str, str]:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", "replace"), "utf-16"
+    try:
+        # The last character may be cut off.
+        return data[: len(data) - 4 if len(data) == _READ_BYTES else None].decode("utf-8-sig"), "utf-8"
+    except UnicodeDecodeError:
+        return data.decode("latin-1"), "latin-1"
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    if delimiter == "space":
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=DELIMITERS[delimiter]), [])]
+    except csv.Error:
+        return [line]
+
+
+def _delimiter(lines: list[str]) -> str:
+    """Return the delimiter that cuts most lines into the same number of numbers, at least two."""
+    best, most = "comma", (0.0, 0)
+    for name in ("semicolon", "tab", "pipe", "comma", "space"):
+        rows = [row for row in (_cells(line, name) for line in lines if line.strip()) if len(row) > 1]
+        if not rows:
+            continue
+        width = Counter(map(len, rows)).most_common(1)[0][0]
+        # A wrong delimiter leaves pieces such as `5;2` between the numbers.
+        score = round(sum(_share(row) for row in rows if len(row) == width), 1)
+        if (score, width) > most:
+            best, most = name, (score, width)
+    return best
+
+
+def _share(row: list[str]) -> float:
+    """Return the share of numbers and dates among the cells that are not empty."""
+    good = sum(bool(_NUMBER.fullmatch(cell) or _DATE.fullmatch(cell)) for cell in row)
+    return good / max(sum(map(bool, row)), 1)
+
+
+def _are_data(rows: list[list[str]]) -> bool:
+    """Return whether rows consist of numbers and dates for the larger part, with at least one of them."""
+    if not rows:
+        return False
+    for row in rows:
+        if not any(row):
+            continue
+        if _share(row) < 0.5:
+            return False
+    return any(any(row) for row in rows)

@@ -1,0 +1,295 @@
+"""Reader of numeric columns in HDF5 files, those of MATLAB 7.3 included; needs the package h5py.
+
+A damaged file can crash the HDF5 library, so `gateway.importing.reader_process` runs this module. Links to other files
+are never followed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from gateway.errors import ImportDataError
+from gateway.importing.columns import (
+    BLOCK_ROWS,
+    MAX_MATRIX_COLUMNS,
+    Block,
+    FileFacts,
+    require_equal_lengths,
+    row_places,
+)
+from gateway.types import FloatArray
+
+if TYPE_CHECKING:
+    import h5py
+
+_MAX_DEPTH: Final = 16
+_MAX_OBJECTS: Final = 20_000
+_MAX_CELLS: Final = 200
+# A larger chunk must be unpacked as a whole for its first value.
+_MAX_CHUNK_BYTES: Final = 256 << 20
+# More bytes than this for each stored one are no measurement; reading them would take forever.
+_MAX_EXPANSION: Final = 20_000
+_SMALL_BYTES: Final = 64 << 20
+_MATLAB_NUMBERS: Final = {
+    "double", "single", "logical", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
+}  # fmt: skip
+_AS_VECTORS: Final = "Save its columns as vectors of numbers."
+_MATLAB_TABLE: Final = (
+    "MATLAB stores tables, timetables and times in a form of its own. Save vectors instead, such as "
+    "t = seconds(T.Time); z = T.z; save('run.mat', 't', 'z', '-v7.3')."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """Place of a column: a vector, a line of a matrix along `axis`, or a field of a compound type."""
+
+    data: h5py.Dataset
+    rows: int
+    axis: int = 0
+    line: int = 0
+    field: str | None = None
+
+
+class Hdf5Columns:
+    """HDF5 file, read block by block.
+
+    Columns are datasets `group/x`, columns of matrices `group/data(:,2)` and fields of compound types `table.x`. In
+    files of MATLAB 7.3 they have the names of MATLAB: `run.acc(:,2)`, and `c{2}` in cell arrays.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """List the columns.
+
+        Raises:
+            ImportDataError: it is not a readable HDF5 file.
+            OSError: the file cannot be read.
+        """
+        import h5py
+
+        self._path = path
+        with path.open("rb") as file:
+            start = file.read(128)
+        if not start:
+            raise ImportDataError(f"{path} is empty", "Check the file.")
+        self._matlab = start.startswith(b"MATLAB 7.3")
+        self._columns: dict[str, _Column] = {}
+        self._units: dict[str, str] = {}
+        self._unusable: dict[str, tuple[str, str]] = {}
+        self._count = 0
+        try:
+            self._file = h5py.File(path, "r")
+            self._add_group("", self._file, 0, frozenset())
+        except (MemoryError, ImportDataError):
+            raise
+        except Exception as error:  # h5py raises whatever a damaged file makes it stumble over
+            raise ImportDataError(
+                f"{path} is not a readable HDF5 file: {_first_line(error)}", "Check the file, or write it again."
+            ) from error
+
+    @property
+    def facts(self) -> FileFacts:
+        """Every numeric vector, matrix column and field."""
+        return FileFacts(tuple(self._columns), units=self._units, unusable=dict(self._unusable))
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named columns, which must have equal lengths."""
+        try:
+            yield from self._blocks(names)
+        except (MemoryError, ImportDataError):
+            raise
+        except Exception as error:  # as above
+            raise ImportDataError(
+                f"{self._path} is damaged: {_first_line(error)}", "Copy or write the file again."
+            ) from error
+
+    def close(self) -> None:
+        """Close the file."""
+        self._columns.clear()
+        with contextlib.suppress(Exception):  # a damaged file; nothing was written
+            self._file.close()
+
+    def _blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        columns = [self._columns[name] for name in names]
+        require_equal_lengths(self._path, {name: column.rows for name, column in zip(names, columns, strict=True)})
+        for name, column in zip(names, columns, strict=True):
+            self._check_size(name, column.data)
+        count = columns[0].rows if columns else 0
+        for first in range(0, count, BLOCK_ROWS):
+            end = min(first + BLOCK_ROWS, count)
+            values = np.column_stack([_read(column, first, end) for column in columns])
+            yield Block(first, values, row_places(first), end / count)
+
+    def _add_group(self, prefix: str, group: h5py.Group, depth: int, above: frozenset[int]) -> None:
+        import h5py
+
+        address = h5py.h5o.get_info(group.id).addr
+        if depth > _MAX_DEPTH or address in above:
+            return
+        if depth and "MATLAB_sparse" in group.attrs:
+            self._unusable[prefix] = ("is a sparse matrix", "Save it as a full one: full(x).")
+            return
+        between = "." if self._matlab else "/"
+        for key in group:
+            if self._matlab and not depth and key.startswith("#"):
+                continue
+            self._count += 1
+            if self._count > _MAX_OBJECTS:
+                raise ImportDataError(
+                    f"{self._path} has more than {_MAX_OBJECTS} objects", "Copy the columns of one run to a new file."
+                )
+            name = f"{prefix}{between}{_text(key)}" if prefix else _text(key)
+            try:
+                self._add_link(name, group, key, depth, above | {address})
+            except (MemoryError, ImportDataError):
+                raise
+            except Exception as error:  # one damaged object leaves the others
+                self._unusable[name] = (f"is damaged: {_first_line(error)}", "Write the file again.")
+
+    def _add_link(self, name: str, group: h5py.Group, key: str, depth: int, above: frozenset[int]) -> None:
+        import h5py
+
+        if isinstance(group.get(key, getlink=True), h5py.ExternalLink):
+            self._unusable[name] = ("is a link to another file", "Copy the data into one file.")
+            return
+        found = group[key]
+        if isinstance(found, h5py.Group):
+            self._add_group(name, found, depth + 1, above)
+        elif isinstance(found, h5py.Dataset):
+            self._add(name, found)
+
+    def _add(self, name: str, data: h5py.Dataset) -> None:
+        """Add the columns of a dataset, or the reason why it has none."""
+        import h5py
+
+        kind = data.dtype.kind
+        matlab_class = _attribute(data, "MATLAB_class") if self._matlab else ""
+        if data.shape is None or _attribute(data, "MATLAB_empty") not in ("", "0"):
+            return
+        if data.external or data.is_virtual:
+            self._unusable[name] = ("is stored in another file", "Copy the data into one file.")
+        elif matlab_class == "cell":
+            self._add_cells(name, data)
+        elif matlab_class == "char":
+            self._unusable[name] = ("is text", _AS_VECTORS)
+        elif matlab_class and matlab_class not in _MATLAB_NUMBERS:
+            self._unusable[name] = (f"is a MATLAB object of class {_text(matlab_class)}", _MATLAB_TABLE)
+        elif kind == "c" or set(data.dtype.names or ()) == {"real", "imag"}:
+            self._unusable[name] = ("is complex", "Save its real part: real(x).")
+        elif data.dtype.names:
+            self._add_fields(name, data)
+        elif h5py.check_ref_dtype(data.dtype) is not None:
+            self._unusable[name] = ("is a list of references", _AS_VECTORS)
+        elif kind not in "iufb":
+            text = kind in "SU" or h5py.check_string_dtype(data.dtype) is not None
+            self._unusable[name] = ("is text" if text else f"is of type {data.dtype}", _AS_VECTORS)
+        else:
+            self._add_numbers(name, data)
+
+    def _add_numbers(self, name: str, data: h5py.Dataset) -> None:
+        shape = data.shape
+        unit = _attribute(data, "units") or _attribute(data, "unit") or _attribute(data, "Units")
+        added = []
+        if len(shape) == 1:
+            added = [(name, _Column(data, shape[0]))]
+        elif len(shape) == 2 and min(shape) == 1:
+            axis = int(np.argmax(shape))
+            added = [(name, _Column(data, shape[axis], axis))] if max(shape) > 1 else []
+        elif len(shape) == 2:
+            # MATLAB writes columns first: a row of the dataset is a column of the matrix.
+            axis = 1 if self._matlab else 0
+            if shape[1 - axis] > MAX_MATRIX_COLUMNS:
+                self._unusable[name] = (
+                    f"has {shape[axis]} rows and {shape[1 - axis]} columns",
+                    "A column is one quantity: transpose it, and save again.",
+                )
+            else:
+                added = [(f"{name}(:,{k + 1})", _Column(data, shape[axis], axis, k)) for k in range(shape[1 - axis])]
+        elif shape:
+            self._unusable[name] = (f"has {len(shape)} dimensions", _AS_VECTORS)
+        for column, place in added:
+            self._columns[column] = place
+            if unit:
+                self._units[column] = _text(unit)
+
+    def _add_fields(self, name: str, data: h5py.Dataset) -> None:
+        if len(data.shape) != 1:
+            self._unusable[name] = (f"is a table of {len(data.shape)} dimensions", _AS_VECTORS)
+            return
+        for field in data.dtype.names:
+            kind = data.dtype[field]
+            column = f"{name}.{_text(field)}"
+            if kind.kind in "iufb" and not kind.shape:
+                self._columns[column] = _Column(data, data.shape[0], field=field)
+            else:
+                self._unusable[column] = (f"is of type {kind}", _AS_VECTORS)
+
+    def _add_cells(self, name: str, data: h5py.Dataset) -> None:
+        import h5py
+
+        if data.size > _MAX_CELLS or h5py.check_ref_dtype(data.dtype) is not h5py.Reference:
+            self._unusable[name] = (f"is a cell array of {data.size} elements", _AS_VECTORS)
+            return
+        for number, reference in enumerate(np.asarray(data).ravel(), 1):
+            found = self._file[reference] if reference else None
+            # A cell array in a cell array could contain itself.
+            if isinstance(found, h5py.Dataset) and _attribute(found, "MATLAB_class") != "cell":
+                self._add(f"{name}{{{number}}}", found)
+
+    def _check_size(self, name: str, data: h5py.Dataset) -> None:
+        """Check that a dataset can be read with bounded memory and in bounded time."""
+        chunk_bytes = int(np.prod(data.chunks, dtype=object)) * data.dtype.itemsize if data.chunks else 0
+        if chunk_bytes > _MAX_CHUNK_BYTES:
+            raise ImportDataError(
+                f"{self._path}: '{name}' is stored in chunks of {chunk_bytes / 1e6:.0f} MB",
+                "Write the file with smaller chunks, such as h5repack -l CHUNK=65536.",
+            )
+        stored_bytes = data.id.get_storage_size()
+        full_bytes = int(np.prod(data.shape, dtype=object)) * data.dtype.itemsize
+        if full_bytes > _SMALL_BYTES + _MAX_EXPANSION * stored_bytes:
+            raise ImportDataError(
+                f"{self._path}: '{name}' claims {data.shape} values, but the file stores {stored_bytes} bytes of them",
+                "The file is probably damaged or was not closed. Write it again.",
+            )
+
+
+def _read(column: _Column, first: int, end: int) -> FloatArray:
+    data = column.data
+    if column.field is not None:
+        values = data.fields(column.field)[first:end]
+    elif data.ndim == 1:
+        values = data[first:end]
+    elif column.axis == 0:
+        values = data[first:end, column.line]
+    else:
+        values = data[column.line, first:end]
+    return np.asarray(values, dtype=np.float64)
+
+
+def _attribute(data: Any, name: str) -> str:
+    """Return an attribute as text, empty where there is none or none that can be read."""
+    try:
+        value = data.attrs.get(name)
+    except Exception:
+        return "?"
+    if value is None:
+        return ""
+    if isinstance(value, bytes | np.bytes_):
+        return bytes(value).decode("utf-8", "replace")
+    return str(value)[:80]
+
+
+def _text(name: str) -> str:
+    """Return a name without parts that no terminal can print."""
+    return name.encode("utf-8", "backslashreplace").decode()
+
+
+def _first_line(error: BaseException) -> str:
+    text = str(error).splitlines()
+    return text[0][:200] if text else type(error).__name__

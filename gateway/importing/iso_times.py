@@ -1,0 +1,168 @@
+"""Dates with times (ISO 8601) as seconds from the first of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta, tzinfo
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.errors import ImportDataError
+from gateway.importing.import_map import zone_of
+from gateway.types import FloatArray
+
+_TIME: Final = re.compile(
+    r"\s*(\d{4}-\d\d-\d\d)[T ]\s*(\d\d:\d\d:\d\d(?:[.,]\d{1,9})?)\d*\s*(Z|[+-]\d\d(?::?\d\d)?)?\s*", re.IGNORECASE
+)
+_MISSING: Final = ("", "nan", "nat", "null", "none")
+_EXAMPLE: Final = "2024-05-01T12:00:00.0001+02:00"
+_ZONE_REMEDY: Final = (
+    'State [sampling] time_zone, such as "Europe/Berlin", "UTC" or "+02:00", or write the times with their offset, '
+    f"such as {_EXAMPLE}."
+)
+
+
+class IsoTimes:
+    """Converter of ISO times, block by block.
+
+    Attributes:
+        column: name of the column.
+        start_ns: the first time, ns since 1970 (UTC); None before there is one.
+    """
+
+    def __init__(self, path: Path, column: str, zone: str | None) -> None:
+        """Prepare the conversion.
+
+        Args:
+            path: file, for messages.
+            column: name of the column.
+            zone: time zone of times that state none, None when not stated.
+        """
+        self.start_ns: int | None = None
+        self._path = path
+        self.column = column
+        self._zone_name = zone or ""
+        self._zone: tzinfo | None = None if zone is None else zone_of(zone)
+
+    def seconds(self, cells: Sequence[str], where: Callable[[int], str]) -> FloatArray:
+        """Return (n,) seconds from the first time of the file, NaN for empty cells.
+
+        Args:
+            cells: text of each row.
+            where: returns the place of a row for messages.
+
+        Raises:
+            ImportDataError: a cell is no ISO time, has no time zone, or is ambiguous in its zone.
+        """
+        times: list[str] = []
+        offsets: list[str | None] = []
+        known: list[int] = []
+        for row, cell in enumerate(cells):
+            found = _TIME.fullmatch(cell)
+            if found is not None:
+                date, clock, offset = found.groups()
+                times.append(f"{date}T{clock}")
+                offsets.append(offset)
+                known.append(row)
+            elif cell.strip().strip('"').lower() not in _MISSING:
+                raise self._unreadable(cell, where(row))
+        try:
+            local = np.array([time.replace(",", ".") for time in times], dtype="datetime64[ns]")
+        except ValueError as error:
+            row = next(row for row, time in zip(known, times, strict=True) if not _is_date(time))
+            raise self._unreadable(cells[row], where(row)) from error
+        return self.from_local(local, offsets, known, len(cells), where)
+
+    def from_local(
+        self,
+        local: NDArray[np.datetime64],
+        offsets: Sequence[str | None],
+        known: Sequence[int],
+        rows: int,
+        where: Callable[[int], str],
+    ) -> FloatArray:
+        """Return (rows,) seconds from the first time of the file.
+
+        Args:
+            local: (n,) local times.
+            offsets: their offsets from UTC as text, None where not stated.
+            known: (n,) their rows; the others are NaN.
+            rows: number of rows.
+            where: returns the place of a row for messages.
+
+        Raises:
+            ImportDataError: a time has no time zone, or is ambiguous in its zone.
+        """
+        shifts = {offset: _offset_ns(offset) for offset in set(offsets) if offset is not None}
+        utc_ns = local.astype(np.int64) - np.array([shifts.get(offset or "", 0) for offset in offsets], dtype=np.int64)
+        bare = np.array([offset is None for offset in offsets], dtype=np.bool_)
+        if bare.any():
+            places = np.asarray(known)[bare]
+            utc_ns[bare] -= self._zone_ns(local[bare], lambda k: where(int(places[k])))
+        seconds = np.full(rows, np.nan)
+        if len(utc_ns):
+            if self.start_ns is None:
+                self.start_ns = int(utc_ns[0])
+            # In integers: a double of the seconds since 1970 is 0.2 us coarse.
+            seconds[np.asarray(known)] = (utc_ns - self.start_ns) * 1e-9
+        return seconds
+
+    def _zone_ns(self, local: NDArray[np.datetime64], where: Callable[[int], str]) -> NDArray[np.int64]:
+        """Return the offset from UTC of local times in the stated zone."""
+        if self._zone is None:
+            raise ImportDataError(
+                f"{self._path}: {where(0)}, column '{self.column}': '{local[0]}' states no time zone", _ZONE_REMEDY
+            )
+        buckets, first, which = _buckets(local)
+        found = np.zeros(len(buckets), dtype=np.int64)
+        for k, begin in enumerate(buckets):
+            moment = begin.astype("datetime64[us]").astype(datetime)
+            # Clocks are changed at full quarters of an hour.
+            early, late = (self._zone.utcoffset(moment.replace(fold=fold, tzinfo=None)) for fold in (0, 1))
+            early = early or timedelta(0)
+            late = late or timedelta(0)
+            if early != late:
+                happens = "occurs twice" if late < early else "does not exist"
+                raise ImportDataError(
+                    f"{self._path}: {where(int(first[k]))}, column '{self.column}': the local time "
+                    f"'{local[first[k]]}' {happens} in {self._zone_name}, where the clock was changed",
+                    f"Write the times with their offset, such as {_EXAMPLE}, or in UTC; or state the offset itself: "
+                    '[sampling] time_zone = "+02:00".',
+                )
+            found[k] = int(early / timedelta(microseconds=1)) * 1000
+        return found[which]
+
+    def _unreadable(self, cell: str, place: str) -> ImportDataError:
+        return ImportDataError(
+            f"{self._path}: {place}, column '{self.column}': '{cell.strip()[:60]}' is not an ISO time",
+            f"Write date and time, such as {_EXAMPLE}; or seconds, with another time_unit; or state rate_hz.",
+        )
+
+
+def _buckets(
+    local: NDArray[np.datetime64],
+) -> tuple[NDArray[np.datetime64], NDArray[np.intp], NDArray[np.intp]]:
+    """Return the quarters of hours that occur, the first row in each, and the quarter of each row."""
+    minutes = local.astype("datetime64[m]").astype(np.int64)
+    quarters, first, which = np.unique(minutes // 15, return_index=True, return_inverse=True)
+    return (quarters * 15).astype("datetime64[m]"), first, which
+
+
+def _offset_ns(offset: str) -> int:
+    if offset in ("Z", "z"):
+        return 0
+    digits = offset[1:].replace(":", "").ljust(4, "0")
+    seconds = int(digits[:2]) * 3600 + int(digits[2:]) * 60
+    return (-seconds if offset[0] == "-" else seconds) * 1_000_000_000
+
+
+def _is_date(time: str) -> bool:
+    try:
+        np.datetime64(time.replace(",", "."), "ns")
+    except ValueError:
+        return False
+    return True

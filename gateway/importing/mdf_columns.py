@@ -1,0 +1,206 @@
+"""Reader of numeric channels in MDF files (MF4, also versions 2 and 3); needs the package asammdf.
+
+A damaged file can make the parser ask for any amount of memory, so `gateway.importing.reader_process` runs this module.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from gateway.errors import ImportDataError
+from gateway.importing.columns import BLOCK_ROWS, Block, FileFacts, row_places
+from gateway.types import FloatArray
+
+_MAX_CHANNELS: Final = 20_000
+# A channel of another group is loaded as a whole; a slow quantity has fewer samples.
+_MAX_SLOW_ROWS: Final = 10_000_000
+# A group with a larger share of the samples is no slow one.
+_SLOW_SHARE: Final = 0.5
+# Share of the sample interval by which equal times may differ.
+_SAME_TIME: Final = 1e-3
+TIME: Final = "time"
+
+
+@dataclass(frozen=True, slots=True)
+class _Channel:
+    """Place of a channel."""
+
+    group: int
+    index: int
+
+
+class MdfColumns:
+    """MDF file, read block by block.
+
+    Columns are channels by their names; one whose name occurs in several groups is `name (group 2)`. The first column
+    that is read gives the rows; channels of groups with other times are interpolated to its times. `time` is the time
+    of these rows in seconds.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """List the channels.
+
+        Raises:
+            ImportDataError: it is not a readable MDF file.
+            OSError: the file cannot be read.
+        """
+        from asammdf import MDF
+
+        logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+        self._path = path
+        with path.open("rb") as file:
+            start = file.read(64)
+        if not start:
+            raise ImportDataError(f"{path} is empty", "Check the file.")
+        self._channels: dict[str, _Channel] = {}
+        self._units: dict[str, str] = {}
+        self._unusable: dict[str, tuple[str, str]] = {}
+        try:
+            self._mdf: Any = MDF(path)
+            self._list()
+            began = self._mdf.header.start_time
+            # A file without a date has the start of the epoch; one in local time does not state its zone.
+            dated = began.tzinfo is not None and began.year > 1990
+            self._start_ns = round(began.timestamp() * 1e6) * 1000 if dated else None
+        except (MemoryError, ImportDataError):
+            raise
+        except Exception as error:  # asammdf raises whatever a damaged file makes it stumble over
+            raise ImportDataError(
+                f"{path} is not a readable MDF file: {_first_line(error)}", "Check the file, or write it again."
+            ) from error
+
+    @property
+    def facts(self) -> FileFacts:
+        """Every channel of numbers, and the time."""
+        names = (*self._channels, *(() if TIME in self._channels else (TIME,)))
+        return FileFacts(
+            names, units=self._units, unusable=dict(self._unusable), start_ns=self._start_ns, time_column=TIME
+        )
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named channels at the times of the first; an invalid value is NaN."""
+        try:
+            yield from self._blocks(names)
+        except (MemoryError, ImportDataError):
+            raise
+        except Exception as error:  # as above
+            raise ImportDataError(
+                f"{self._path} is damaged: {_first_line(error)}", "Copy or write the file again."
+            ) from error
+
+    def close(self) -> None:
+        """Close the file."""
+        with contextlib.suppress(Exception):  # a damaged file; nothing was written
+            self._mdf.close()
+
+    def _list(self) -> None:
+        found = []
+        for number, group in enumerate(self._mdf.groups):
+            master = self._mdf.masters_db.get(number)
+            for index, channel in enumerate(group.channels):
+                if index != master:
+                    found.append((_text(channel.name), number, index))
+            if len(found) > _MAX_CHANNELS:
+                raise ImportDataError(
+                    f"{self._path} has more than {_MAX_CHANNELS} channels",
+                    "Save the channels of one run in a new file.",
+                )
+        times = Counter(name for name, _, _ in found)
+        for name, number, index in found:
+            column = name if times[name] == 1 else f"{name} (group {number})"
+            channel = self._mdf.groups[number].channels[index]
+            self._channels[column] = _Channel(number, index)
+            conversion = getattr(channel, "conversion", None)
+            unit = getattr(conversion, "unit", "") or getattr(channel, "unit", "")
+            if unit:
+                self._units[column] = _text(str(unit))[:40]
+
+    def _blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        places = {name: self._channels[name] for name in names if name in self._channels}
+        if not places:
+            return
+        base = next(iter(places.values())).group
+        count = int(self._mdf.groups[base].channel_group.cycles_nr)
+        others = {place.group for place in places.values()} - {base}
+        slow = {name: self._whole(name, place, base) for name, place in places.items() if place.group in others}
+        row = 0
+        while row < count:
+            rows = min(BLOCK_ROWS, count - row)
+            times_s = np.asarray(self._mdf.get_master(base, record_offset=row, record_count=rows), dtype=np.float64)
+            if not len(times_s):
+                break
+            columns = []
+            for name in names:
+                if name not in places:
+                    columns.append(times_s)
+                elif name in slow:
+                    columns.append(_at(times_s, *slow[name]))
+                else:
+                    columns.append(self._values(name, places[name], row, rows))
+            length = min(len(column) for column in columns)
+            if length < len(times_s):
+                raise ImportDataError(f"{self._path} ends before its last sample", "Copy or write the file again.")
+            yield Block(row, np.column_stack(columns), row_places(row), min((row + rows) / count, 1.0))
+            row += len(times_s)
+
+    def _whole(self, name: str, place: _Channel, base: int) -> tuple[FloatArray, FloatArray]:
+        """Return the times and values of a channel of another group than `base`."""
+        count, of_base = (int(self._mdf.groups[group].channel_group.cycles_nr) for group in (place.group, base))
+        own = ImportDataError(
+            f"{self._path}: '{name}' has {count} samples at times of its own",
+            "Import such channels one group after the other, each with a map of its own.",
+        )
+        if count > _MAX_SLOW_ROWS:
+            raise own
+        times_s = np.asarray(self._mdf.get_master(place.group), dtype=np.float64)
+        if count > _SLOW_SHARE * of_base:
+            # Interpolation would change an acceleration.
+            base_s = np.asarray(self._mdf.get_master(base), dtype=np.float64)
+            step_s = float(base_s[-1] - base_s[0]) / max(len(base_s) - 1, 1)
+            if len(times_s) != len(base_s) or float(np.abs(times_s - base_s).max()) > _SAME_TIME * step_s:
+                raise own
+        values = self._values(name, place, 0, None)
+        if len(values) != len(times_s) or (np.diff(times_s) < 0).any():
+            raise ImportDataError(f"{self._path}: the times of '{name}' do not increase", "Write the file again.")
+        return times_s, values
+
+    def _values(self, name: str, place: _Channel, row: int, rows: int | None) -> FloatArray:
+        # Without this option samples that are marked as invalid are left out, and the others move up.
+        signal = self._mdf.get(
+            group=place.group, index=place.index, ignore_invalidation_bits=True, record_offset=row, record_count=rows
+        )
+        samples, invalid = np.asarray(signal.samples), signal.invalidation_bits
+        if samples.ndim != 1 or samples.dtype.kind not in "iufb":
+            kind = {"S": "text", "U": "text", "c": "complex"}.get(samples.dtype.kind, str(samples.dtype))
+            found = f"is of {samples.ndim} dimensions" if samples.ndim != 1 else f"is {kind}"
+            raise ImportDataError(f"{self._path}: '{name}' {found}", "Save its values as a channel of numbers.")
+        values = samples.astype(np.float64)
+        if invalid is not None and len(invalid) == len(values):
+            values[np.asarray(invalid, dtype=np.bool_)] = np.nan
+        return values
+
+
+def _at(times_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values at other times: interpolated, NaN outside of the known times."""
+    if not len(known_s):
+        return np.full(len(times_s), np.nan)
+    found: FloatArray = np.interp(times_s, known_s, values, left=np.nan, right=np.nan)
+    return found
+
+
+def _text(name: str) -> str:
+    """Return a name without parts that no terminal can print."""
+    return str(name).encode("utf-8", "backslashreplace").decode()
+
+
+def _first_line(error: BaseException) -> str:
+    text = str(error).splitlines()
+    return text[0][:200] if text else type(error).__name__

@@ -1,0 +1,104 @@
+"""Rows that a file leaves out, as steps of its time column show: gaps between the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from gateway.importing.columns import Block, BlockReader, FileFacts
+from gateway.importing.import_map import TIME_UNITS_S, Sampling
+from gateway.importing.time_column import decimal_grid
+from gateway.types import FloatArray, IntArray
+
+# Share of a sample interval by which a step may differ from a whole number of them.
+_TOLERANCE: Final = 0.1
+# Share of a sample interval; in coarser times a missing sample looks like rounding.
+_FINEST_GRID: Final = 0.02
+# A longer interruption is a new measurement.
+_LONGEST_S: Final = 10.0
+_LEARNED_ROWS: Final = 2000
+
+
+class GapFilledColumns:
+    """Columns of a file with an empty row for each sample that its time column skips.
+
+    Attributes:
+        left_out: number of rows inserted in the current pass.
+    """
+
+    def __init__(self, reader: BlockReader, sampling: Sampling) -> None:
+        """Read from another reader; without a time column all rows pass unchanged."""
+        self.left_out = 0
+        self._reader = reader
+        self._column = sampling.time_column
+        self._unit_s = TIME_UNITS_S[sampling.time_unit]
+
+    @property
+    def facts(self) -> FileFacts:
+        """Statements of the file about its columns."""
+        return self._reader.facts
+
+    def close(self) -> None:
+        """Release the file."""
+        self._reader.close()
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named columns from the first row on.
+
+        Raises:
+            ImportDataError: as the reader.
+        """
+        self.left_out = 0
+        if self._column is None or self._column not in names:
+            yield from self._reader.blocks(names)
+            return
+        at = list(names).index(self._column)
+        interval, last = 0.0, np.nan
+        for number, block in enumerate(self._reader.blocks(names)):
+            times = block.values[:, at]
+            if number == 0:
+                interval = _interval(times)
+            known = times[np.isfinite(times)]
+            missing = self._missing(np.concatenate(([last], times)), interval)
+            if len(known):
+                last = float(times[-1])
+            yield self._filled(block, missing)
+
+    def _missing(self, times: FloatArray, interval: float) -> IntArray:
+        """Return (n - 1,) number of rows that are left out before each row."""
+        if not interval > 0.0:
+            return np.zeros(len(times) - 1, dtype=np.intp)
+        steps = np.diff(times) / interval
+        # A step to or from a row without a time compares as false.
+        whole = np.rint(np.where(np.isfinite(steps), steps, 1.0))
+        regular = np.abs(steps - whole) <= _TOLERANCE
+        longest = _LONGEST_S / (interval * self._unit_s)
+        found: IntArray = np.where(regular & (whole >= 2.0) & (whole <= longest), whole - 1.0, 0.0).astype(np.intp)
+        return found
+
+    def _filled(self, block: Block, missing: IntArray) -> Block:
+        before = self.left_out
+        total = int(missing.sum())
+        self.left_out += total
+        if not total:
+            return Block(block.first_row + before, block.values, block.where, block.progress)
+        places = np.arange(len(missing)) + np.cumsum(missing)
+        values = np.full((len(missing) + total, block.values.shape[1]), np.nan)
+        values[places] = block.values
+
+        def where(row: int) -> str:
+            return block.where(min(int(np.searchsorted(places, row)), len(places) - 1))
+
+        return Block(block.first_row + before, values, where, block.progress)
+
+
+def _interval(times: FloatArray) -> float:
+    """Return the sample interval in the column's unit, 0 when the times are too coarse to show a missing sample."""
+    known = np.flatnonzero(np.isfinite(times))[:_LEARNED_ROWS]
+    if len(known) < 3:
+        return 0.0
+    interval = float(np.median(np.diff(times[known]) / np.diff(known)))
+    grid = decimal_grid(times[known])
+    return 0.0 if grid is not None and grid > _FINEST_GRID * interval else interval

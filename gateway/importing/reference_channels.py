@@ -1,0 +1,124 @@
+"""Measured speeds, rotations and angles beside the acceleration, as values of a reference over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from gateway.importing.import_map import ReferenceColumn
+from gateway.types import FloatArray
+
+_MEAN_S: Final = 0.1
+"""Interval over which speeds and rotations are averaged."""
+_ANGLE_S: Final = 0.02
+# Share of the range on both sides of the threshold that a pulse has to cross, so that noise makes no pulses.
+_HYSTERESIS: Final = 0.1
+
+
+class ReferenceChannel:
+    """Values of one reference: means of a speed in m/s or a rotation in Hz, or turns so far."""
+
+    def __init__(self, reference: ReferenceColumn, rate_hz: float, lowest: float, highest: float) -> None:
+        """Prepare the conversion.
+
+        Args:
+            reference: the reference as the map states it.
+            rate_hz: sampling rate of the recording.
+            lowest: smallest value of the column in the whole file.
+            highest: largest value of it.
+        """
+        self.reference = reference
+        self._rate_hz = rate_hz
+        middle = 0.5 * (lowest + highest)
+        self._threshold = middle if reference.threshold is None else reference.threshold
+        self._margin = _HYSTERESIS * (highest - lowest)
+        self._row = 0
+        self._turns = 0.0
+        self._last: float | None = None
+        self._high: bool | None = None
+        self._sum, self._count, self._begin = 0.0, 0, 0
+        self._next_angle = 0
+
+    def feed(self, values: FloatArray) -> Iterator[tuple[float, float]]:
+        """Yield (time in s from the first row, value) of what n more rows reveal.
+
+        Args:
+            values: (n,) column, NaN where there is no value.
+        """
+        quantity = self.reference.quantity
+        if quantity == "pulses":
+            yield from self._pulses(values)
+        elif quantity == "angle":
+            yield from self._angles(values)
+        else:
+            yield from self._means(values)
+        self._row += len(values)
+
+    @property
+    def value_std(self) -> float:
+        """Standard error of a value in m/s, Hz or turns."""
+        return self.reference.std * self.reference.factor
+
+    def _pulses(self, values: FloatArray) -> Iterator[tuple[float, float]]:
+        """Yield the time of each rising edge, between rows where the column crosses the threshold."""
+        if not self._margin > 0.0:
+            return
+        known = np.flatnonzero(np.isfinite(values))
+        levels = values[known]
+        state = np.where(levels > self._threshold + self._margin, 1, 0)
+        state[levels < self._threshold - self._margin] = -1
+        decided = np.flatnonzero(state)
+        before = np.concatenate(([0 if self._high is None else (1 if self._high else -1)], state[decided][:-1]))
+        for k in decided[(state[decided] == 1) & (before == -1)]:
+            crossing = int(k)
+            while crossing > 0 and levels[crossing - 1] > self._threshold:
+                crossing -= 1
+            above, below = float(levels[crossing]), self._last if crossing == 0 else float(levels[crossing - 1])
+            place = float(known[crossing])
+            if below is not None and above > below:
+                # Between rows at most one apart; beyond a gap the time of the edge is that of its first row.
+                place -= (above - self._threshold) / (above - below)
+            yield (self._row + place) / self._rate_hz, self._turns
+            self._turns += self.reference.factor
+        if len(decided):
+            self._high = bool(state[decided][-1] == 1)
+        if len(levels):
+            self._last = float(levels[-1])
+
+    def _angles(self, values: FloatArray) -> Iterator[tuple[float, float]]:
+        """Yield the turns so far at equal intervals; the column may wrap at whole turns."""
+        turns = values * self.reference.factor
+        known = np.flatnonzero(np.isfinite(turns))
+        if not len(known):
+            return
+        first = turns[known[0]] if self._last is None else self._last
+        steps = np.diff(np.concatenate(([first], turns[known])))
+        so_far = self._turns + np.cumsum(steps - np.rint(steps))
+        if self._last is None:
+            so_far += first
+        step = max(1, round(_ANGLE_S * self._rate_hz))
+        for place, value in zip(known, so_far, strict=True):
+            if self._row + place >= self._next_angle:
+                yield (self._row + int(place)) / self._rate_hz, float(value)
+                self._next_angle = self._row + int(place) + step
+        self._turns, self._last = float(so_far[-1]), float(turns[known[-1]])
+
+    def _means(self, values: FloatArray) -> Iterator[tuple[float, float]]:
+        """Yield the mean of each interval at its centre."""
+        width = max(1, round(_MEAN_S * self._rate_hz))
+        at = 0
+        while at < len(values):
+            end = min(at + width - (self._row + at - self._begin), len(values))
+            part = values[at:end]
+            known = part[np.isfinite(part)]
+            self._sum += float(known.sum())
+            self._count += len(known)
+            at = end
+            if self._row + at - self._begin >= width:
+                if self._count > 0.5 * width and math.isfinite(self._sum):
+                    mean = self._sum / self._count * self.reference.factor
+                    yield (self._begin + 0.5 * (width - 1)) / self._rate_hz, mean
+                self._sum, self._count, self._begin = 0.0, 0, self._row + at

@@ -1,0 +1,289 @@
+"""Sources of vehicle signals: a CAN bus, or a log file of one, by python-can."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from gateway.clock import Clock, wait_until
+from gateway.errors import SourceError
+from gateway.io.bus_frames import BusFrame, pack
+from gateway.io.playback import Playback
+from gateway.io.reconnect import Backoff
+from gateway.io.source import (
+    CAN_FILE_SUFFIXES,
+    BusFrames,
+    LinkEvent,
+    LinkEventKind,
+    LinkItem,
+    Source,
+    SourceAddress,
+    positive_option,
+)
+from gateway.reasons import Code, Reason
+
+if TYPE_CHECKING:
+    import can
+
+_logger = logging.getLogger(__name__)
+
+# Frames of this time share an item.
+_BLOCK_NS: Final = 10_000_000
+_MOST_FRAMES: Final = 256
+_WAIT_S: Final = 0.1
+_FILE_OPTIONS: Final = frozenset({"dbc", "speed", "offset_s"})
+
+
+def open_can_source(address: SourceAddress, clock: Clock) -> Source:
+    """Open `can:INTERFACE:CHANNEL?bitrate=500000&dbc=FILE`, or `can:FILE?dbc=FILE&speed=1|10|max&offset_s=0`.
+
+    Raises:
+        SourceError: python-can is missing, or address, file or option cannot be used.
+    """
+    try:
+        import can
+    except ModuleNotFoundError as error:
+        raise SourceError(
+            "a CAN source needs the package 'can', which is not installed",
+            "Install it with: pip install 'treadlink[can]'",
+        ) from error
+    dbc = _dbc_of(address)
+    if address.target.lower().endswith(CAN_FILE_SUFFIXES):
+        return _open_file(address, clock, dbc)
+    interface, _, channel = address.target.partition(":")
+    if interface not in can.VALID_INTERFACES or not channel:
+        raise SourceError(
+            f"'{address.uri}' names neither a CAN interface with its channel nor a log file",
+            f"Write can:INTERFACE:CHANNEL, for example can:socketcan:can0, or can:FILE with one of "
+            f"{', '.join(CAN_FILE_SUFFIXES)}; interfaces: {', '.join(sorted(can.VALID_INTERFACES))}.",
+        )
+    options: dict[str, Any] = {name: _option(value) for name, value in address.options.items() if name != "dbc"}
+    return CanBusSource(f"can:{address.target}", lambda: can.Bus(channel, interface, **options), clock, dbc)
+
+
+def _dbc_of(address: SourceAddress) -> str | None:
+    path = address.options.get("dbc")
+    if path is None:
+        return None
+    try:
+        return Path(path).read_text("utf-8", errors="replace")
+    except OSError as error:
+        raise SourceError(f"cannot read the DBC file '{path}': {error.strerror}", "Check the path.") from error
+
+
+def _option(text: str) -> str | int | bool:
+    """Return an option of python-can as the type that it expects."""
+    if text in ("yes", "no", "true", "false"):
+        return text in ("yes", "true")
+    try:
+        return int(text, 0)
+    except ValueError:
+        return text
+
+
+class CanBusSource:
+    """Frames of a bus as they arrive, stamped by this computer's clock as those of the wheels are.
+
+    Attributes:
+        dbc_text: the DBC file given with the source, None without one.
+    """
+
+    vehicle_toml: str | None = None
+
+    def __init__(
+        self,
+        link: str,
+        make_bus: Callable[[], can.BusABC],
+        clock: Clock,
+        dbc_text: str | None,
+        backoff: Backoff | None = None,
+    ) -> None:
+        """Name the bus; nothing is opened yet."""
+        self.dbc_text = dbc_text
+        self._link = link
+        self._make_bus = make_bus
+        self._clock = clock
+        self._backoff = backoff or Backoff()
+        self._closed = threading.Event()
+
+    @property
+    def link(self) -> str:
+        """Name of the link."""
+        return self._link
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        """Yield blocks of frames and events of the link until stopped.
+
+        Raises:
+            SourceError: the bus cannot be opened the first time.
+        """
+        try:
+            bus = self._make_bus()
+        except Exception as error:  # each interface raises errors of its own
+            raise SourceError(
+                f"cannot open {self._link}: {_message(error)}", "Check interface, channel and options."
+            ) from error
+        failures = 0
+        yield self._event(LinkEventKind.CONNECTED)
+        while True:
+            try:
+                yield from self._blocks(bus, stop)
+                return
+            except Exception as error:  # likewise
+                _logger.info("%s lost: %s", self._link, error)
+                yield self._event(LinkEventKind.LOST, _message(error))
+            finally:
+                with suppress(Exception):
+                    bus.shutdown()
+            lost_ns = self._clock.now_ns()
+            reported = ""
+            while True:
+                failures += 1
+                if not wait_until(
+                    self._clock, self._clock.now_ns() + self._backoff.pause_ns(failures), stop, self._closed
+                ):
+                    return
+                try:
+                    bus = self._make_bus()
+                    break
+                except Exception as error:  # likewise
+                    if _message(error) != reported:
+                        reported = _message(error)
+                        interval = Reason(Code.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
+                        yield self._event(LinkEventKind.RETRYING, reported, (interval,))
+            failures = 0
+            away_s = (self._clock.now_ns() - lost_ns) * 1e-9
+            yield self._event(LinkEventKind.RESTORED, details=(Reason(Code.LINK_AWAY, away_s=away_s),))
+
+    def close(self) -> None:
+        """End `items`; the bus is released by the thread that reads it."""
+        self._closed.set()
+
+    def _blocks(self, bus: can.BusABC, stop: threading.Event) -> Iterator[LinkItem]:
+        while not stop.is_set() and not self._closed.is_set():
+            message = bus.recv(_WAIT_S)
+            if message is None:
+                continue
+            first_ns = self._clock.now_ns()
+            frames = [_frame(message, first_ns)]
+            while len(frames) < _MOST_FRAMES:
+                left_ns = first_ns + _BLOCK_NS - self._clock.now_ns()
+                message = bus.recv(left_ns * 1e-9) if left_ns > 0 else None
+                if message is None:
+                    break
+                frames.append(_frame(message, self._clock.now_ns()))
+            yield BusFrames(self._link, first_ns, pack(frames, first_ns))
+
+    def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
+        return LinkEvent(self._link, self._clock.now_ns(), kind, text, details=details)
+
+
+def _open_file(address: SourceAddress, clock: Clock, dbc_text: str | None) -> CanFileSource:
+    for name in address.options:
+        if name not in _FILE_OPTIONS:
+            raise SourceError(
+                f"a CAN log file has no option '{name}'", f"Options are {', '.join(sorted(_FILE_OPTIONS))}."
+            )
+    path = Path(address.target)
+    if not path.is_file():
+        raise SourceError(f"CAN log file '{path}' does not exist", "Check the path.")
+    text = address.options.get("offset_s", "0")
+    try:
+        offset_ns = round(float(text) * 1e9)
+    except (ValueError, OverflowError) as error:
+        raise SourceError(f"invalid option offset_s={text}", "Give seconds, such as -0.25.") from error
+    speed = positive_option("speed", address.options.get("speed", "1"), or_max=True)
+    return CanFileSource(path, clock, speed, offset_ns, dbc_text)
+
+
+class CanFileSource:
+    """Frames of a log file with its times, in the formats of python-can: BLF, ASC, candump log, CSV, TRC.
+
+    Attributes:
+        dbc_text: the DBC file given with the source, None without one.
+        playback: the schedule, which can be paused.
+    """
+
+    vehicle_toml: str | None = None
+
+    def __init__(self, path: Path, clock: Clock, speed: float, offset_ns: int, dbc_text: str | None) -> None:
+        """Prepare the file; `offset_ns` is added to its times."""
+        self.dbc_text = dbc_text
+        self._path = path
+        self._offset_ns = offset_ns
+        self.playback = Playback(clock, speed)
+        self._closed = threading.Event()
+
+    @property
+    def link(self) -> str:
+        """Name of the link."""
+        return f"can:{self._path.name}"
+
+    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
+        """Yield blocks of frames with the times of the file, then that it has ended.
+
+        Raises:
+            SourceError: the file cannot be read.
+        """
+        last_ns = 0
+        try:
+            import can
+
+            with can.LogReader(self._path) as reader:
+                frames = (_frame(message, self._offset_ns + round(message.timestamp * 1e9)) for message in reader)
+                for first_ns, block in _grouped(frames):
+                    if not self.playback.wait_until(first_ns, stop, self._closed):
+                        return
+                    last_ns = block[-1].host_ns
+                    yield BusFrames(self.link, first_ns, pack(block, first_ns))
+        except Exception as error:  # damaged files raise errors of many kinds
+            if not last_ns:
+                raise SourceError(
+                    f"cannot read the CAN log file '{self._path}': {_message(error)}", "Check its format."
+                ) from error
+            yield LinkEvent(
+                self.link, last_ns, LinkEventKind.LOST, f"the rest of the file cannot be read: {_message(error)}"
+            )
+        if not stop.is_set() and not self._closed.is_set():
+            yield LinkEvent(self.link, last_ns, LinkEventKind.ENDED)
+
+    def close(self) -> None:
+        """End `items`."""
+        self._closed.set()
+
+
+def _grouped(frames: Iterator[BusFrame]) -> Iterator[tuple[int, list[BusFrame]]]:
+    """Yield runs of frames of at most 10 ms; a step back in time begins a new one."""
+    block: list[BusFrame] = []
+    for frame in itertools.chain(frames, (None,)):
+        is_full = block and (
+            frame is None or not 0 <= frame.host_ns - block[0].host_ns < _BLOCK_NS or len(block) >= _MOST_FRAMES
+        )
+        if is_full:
+            yield block[0].host_ns, block
+            block = []
+        if frame is not None:
+            block.append(frame)
+
+
+def _frame(message: can.Message, host_ns: int) -> BusFrame:
+    return BusFrame(
+        host_ns,
+        message.arbitration_id,
+        message.is_extended_id,
+        bytes(message.data),
+        message.is_fd,
+        message.is_remote_frame,
+        message.is_error_frame,
+    )
+
+
+def _message(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return str(error) or type(error).__name__

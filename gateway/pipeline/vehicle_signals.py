@@ -1,0 +1,191 @@
+"""Signals of the vehicle, such as steering and speed, at the times of revolutions."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+from gateway.constants import STANDARD_GRAVITY_MPS2
+
+# Values kept for revolutions that are not complete yet: a minute at 200 Hz, and what is kept when they are thinned out.
+_MOST_VALUES: Final = 24_000
+_KEPT_VALUES: Final = 12_000
+
+
+class Quantity(StrEnum):
+    """What a signal of the vehicle measures."""
+
+    WHEEL_SPEED = "wheel_speed"
+    VEHICLE_SPEED = "vehicle_speed"
+    STEERING_ANGLE = "steering_angle"
+    BRAKE_PRESSURE = "brake_pressure"
+    BRAKE = "brake"
+    ACCELERATION_X = "acceleration_x"
+    ACCELERATION_Y = "acceleration_y"
+    ACCELERATION_Z = "acceleration_z"
+    YAW_RATE = "yaw_rate"
+    TORQUE = "torque"
+
+
+class Unit(NamedTuple):
+    """Suffix of names in SI, and the factor to SI."""
+
+    suffix: str
+    factor: float
+
+
+UNITS: Final[dict[str, Unit]] = {
+    "km/h": Unit("mps", 1.0 / 3.6),
+    "kph": Unit("mps", 1.0 / 3.6),
+    "m/s": Unit("mps", 1.0),
+    "rpm": Unit("radps", math.pi / 30.0),
+    "1/min": Unit("radps", math.pi / 30.0),
+    "rad/s": Unit("radps", 1.0),
+    "Hz": Unit("radps", 2.0 * math.pi),
+    "deg/s": Unit("radps", math.pi / 180.0),
+    "deg": Unit("rad", math.pi / 180.0),
+    "degree": Unit("rad", math.pi / 180.0),
+    "°": Unit("rad", math.pi / 180.0),
+    "rad": Unit("rad", 1.0),
+    "bar": Unit("pa", 1e5),
+    "kPa": Unit("pa", 1e3),
+    "Pa": Unit("pa", 1.0),
+    "g": Unit("mps2", STANDARD_GRAVITY_MPS2),
+    "m/s^2": Unit("mps2", 1.0),
+    "m/s2": Unit("mps2", 1.0),
+    "m/s²": Unit("mps2", 1.0),
+    "N": Unit("n", 1.0),
+    "Nm": Unit("nm", 1.0),
+    "degC": Unit("degc", 1.0),
+    "%": Unit("", 0.01),
+    "s": Unit("s", 1.0),
+    "1": Unit("", 1.0),
+    "": Unit("", 1.0),
+}
+"""Units of signals; temperatures stay in degrees Celsius."""
+
+SUFFIXES: Final[dict[Quantity, frozenset[str]]] = {
+    Quantity.WHEEL_SPEED: frozenset({"radps", "mps"}),
+    Quantity.VEHICLE_SPEED: frozenset({"mps"}),
+    Quantity.STEERING_ANGLE: frozenset({"rad"}),
+    Quantity.BRAKE_PRESSURE: frozenset({"pa"}),
+    Quantity.BRAKE: frozenset({""}),
+    Quantity.ACCELERATION_X: frozenset({"mps2"}),
+    Quantity.ACCELERATION_Y: frozenset({"mps2"}),
+    Quantity.ACCELERATION_Z: frozenset({"mps2"}),
+    Quantity.YAW_RATE: frozenset({"radps"}),
+    Quantity.TORQUE: frozenset({"nm"}),
+}
+"""SI units that fit a quantity."""
+
+
+@dataclass(frozen=True, slots=True)
+class SignalSetup:
+    """A signal as configured.
+
+    Attributes:
+        quantity: what it measures.
+        message: name of its message in the DBC file.
+        signal: name in the message.
+        wheel: position of its wheel, None for the whole vehicle.
+        unit: of its physical value, None for that of the DBC file.
+        factor: multiplies the value.
+        relative_std: relative standard error of a speed, None where not stated.
+    """
+
+    quantity: Quantity
+    message: str
+    signal: str
+    wheel: str | None = None
+    unit: str | None = None
+    factor: float = 1.0
+    relative_std: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleSignal:
+    """A signal with its unit.
+
+    Attributes:
+        name: with the unit, such as `vehicle_speed_mps`; of a wheel's own signal as `car_wheel_speed_radps`.
+        quantity: what it measures.
+        suffix: unit of the name.
+        wheel: position of its wheel, None for the whole vehicle.
+        relative_std: relative standard error of a speed, None where not stated.
+    """
+
+    name: str
+    quantity: Quantity
+    suffix: str
+    wheel: str | None
+    relative_std: float | None
+
+    @property
+    def age_name(self) -> str:
+        """Name of its age."""
+        return f"{self.name.removesuffix(f'_{self.suffix}') if self.suffix else self.name}_age_s"
+
+    @property
+    def key(self) -> str:
+        """Name that is unique in a vehicle."""
+        return self.name if self.wheel is None else f"{self.wheel}.{self.name}"
+
+
+class Reading(NamedTuple):
+    """Value of a signal at a time, in SI, and the age of what it rests on."""
+
+    value: float
+    age_s: float
+
+
+class SignalHistory:
+    """Latest values of every signal, by time.
+
+    A value at a time lies on the line between the values before and after it. Only values up to the end of the
+    revolution count, so that the result does not depend on what has been read beyond it.
+    """
+
+    def __init__(self, signals: Sequence[VehicleSignal], max_age_s: float) -> None:
+        """Start without values; one that is older than `max_age_s` is not known."""
+        self.signals = tuple(signals)
+        self._max_age_ns = max_age_s * 1e9
+        self._times_ns: dict[str, list[int]] = {signal.key: [] for signal in signals}
+        self._values: dict[str, list[float]] = {signal.key: [] for signal in signals}
+
+    def add(self, key: str, host_ns: int, value: float) -> None:
+        """Append a value; one that is not later than the last, or not finite, is left out."""
+        times_ns, values = self._times_ns[key], self._values[key]
+        if (times_ns and host_ns <= times_ns[-1]) or not math.isfinite(value):
+            return
+        times_ns.append(host_ns)
+        values.append(value)
+        if len(times_ns) > _MOST_VALUES:
+            del times_ns[:-_KEPT_VALUES], values[:-_KEPT_VALUES]
+
+    def at(self, key: str, at_ns: int, known_ns: int) -> Reading | None:
+        """Return the value at `at_ns` from values up to `known_ns`; None where there is none that is recent."""
+        times_ns, values = self._times_ns[key], self._values[key]
+        after = bisect_right(times_ns, at_ns)
+        if not after:
+            return None
+        before_ns, value = times_ns[after - 1], values[after - 1]
+        if at_ns - before_ns > self._max_age_ns:
+            return None
+        if after < len(times_ns) and times_ns[after] <= known_ns and times_ns[after] - before_ns <= self._max_age_ns:
+            share = (at_ns - before_ns) / (times_ns[after] - before_ns)
+            value += share * (values[after] - value)
+        return Reading(value, (at_ns - before_ns) * 1e-9)
+
+    def of_wheel(self, position: str) -> Iterator[VehicleSignal]:
+        """Yield the signals of the vehicle and of one wheel."""
+        return (signal for signal in self.signals if signal.wheel in (None, position))
+
+
+def signal_name(setup: SignalSetup, suffix: str) -> str:
+    """Return the name of a signal with its unit."""
+    name = f"car_{setup.quantity}" if setup.wheel is not None else str(setup.quantity)
+    return f"{name}_{suffix}" if suffix else name

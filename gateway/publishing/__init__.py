@@ -1,0 +1,1 @@
+"""Live outputs of a session: JSON lines, MQTT, Foxglove and CAN."""

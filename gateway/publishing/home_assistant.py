@@ -1,0 +1,92 @@
+"""Discovery messages by which Home Assistant finds wheels and links on an MQTT broker.
+
+Source: Home Assistant, "MQTT", section "MQTT discovery"; the abbreviations of keys are not used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+from urllib.parse import quote
+
+from gateway import __version__
+
+# A state that is not renewed for this long is shown as unavailable; states come once a second.
+_EXPIRE_S: Final = 30
+
+
+class Discovery(NamedTuple):
+    """A retained message for Home Assistant: topic and payload."""
+
+    topic: str
+    payload: dict[str, Any]
+
+
+class _Entity(NamedTuple):
+    component: str
+    field: str
+    name: str
+    unit: str = ""
+    device_class: str = ""
+    template: str = ""
+
+
+_WHEEL: Final = (
+    _Entity("sensor", "speed_mps", "speed", "m/s", "speed"),
+    _Entity("sensor", "pressure_pa", "pressure", "Pa", "pressure"),
+    _Entity("sensor", "temperature_degc", "inner liner", "°C", "temperature"),
+    _Entity("sensor", "load_n", "load", "N"),
+    _Entity("sensor", "wear_mm", "tread wear", "mm", "distance"),
+    _Entity("sensor", "state", "motion"),
+    _Entity(
+        "binary_sensor", "alarms", "alarm", "", "problem", "{{ 'ON' if value_json.alarms | length > 0 else 'OFF' }}"
+    ),
+)
+_LINK: Final = (
+    _Entity("sensor", "battery_percent", "battery", "%", "battery"),
+    _Entity("sensor", "rssi_dbm", "signal", "dBm", "signal_strength"),
+    _Entity("sensor", "frames_lost", "lost frames"),
+    _Entity("binary_sensor", "connected", "link", "", "connectivity", "{{ 'ON' if value_json.connected else 'OFF' }}"),
+)
+
+
+def wheel_discovery(discovery_prefix: str, prefix: str, position: str) -> Iterator[Discovery]:
+    """Yield the messages for the entities of a wheel."""
+    return _discovery(_WHEEL, discovery_prefix, prefix, f"wheel/{quote(position, safe='')}", f"Wheel {position}")
+
+
+def link_discovery(discovery_prefix: str, prefix: str, link: str) -> Iterator[Discovery]:
+    """Yield the messages for the entities of a link."""
+    return _discovery(_LINK, discovery_prefix, prefix, f"link/{quote(link, safe='')}", f"Link {link}")
+
+
+def _discovery(
+    entities: tuple[_Entity, ...], discovery_prefix: str, prefix: str, path: str, device: str
+) -> Iterator[Discovery]:
+    node = _identifier(f"{prefix}_{path}")
+    for entity in entities:
+        payload: dict[str, Any] = {
+            "name": entity.name,
+            "unique_id": f"{node}_{entity.field}",
+            "state_topic": f"{prefix}/{path}/state",
+            "value_template": entity.template or f"{{{{ value_json.{entity.field} | default(none) }}}}",
+            "availability_topic": f"{prefix}/status",
+            "expire_after": _EXPIRE_S,
+            "device": {
+                "identifiers": [node],
+                "name": device,
+                "manufacturer": "treadlink",
+                "model": "intelligent tire gateway",
+                "sw_version": __version__,
+            },
+        }
+        if entity.unit:
+            payload |= {"unit_of_measurement": entity.unit, "state_class": "measurement"}
+        if entity.device_class:
+            payload["device_class"] = entity.device_class
+        yield Discovery(f"{discovery_prefix}/{entity.component}/{node}/{entity.field}/config", payload)
+
+
+def _identifier(text: str) -> str:
+    """Return text in the characters that Home Assistant allows in topics."""
+    return "".join(char if char.isascii() and char.isalnum() else "_" for char in text)

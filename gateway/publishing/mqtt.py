@@ -1,0 +1,270 @@
+"""Live output to an MQTT 5 broker.
+
+Everything is sent with QoS 1: the broker confirms it, and what it has not confirmed is sent again after a
+reconnection, so a message may come twice. At most WINDOW messages are unconfirmed; `send` waits for room.
+"""
+
+from __future__ import annotations
+
+import os
+import ssl
+import threading
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+from urllib.parse import quote, unquote, urlsplit
+
+import paho.mqtt.client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.reasoncodes import ReasonCode
+
+from gateway.publishing.home_assistant import Discovery, link_discovery, wheel_discovery
+from gateway.publishing.payloads import JsonObject, encoded, messages
+from gateway.publishing.sink import (
+    Item,
+    PublishedAlarm,
+    PublishedRevolution,
+    SinkAddress,
+    SinkDownError,
+    SinkError,
+    SinkSetting,
+    host_and_port,
+)
+
+USERNAME: Final = "TREADLINK_MQTT_USERNAME"
+PASSWORD: Final = "TREADLINK_MQTT_PASSWORD"
+KEY_PASSWORD: Final = "TREADLINK_MQTT_KEY_PASSWORD"
+"""Environment variables with the credentials of the broker and the password of the client's key file."""
+
+WINDOW: Final = 20
+"""Messages that may wait for the broker's confirmation; brokers accept at least this many."""
+_QOS: Final = 1
+_OPTIONS: Final = frozenset({"keepalive", "discovery"})
+_TLS_OPTIONS: Final = frozenset({"ca", "cert", "key"})
+_PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
+_CONNECT_S: Final = 5.0
+_WAIT_S: Final = 0.05
+_KEEPALIVE_S: Final = 10
+_ONLINE: Final = b"online"
+_OFFLINE: Final = b"offline"
+
+
+class _Sent(NamedTuple):
+    """A message that the broker has not confirmed yet."""
+
+    info: paho.MQTTMessageInfo
+    counted: bool
+
+
+def open_mqtt(address: SinkAddress, setting: SinkSetting) -> MqttSink:
+    """Return the output of `mqtt://host[:port]/prefix` or `mqtts://`.
+
+    Raises:
+        SinkError: address, option, certificate or key cannot be used.
+    """
+    del setting
+    is_tls = address.scheme == "mqtts"
+    address.check_options(_OPTIONS | (_TLS_OPTIONS if is_tls else frozenset()))
+    host, port = host_and_port(address, _PORTS[address.scheme])
+    prefix = unquote(urlsplit(address.uri).path).strip("/") or "treadlink"
+    if any(char in prefix for char in "+#\0"):
+        raise SinkError(f"'{address.name}': a topic cannot contain + or #", "Give another prefix.")
+    text = address.options.get("keepalive", str(_KEEPALIVE_S))
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 3600):
+        raise SinkError(f"'{address.name}': keepalive={text} is not allowed", "Give whole seconds from 1 to 3600.")
+    discovery = address.options.get("discovery", "homeassistant").strip("/")
+    return MqttSink(
+        host,
+        port,
+        prefix,
+        keepalive_s=int(text),
+        discovery=None if discovery in ("", "off", "no") else discovery,
+        tls=_tls_context(address) if is_tls else None,
+        environment=os.environ,
+    )
+
+
+def _tls_context(address: SinkAddress) -> ssl.SSLContext:
+    """Return a context that verifies the broker: with the system's authorities, or with those of `ca`."""
+    options = address.options
+    try:
+        context = ssl.create_default_context(cafile=options.get("ca"))
+        if "cert" in options:
+            context.load_cert_chain(options["cert"], options.get("key"), os.environ.get(KEY_PASSWORD, ""))
+        elif "key" in options:
+            raise SinkError(f"'{address.name}': key without cert", "Give the client's certificate with cert=FILE.")
+    except (OSError, ssl.SSLError) as error:
+        files = ", ".join(f"{name}={options[name]}" for name in sorted(_TLS_OPTIONS) if name in options)
+        raise SinkError(
+            f"'{address.name}': cannot use {files}: {error.strerror or error}",
+            f"Give PEM files; the password of an encrypted key goes into {KEY_PASSWORD}.",
+        ) from error
+    return context
+
+
+class MqttSink:
+    """Publishes JSON under a prefix.
+
+    | Topic | Retained | Content |
+    |---|---|---|
+    | PREFIX/status | yes | `online`, or `offline` as last will and at the end |
+    | PREFIX/wheel/POSITION/revolution | no | each revolution |
+    | PREFIX/wheel/POSITION/state | yes | state of the wheel, once a second |
+    | PREFIX/link/LINK/state | yes | health of the link, once a second |
+    | PREFIX/alarm | no | each alarm that is raised or over |
+    | PREFIX/session | yes | the session with all present alarms, once a second |
+
+    POSITION and LINK are percent-encoded. The client is driven by the worker's thread, not by one of its own.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        prefix: str,
+        *,
+        keepalive_s: int,
+        discovery: str | None,
+        tls: ssl.SSLContext | None,
+        environment: Mapping[str, str],
+    ) -> None:
+        """Prepare the client.
+
+        Args:
+            host: of the broker.
+            port: of the broker.
+            prefix: of all topics, without slashes at its ends.
+            keepalive_s: a broker that is silent for up to twice this time is given up.
+            discovery: prefix of Home Assistant's discovery topics, None to send none.
+            tls: for an encrypted connection.
+            environment: holds the credentials.
+        """
+        self._host, self._port, self._prefix = host, port, prefix
+        self._keepalive_s = keepalive_s
+        self._discovery = discovery
+        self._announced: set[str] = set()
+        self._window: deque[_Sent] = deque()
+        self._refusal = ""
+        self._has_connected = False
+        # An empty name makes the broker choose one, so that two gateways cannot disconnect each other.
+        self._client = paho.Client(CallbackAPIVersion.VERSION2, client_id="", protocol=paho.MQTTv5)
+        self._client.connect_timeout = _CONNECT_S
+        self._client.max_inflight_messages_set(WINDOW)
+        self._client.will_set(f"{prefix}/status", _OFFLINE, _QOS, retain=True)
+        if tls is not None:
+            self._client.tls_set_context(tls)
+        if USERNAME in environment:
+            self._client.username_pw_set(environment[USERNAME], environment.get(PASSWORD))
+        self._client.on_connect = self._connected
+
+    def open(self, stop: threading.Event) -> None:
+        """Connect and wait for the broker's answer."""
+        self._refusal = ""
+        self._announced.clear()
+        try:
+            if self._has_connected:
+                self._client.reconnect()
+            else:
+                self._client.connect(self._host, self._port, self._keepalive_s)
+                self._has_connected = True
+        except ssl.SSLCertVerificationError as error:
+            raise SinkDownError(f"the broker's certificate is not trusted: {error.verify_message}") from error
+        except (OSError, ValueError) as error:
+            raise SinkDownError(_cause(error)) from error
+        for _ in range(int(_CONNECT_S / _WAIT_S)):
+            if self._client.is_connected() or self._refusal or stop.is_set():
+                break
+            if self._client.loop(_WAIT_S) is not paho.MQTT_ERR_SUCCESS and not self._refusal:
+                raise SinkDownError("the broker closed the connection")
+        if self._refusal:
+            raise SinkDownError(f"the broker refuses: {self._refusal}")
+        if not self._client.is_connected():
+            raise SinkDownError("the broker does not answer")
+        self._publish(f"{self._prefix}/status", _ONLINE, stop, retain=True)
+
+    def send(self, item: Item, stop: threading.Event) -> None:
+        """Publish an item and wait for room in the window."""
+        if isinstance(item, PublishedRevolution):
+            position = quote(item.result.position, safe="")
+            topic = f"{self._prefix}/wheel/{position}/revolution"
+            self._publish(topic, *_encoded(item), stop, counted=True)
+        elif isinstance(item, PublishedAlarm):
+            self._publish(f"{self._prefix}/alarm", *_encoded(item), stop, counted=True)
+        else:
+            for payload in messages(item):
+                self._announce(payload, stop)
+                self._publish(self._state_topic(payload), encoded(payload), stop, retain=True)
+
+    def poll(self) -> None:
+        """Read confirmations and send keep-alive messages."""
+        self._loop(0.0)
+
+    def flush(self, stop: threading.Event) -> int:
+        """Wait for the confirmations, with `offline` as the last message; return how many are missing."""
+        if not stop.is_set():
+            self._publish(f"{self._prefix}/status", _OFFLINE, stop, retain=True)
+        while self._window and not stop.is_set():
+            self._loop(_WAIT_S)
+        if self._client.is_connected():
+            self._confirm()
+        return sum(sent.counted for sent in self._window)
+
+    def close(self) -> None:
+        """Disconnect; what is not confirmed is sent again after `open`."""
+        if self._client.is_connected():
+            self._client.disconnect()
+            self._client.loop(0.0)
+
+    def _state_topic(self, payload: JsonObject) -> str:
+        kind = payload["type"]
+        if kind == "session":
+            return f"{self._prefix}/session"
+        return f"{self._prefix}/{kind}/{quote(payload[kind], safe='')}/state"
+
+    def _announce(self, payload: JsonObject, stop: threading.Event) -> None:
+        """Announce a wheel or link to Home Assistant, once per connection."""
+        kind = payload["type"]
+        topic = self._state_topic(payload)
+        if self._discovery is None or kind == "session" or topic in self._announced:
+            return
+        describe = wheel_discovery if kind == "wheel" else link_discovery
+        found: Discovery
+        for found in describe(self._discovery, self._prefix, payload[kind]):
+            self._publish(found.topic, encoded(found.payload), stop, retain=True)
+        self._announced.add(topic)
+
+    def _publish(
+        self, topic: str, payload: bytes, stop: threading.Event, *, retain: bool = False, counted: bool = False
+    ) -> None:
+        self._loop(0.0)
+        while len(self._window) >= WINDOW:
+            if stop.is_set():
+                raise SinkDownError("the session has ended")
+            self._loop(_WAIT_S)
+        info = self._client.publish(topic, payload, _QOS, retain)
+        self._window.append(_Sent(info, counted))
+
+    def _loop(self, timeout_s: float) -> None:
+        result = self._client.loop(timeout_s)
+        self._confirm()
+        if result is not paho.MQTT_ERR_SUCCESS or not self._client.is_connected():
+            raise SinkDownError(self._refusal or "the connection to the broker is lost")
+
+    def _confirm(self) -> None:
+        while self._window and self._window[0].info.is_published():
+            self._window.popleft()
+
+    def _connected(self, client: paho.Client, data: Any, flags: Any, reason: ReasonCode, properties: Any) -> None:
+        del client, data, flags, properties
+        if reason.is_failure:
+            self._refusal = str(reason).lower()
+
+
+def _encoded(item: PublishedRevolution | PublishedAlarm) -> tuple[bytes]:
+    return tuple(encoded(payload) for payload in messages(item))  # type: ignore[return-value]
+
+
+def _cause(error: Exception) -> str:
+    """Return the message of an error without its number."""
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return text[:1].lower() + text[1:]

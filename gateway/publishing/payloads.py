@@ -1,0 +1,154 @@
+"""Items of live outputs as JSON objects. Numbers that are not known are left out; JSON has no NaN."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot
+from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
+from gateway.views.recording_topics import revolution_payload
+from gateway.views.wording import as_json, text
+
+JsonObject = dict[str, Any]
+
+
+def messages(item: Item) -> Iterator[JsonObject]:
+    """Yield the objects of an item, each with `type` and `time_s`: one per revolution or alarm, several per state."""
+    if isinstance(item, PublishedRevolution):
+        yield revolution(item)
+    elif isinstance(item, PublishedAlarm):
+        yield alarm(item)
+    else:
+        yield from (wheel(item, one) for one in item.snapshot.wheels)
+        yield from (link(item, one) for one in item.snapshot.links)
+        yield session(item)
+
+
+def encoded(payload: Mapping[str, Any]) -> bytes:
+    """Return an object as compact JSON, UTF-8, without a line end."""
+    return json.dumps(payload, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
+
+
+def revolution(item: PublishedRevolution) -> JsonObject:
+    """Return a revolution with the fields of the topic `/wheel/POSITION/revolution` of a recording."""
+    result = item.result
+    return {
+        "type": "revolution",
+        "time_s": _seconds(item.host_ns),
+        "wheel": result.position,
+        **revolution_payload(result),
+    }
+
+
+def alarm(item: PublishedAlarm) -> JsonObject:
+    """Return an alarm that was raised or is over."""
+    change = item.change
+    return {
+        "type": "alarm",
+        "time_s": _seconds(item.host_ns),
+        **_alarm(change.alarm),
+        "raised": change.is_raised,
+        **({} if change.is_raised else {"stood_s": round(change.stood_s, 3)}),
+    }
+
+
+def wheel(item: PublishedState, one: WheelSnapshot) -> JsonObject:
+    """Return the state of a wheel."""
+    silence = one.silence
+    counters = one.counters
+    wear = one.wear_mm
+    is_old = one.old_environment is not None
+    numbers = {
+        "rate_hz": one.rate_hz or None,
+        "speed_mps": _last_estimate(one, "speed_mps"),
+        "pressure_pa": None if is_old else one.pressure_pa,
+        "temperature_degc": None if is_old else one.temperature_degc,
+        "load_n": one.load_n if silence is None else None,
+        "wear_mm": wear.value if wear is not None else None,
+        "silent_s": silence.age_s if silence is not None else None,
+    }
+    return {
+        "type": "wheel",
+        "time_s": _seconds(item.host_ns),
+        "wheel": one.position,
+        "state": str(one.state),
+        **({"sensor_id": one.sensor_id} if one.sensor_id else {}),
+        **finite(numbers),
+        "revolutions": counters.revolutions,
+        "revolutions_rejected": counters.revolutions_rejected,
+        "samples": counters.samples,
+        "samples_lost": counters.samples_lost,
+        "samples_saturated": counters.samples_saturated,
+        "alarms": [found.name for found in item.snapshot.alarms if found.position == one.position],
+    }
+
+
+def link(item: PublishedState, one: LinkSnapshot) -> JsonObject:
+    """Return the health of a link."""
+    numbers = {
+        "latency_s": one.latency_s,
+        "battery_percent": one.battery_percent,
+        "rssi_dbm": one.rssi_dbm,
+        "supply_w": one.supply_w,
+        "silent_s": one.silent_s,
+    }
+    return {
+        "type": "link",
+        "time_s": _seconds(item.host_ns),
+        "link": one.link,
+        "connected": one.connected,
+        "note": text(one.note),
+        "bytes_received": one.bytes_received,
+        "frames": one.frames,
+        "frames_lost": one.frames_lost,
+        "crc_errors": one.crc_errors,
+        "noise_bytes": one.noise_bytes,
+        "duplicates": one.duplicates,
+        "reordered": one.reordered,
+        "dropped": sum(one.queue_dropped.values()),
+        **finite(numbers),
+        "alarms": [found.name for found in item.snapshot.alarms if found.position == one.link],
+    }
+
+
+def session(item: PublishedState) -> JsonObject:
+    """Return the state of the session, with all present alarms."""
+    snapshot = item.snapshot
+    return {
+        "type": "session",
+        "time_s": _seconds(item.host_ns),
+        "elapsed_s": round(snapshot.elapsed_s, 3),
+        "ended": snapshot.ended,
+        "recording": snapshot.recording,
+        "alarms": [_alarm(found) for found in snapshot.alarms],
+        "outputs": [_output(snapshot, index) for index in range(len(snapshot.sinks))],
+    }
+
+
+def finite(numbers: Mapping[str, float | int | None]) -> JsonObject:
+    """Return the entries that are finite numbers."""
+    return {key: value for key, value in numbers.items() if value is not None and math.isfinite(value)}
+
+
+def _seconds(host_ns: int) -> float:
+    """Return seconds since the epoch with microseconds; JSON readers have no 64-bit integers."""
+    return round(host_ns * 1e-9, 6)
+
+
+def _alarm(found: Alarm) -> JsonObject:
+    return {"subject": found.position, "name": str(found.name), "reason": as_json(found.reason)}
+
+
+def _output(snapshot: SessionSnapshot, index: int) -> JsonObject:
+    sink = snapshot.sinks[index]
+    return {"output": sink.sink, "state": str(sink.state), "published": sink.published, "dropped": sink.dropped}
+
+
+def _last_estimate(one: WheelSnapshot, name: str) -> float | None:
+    """Return an estimate of the last revolution unless it is invalid or the wheel silent."""
+    if one.last is None or one.silence is not None:
+        return None
+    return next((found.value for found in one.last.estimates if found.name == name and found.status != "invalid"), None)

@@ -1,0 +1,125 @@
+"""Live outputs of a session: each item goes to every sink, and the end waits for receivers that take items."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from gateway.clock import Clock
+from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot
+from gateway.publishing.sink import (
+    Item,
+    PublishedAlarm,
+    PublishedRevolution,
+    PublishedState,
+    SinkError,
+    SinkSetting,
+    open_sink,
+)
+from gateway.publishing.sink_worker import SinkWorker
+
+STANDARD_OUTPUT: Final = "jsonl:-"
+FINISH_STUCK_S: Final = 2.0
+"""At the end, a receiver that takes nothing for this long is left."""
+FINISH_S: Final = 10.0
+"""At the end, every receiver is left after this time."""
+_STATE_INTERVAL_NS: Final = 1_000_000_000
+_NO_REALS: Final = np.empty(0)
+_NO_AXES: Final = np.empty((3, 0))
+_NO_ORDERS: Final = np.empty(0, dtype=np.complex128)
+
+
+class Publisher:
+    """Sends revolutions, alarms and states to sinks; see `gateway.session.publication.Publication`."""
+
+    def __init__(self, workers: Sequence[SinkWorker], clock: Clock) -> None:
+        """Start the outputs."""
+        self._workers = tuple(workers)
+        self._clock = clock
+        self._state_due_ns = 0
+        for worker in self._workers:
+            worker.start()
+
+    def take(self, items: Sequence[RevolutionResult | AlarmChange], host_ns: int) -> None:
+        """Hand revolutions and changes of alarms to every sink."""
+        for item in items:
+            published: Item
+            if isinstance(item, RevolutionResult):
+                published = PublishedRevolution(item.host_ns, _without_waveforms(item))
+            else:
+                published = PublishedAlarm(host_ns, item)
+            for worker in self._workers:
+                worker.offer(published)
+
+    def show(self, snapshot: SessionSnapshot, host_ns: int) -> None:
+        """Hand the state of the session to every sink once a second, and the last one."""
+        now_ns = self._clock.now_ns()
+        if now_ns < self._state_due_ns and not snapshot.ended:
+            return
+        self._state_due_ns = now_ns + _STATE_INTERVAL_NS
+        state = PublishedState(host_ns or now_ns, snapshot)
+        for worker in self._workers:
+            worker.offer(state)
+
+    def sinks(self) -> tuple[SinkSnapshot, ...]:
+        """Return the present health of each sink."""
+        return tuple(worker.snapshot() for worker in self._workers)
+
+    @property
+    def uses_standard_output(self) -> bool:
+        """Whether nothing else may be printed to standard output."""
+        return any(worker.name == STANDARD_OUTPUT for worker in self._workers)
+
+    @property
+    def is_output_closed(self) -> bool:
+        """Whether the reader of standard output has left."""
+        return any(worker.name == STANDARD_OUTPUT and worker.has_ended for worker in self._workers)
+
+    def close(self) -> tuple[SinkSnapshot, ...]:
+        """Send what waits and end the outputs; return their last state.
+
+        A receiver that takes nothing for FINISH_STUCK_S is left, and every receiver after FINISH_S. What it has not
+        taken is counted as dropped.
+        """
+        for worker in self._workers:
+            worker.finish()
+        end_ns = self._clock.now_ns() + int(FINISH_S * 1e9)
+        seen = {worker: (worker.progress(), self._clock.now_ns()) for worker in self._workers}
+        waiting = list(self._workers)
+        while waiting:
+            now_ns = self._clock.now_ns()
+            for worker in tuple(waiting):
+                progress = worker.progress()
+                if progress != seen[worker][0]:
+                    seen[worker] = progress, now_ns
+                if worker.join(0.02):
+                    waiting.remove(worker)
+                elif now_ns >= end_ns or now_ns - seen[worker][1] >= FINISH_STUCK_S * 1e9:
+                    worker.abandon()
+                    worker.join(0.5)
+                    waiting.remove(worker)
+        for worker in self._workers:
+            worker.discard()
+        return self.sinks()
+
+
+def open_publisher(uris: Sequence[str], setting: SinkSetting, clock: Clock) -> Publisher | None:
+    """Return the live outputs of URIs, None without any.
+
+    Raises:
+        SinkError: one cannot be opened at all, or two are the same.
+    """
+    opened = [open_sink(uri, setting) for uri in uris]
+    names = [name for name, _ in opened]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise SinkError(f"--publish {twice} is given twice", "Give each live output once.")
+    return Publisher([SinkWorker(name, sink, clock) for name, sink in opened], clock) if opened else None
+
+
+def _without_waveforms(result: RevolutionResult) -> RevolutionResult:
+    light = replace(result.revolution, radial_mps2=_NO_REALS, axes_mps2=_NO_AXES, orders_mps2=_NO_ORDERS)
+    return replace(result, revolution=light)

@@ -1,0 +1,262 @@
+"""Interface of live outputs, their items, and the registry that opens them by URI."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import threading
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from gateway.errors import TreadlinkError
+from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot
+from gateway.plugins import Plugin, PluginGroup, load, names
+from gateway.reasons import Code, Reason
+
+_logger = logging.getLogger(__name__)
+
+
+class SinkError(TreadlinkError):
+    """A live output cannot be opened at all: unknown scheme, bad option, missing package."""
+
+
+class SinkDownError(Exception):
+    """A receiver is not there or has left; the output is opened again later. The message is the cause."""
+
+
+class SinkEndedError(Exception):
+    """A receiver has left for good, such as the reader of a pipe."""
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedRevolution:
+    """A revolution to publish.
+
+    Attributes:
+        host_ns: time of its end, ns since the epoch; that of the recording in a replay.
+        result: the result. The waveforms of its revolution (`radial_mps2`, `axes_mps2`, `orders_mps2`) are empty:
+            they would fill the buffer. The states carry the latest waveform of each wheel.
+    """
+
+    host_ns: int
+    result: RevolutionResult
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedAlarm:
+    """A change of an alarm to publish."""
+
+    host_ns: int
+    change: AlarmChange
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedState:
+    """State of the session, once a second and at the end. Older ones are replaced, not kept."""
+
+    host_ns: int
+    snapshot: SessionSnapshot
+
+
+Item = PublishedRevolution | PublishedAlarm | PublishedState
+
+
+class Sink(Protocol):
+    """A live output. All calls come from one thread, which belongs to it: blocking holds nothing else.
+
+    Every method may raise SinkDownError: the output is then closed and opened again later, with the same item.
+    """
+
+    def open(self, stop: threading.Event) -> None:
+        """Connect to the receiver, after `close` again.
+
+        Raises:
+            SinkDownError: the receiver is not there.
+        """
+        ...
+
+    def send(self, item: Item, stop: threading.Event) -> None:
+        """Hand an item to the receiver, and wait while the receiver is slow.
+
+        Args:
+            item: the item.
+            stop: checked while waiting, every 0.1 s or more often; SinkDownError is raised when it is set.
+
+        Raises:
+            SinkDownError: the receiver did not take the item.
+            SinkEndedError: the receiver has left for good.
+        """
+        ...
+
+    def poll(self) -> None:
+        """Keep the connection alive; called ten times a second while there is nothing to send."""
+        ...
+
+    def flush(self, stop: threading.Event) -> int:
+        """Wait until the receiver has confirmed everything; with `stop` set, raise nothing and return at once.
+
+        Returns:
+            number of revolutions and alarms sent before that are not confirmed; 0 without confirmations.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the connection; may be called twice. Raises nothing."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SinkAddress:
+    """The parts of a URI, `scheme:target?key=value`.
+
+    Attributes:
+        uri: as given.
+        scheme: before the first colon, lower case.
+        target: the rest without options, percent signs resolved; leading slashes of `scheme://` left out.
+        options: by name.
+    """
+
+    uri: str
+    scheme: str
+    target: str
+    options: Mapping[str, str]
+
+    @property
+    def name(self) -> str:
+        """The URI without options, for views."""
+        return self.uri.partition("?")[0]
+
+    def check_options(self, known: Collection[str]) -> None:
+        """Refuse options that the output does not have.
+
+        Raises:
+            SinkError: there is one.
+        """
+        unknown = [name for name in self.options if name not in known]
+        if unknown:
+            raise SinkError(
+                f"'{self.name}' has no option '{unknown[0]}'",
+                f"Known options: {', '.join(sorted(known))}." if known else "It has no options.",
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class SinkSetting:
+    """Facts of the session that an output may need.
+
+    Attributes:
+        positions: configured wheels, in the order of the vehicle file; empty without one.
+    """
+
+    positions: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SinkKind:
+    """Entry of the registry of live outputs.
+
+    Attributes:
+        factory: "module:function" with function(address: SinkAddress, setting: SinkSetting) -> Sink. The function
+            checks address and options and raises SinkError; it does not connect.
+        extra: of this package, that installs what the output needs; empty when nothing is needed.
+    """
+
+    factory: str
+    extra: str = ""
+
+
+SINKS: Final[dict[str, SinkKind]] = {
+    "jsonl": SinkKind("gateway.publishing.json_lines:open_json_lines"),
+    "mqtt": SinkKind("gateway.publishing.mqtt:open_mqtt", "mqtt"),
+    "mqtts": SinkKind("gateway.publishing.mqtt:open_mqtt", "mqtt"),
+    "foxglove": SinkKind("gateway.publishing.foxglove_server:open_foxglove", "foxglove"),
+    "can": SinkKind("gateway.publishing.can_bus:open_can", "can"),
+}
+"""Live outputs of this package by the scheme of their URI; plug-ins add others."""
+
+
+def sink_kind(scheme: str) -> SinkKind | None:
+    """Return the live output of a scheme, None when there is none.
+
+    Raises:
+        PluginError: it is a plug-in that cannot be used.
+    """
+    if scheme in SINKS:
+        return SINKS[scheme]
+    found = load(PluginGroup.SINKS, scheme, SINKS, plugin_fault)
+    return found if isinstance(found, SinkKind) else None
+
+
+def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
+    """Return why the object of a plug-in is no live output, None when it is one."""
+    if not isinstance(found, SinkKind):
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
+    module_name, _, factory_name = found.factory.partition(":")
+    if not callable(getattr(importlib.import_module(module_name), factory_name, None)):
+        return Reason(Code.PLUGIN_LACKS_MEMBERS, members=found.factory)
+    return None
+
+
+def parse_sink_uri(uri: str) -> SinkAddress:
+    """Split `scheme:target?options`; `scheme://target` and `scheme:target` mean the same.
+
+    Raises:
+        SinkError: no known scheme, no target, or a password in it.
+    """
+    try:
+        parts = urlsplit(uri)
+    except ValueError as error:
+        raise SinkError(f"--publish '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
+    scheme = parts.scheme.lower()
+    if sink_kind(scheme) is None:
+        known = ", ".join(f"{name}:" for name in (*SINKS, *names(PluginGroup.SINKS, SINKS)))
+        raise SinkError(f"unknown live output '{uri}'", f"It starts with one of {known}; for example jsonl:-")
+    if "@" in parts.netloc:
+        raise SinkError(
+            f"--publish {scheme}: has a user name or password in its address, where others can read it",
+            "Set the environment variables TREADLINK_MQTT_USERNAME and TREADLINK_MQTT_PASSWORD.",
+        )
+    target = unquote(parts.netloc + parts.path)
+    if not target:
+        raise SinkError(f"--publish '{uri}' has no target after '{scheme}:'", "Give a path, host, port or channel.")
+    return SinkAddress(uri, scheme, target, dict(parse_qsl(parts.query, keep_blank_values=True)))
+
+
+def open_sink(uri: str, setting: SinkSetting) -> tuple[str, Sink]:
+    """Return name and live output of a URI; its module is imported on first use.
+
+    Raises:
+        SinkError: the URI is wrong, or an optional package is missing.
+    """
+    address = parse_sink_uri(uri)
+    kind = sink_kind(address.scheme)
+    assert kind is not None  # parsing refuses other schemes
+    _logger.debug("opening %s with %s", address.name, kind.factory)
+    module_name, factory_name = kind.factory.split(":")
+    try:
+        sink: Sink = getattr(importlib.import_module(module_name), factory_name)(address, setting)
+    except ModuleNotFoundError as error:
+        package = (error.name or "?").partition(".")[0]
+        raise SinkError(
+            f"'{address.name}' needs the package '{package}', which is not installed",
+            f"Install it with: pip install 'treadlink[{kind.extra}]'" if kind.extra else f"Install it: {error}",
+        ) from error
+    return address.name, sink
+
+
+def host_and_port(address: SinkAddress, default_port: int) -> tuple[str, int]:
+    """Return host and port of `scheme://host:port`.
+
+    Raises:
+        SinkError: there is no host, or the port is not one.
+    """
+    parts = urlsplit(address.uri)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise SinkError(f"'{address.name}': {error}", "Give a port from 1 to 65535.") from error
+    if not host:
+        raise SinkError(f"'{address.uri}' has no host", f"Write {address.scheme}://HOST:PORT.")
+    return host, port or default_port

@@ -1,0 +1,87 @@
+"""Measured references in recordings: speeds, rotations and angles to compare estimates with."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from gateway.io.source import LinkItem
+from gateway.recording.mcap_layout import RecordedMessage, link_items
+from gateway.recording.reader import RecordingReader
+
+_TOPIC: Final = re.compile(r"/wheel/([^/]+)/reference/([^/]+)")
+_QUANTITIES: Final = ("speed", "rotation", "angle", "pulses")
+_MOST_VALUES: Final = 10_000_000
+_MOST_REFERENCES: Final = 256
+
+
+@dataclass(slots=True)
+class RecordedReference:
+    """One reference of one wheel.
+
+    Attributes:
+        position: wheel position.
+        name: name of the reference.
+        quantity: speed, rotation, angle or pulses.
+        value_std: one standard error of a value.
+        times_s: hub times.
+        values: speed in m/s, rotation in turns per second, or turns so far.
+    """
+
+    position: str
+    name: str
+    quantity: str
+    value_std: float = 0.0
+    times_s: list[float] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+
+def reference_topic(position: str, name: str) -> str:
+    """Return the topic of a reference."""
+    return f"/wheel/{position}/reference/{name}"
+
+
+class ReferenceItems:
+    """Link items of a recording, whose references are collected in passing."""
+
+    def __init__(self, reader: RecordingReader) -> None:
+        """Read from a recording."""
+        self._reader = reader
+        self._found: dict[str, RecordedReference] = {}
+        self._count = 0
+
+    def items(self) -> Iterator[LinkItem]:
+        """Yield chunks, link events and marks in file order."""
+        for message in self._reader.messages():
+            found = _TOPIC.fullmatch(message.channel.topic)
+            if found is None:
+                yield from link_items(message)
+            elif self._count < _MOST_VALUES:
+                self._take(message, found[1], found[2])
+
+    def references(self) -> tuple[RecordedReference, ...]:
+        """Return the references in order of appearance, complete after the last item."""
+        return tuple(self._found.values())
+
+    def _take(self, message: RecordedMessage, position: str, name: str) -> None:
+        topic = message.channel.topic
+        try:
+            content: Any = json.loads(message.data)
+            quantity, std = content["quantity"], content.get("value_std", 0.0)
+            numbers = [float(number) for number in (content["time_s"], content["value"], std)]
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+            # A damaged message; the others are still worth comparing.
+            return
+        if quantity not in _QUANTITIES or not all(map(math.isfinite, numbers)):
+            return
+        if topic not in self._found:
+            if len(self._found) >= _MOST_REFERENCES:
+                return
+            self._found[topic] = RecordedReference(position, name, quantity, numbers[2])
+        self._count += 1
+        self._found[topic].times_s.append(numbers[0])
+        self._found[topic].values.append(numbers[1])

@@ -1,0 +1,121 @@
+"""Fields of a revolution's message: conditions, and the estimates of every estimator with their parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+_SOLVED: Final = {
+    "Bs": "bending stiffness number EI / (R^4 p0)",
+    "Cw": "contact width number b / R",
+    "Rs": "radial sidewall stiffness number kw / p0",
+    "Ts": "tangential sidewall stiffness number kv / p0",
+    "Bs_over_Cw": "ratio of the numbers, which needs neither load nor pressure",
+    "Rs_over_Cw": "ratio of the numbers, which needs neither load nor pressure",
+    "Ts_over_Cw": "ratio of the numbers, which needs neither load nor pressure",
+}
+
+QUANTITIES: Final[dict[str, dict[str, str]]] = {
+    "kinematic": {
+        "speed_mps": "rolling speed",
+        "leading_edge_rad": "angle of the leading contact edge, negative",
+        "trailing_edge_rad": "angle of the trailing contact edge",
+        "contact_length_m": "contact length",
+    },
+    "self-calibration": {
+        "gain": "gain of the radial axis, 1 reads true",
+        "zero_g_offset_mps2": "zero-g offset of the radial axis",
+        "gain_per_degc": "temperature coefficient of the gain, 1/K",
+        "roll_tilt_rad": "tilt of the sensor about the circumferential axis",
+        "pitch_tilt_rad": "tilt of the sensor about the lateral axis",
+        "sensor_offset_m": "distance of the sensor below the neutral layer of the belt",
+    },
+    "weak-form": _SOLVED,
+    "ring-modal": _SOLVED,
+    "ring-paper": _SOLVED,
+    "forward": {
+        **_SOLVED,
+        "half_angle_rad": "contact half angle of the fitted ring",
+        "edge_wave_before": "amplitude of the wave packet before the contact over R Omega^2",
+        "edge_wave_after": "amplitude of the wave packet after the contact over R Omega^2",
+    },
+    "wear": {
+        "wear_mm": "loss of ring thickness since the reference",
+        "wear_number": "wear over R",
+        "wear_drift_mm": "change of the wear since its first valid value",
+    },
+    "load": {
+        "estimated_load_n": "estimated vertical load, the better of the next two",
+        "load_by_angle_n": "vertical load from contact angle and pressure",
+        "load_by_width_n": "vertical load from Cw of the new tire",
+        "pressure_number": "Q / (2 p0 theta R^2)",
+    },
+    "ply-steer": {
+        "ply_steer_peak_rad": "steepest slope of the lateral shape of the belt in the contact",
+        "ply_steer_first_half_rad": "mean slope from the leading edge to the middle of the contact",
+        "ply_steer_adhesion_line_rad": "slope of a line through the part of the contact that adheres",
+        "ply_steer_contact_line_rad": "slope of a line through the whole contact",
+        "conicity_slope_rad": "half the change of slope from the first to the second half of the contact",
+        "sensor_roll_rad": "roll of the sensor, from the means of two axes",
+    },
+    "slip-angle": {
+        "slip_apparent_rad": "first-half slope of this revolution less that at zero slip",
+        "slip_angle_rad": "slip angle",
+        "slip_direction": "direction of slip, -1, 0 or 1",
+        "lateral_asymmetry": "(max + min) / (max - min) of the lateral waveform",
+        "left_right_asymmetry": "sum of the means of the asymmetry at left and right slip",
+    },
+    "asynchronous": {
+        "asynchronous_rms_mps2": "root mean square of what is not locked to the wheel, 5 to 800 Hz",
+        "asynchronous_line_hz": "frequency of the strongest line",
+        "asynchronous_line_rms_mps2": "root mean square of the strongest line",
+    },
+}
+"""Description of each estimate of each estimator, as named in messages and tables, where `/` is `_over_`."""
+
+CONDITIONS: Final = {
+    "index": ("i", "running number of the wheel's revolutions"),
+    "start_s": ("n", "hub time of the first contact centre"),
+    "period_s": ("n", "duration of the revolution"),
+    "omega_radps": ("n", "mean angular speed"),
+    "omega_dot_radps2": ("n", "angular acceleration"),
+    "noise_mps2": ("n", "noise of one sample in the angle domain"),
+    "missing_fraction": ("n", "share of samples lost on the link"),
+    "load_n": ("n", "stated vertical load"),
+    "pressure_pa": ("n", "inflation pressure (gauge)"),
+    "temperature_degc": ("n", "temperature of the inner liner"),
+    "fault_reasons": ("[o]", "why the revolution is not averaged"),
+}
+"""Type, as in `gateway.recording.schemas`, and description of the fields that are no estimates."""
+
+PARTS: Final = {
+    "": ("n", ""),
+    "_std": ("n", "standard error"),
+    "_status": ("s", "validity"),
+    "_reasons": ("[o]", "reasons"),
+}
+"""Parts of an estimate: suffix of the name, type and description."""
+
+
+def estimate_descriptions() -> dict[str, str]:
+    """Return the description of every estimate by its name.
+
+    A name that an earlier estimator also uses is listed again with the prefix that it then has: `ring-paper:Bs`.
+    """
+    found: dict[str, str] = {}
+    for estimator, names in QUANTITIES.items():
+        for name, description in names.items():
+            found[f"{estimator}:{name}" if name in found else name] = description
+    return found
+
+
+def fields() -> Iterator[tuple[str, str, str]]:
+    """Yield name, type and description of every field of a revolution's message.
+
+    Descriptions of the parts are short, since a recording contains the text twice.
+    """
+    for name, (kind, description) in CONDITIONS.items():
+        yield name, kind, description
+    for name, description in estimate_descriptions().items():
+        for part, (kind, meaning) in PARTS.items():
+            yield name + part, kind, meaning or description

@@ -1,0 +1,99 @@
+"""Orders and average of the wheels of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gateway.config.effects_file import open_effects
+from gateway.config.vehicle import choose_vehicle
+from gateway.errors import RecordingError
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.recorded_file import open_recorded_file
+from gateway.security.guard import open_guard
+from gateway.session.recorded_signals import revolutions
+from gateway.signal.mean_revolution import MeanOfRevolutions
+from gateway.signal.order_statistics import OrderAccumulator
+from gateway.views.orders.wheel_orders import WheelOrders
+
+
+@dataclass(slots=True)
+class _Wheel:
+    radius_m: float
+    orders: OrderAccumulator
+    mean: MeanOfRevolutions = field(default_factory=MeanOfRevolutions)
+    rejected: int = 0
+
+    def add(self, result: RevolutionResult) -> None:
+        revolution = result.revolution
+        if revolution.faults:
+            self.rejected += 1
+            return
+        self.orders.add(revolution.index, revolution.axes_mps2, revolution.omega_radps, revolution.order_max)
+        self.mean.add(
+            revolution.axes_mps2,
+            revolution.radial_mps2,
+            revolution.orders_mps2,
+            revolution.omega_radps,
+            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+            edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
+            noise_mps2=revolution.noise_mps2,
+        )
+
+
+def recorded_orders(
+    path: Path,
+    *,
+    wheels: Sequence[str] = (),
+    speed_step_mps: float,
+    config_path: Path | None = None,
+    effects_paths: Sequence[Path] = (),
+    key_file: Path | None = None,
+    on_progress: Callable[[float], None] = lambda _: None,
+) -> tuple[WheelOrders, ...]:
+    """Return the orders of every wheel that has a usable revolution; memory use does not depend on the length.
+
+    Args:
+        path: recording or dump of a link.
+        wheels: positions; all when empty.
+        speed_step_mps: width of the ranges of speed.
+        config_path: vehicle configuration; None for the one in the recording.
+        effects_paths: known effects to subtract.
+        key_file: sensor signing keys; None for the default file.
+        on_progress: called with the share of the file that is read.
+
+    Raises:
+        RecordingError: the file cannot be read, or no wheel has a usable revolution.
+        ConfigError: the configuration or the effects cannot be read.
+    """
+    recording = open_recorded_file(path)
+    vehicle = choose_vehicle(config_path, [recording.vehicle_toml], str(path))
+    found: dict[str, _Wheel] = {}
+    results = revolutions(
+        recording,
+        vehicle,
+        wheels=tuple(wheels) or None,
+        effects=open_effects(effects_paths, vehicle),
+        guard=open_guard(vehicle, key_file, remembers=False),
+        on_bytes=lambda _: on_progress(recording.position / max(recording.info.size_bytes, 1)),
+    )
+    for result in results:
+        wheel = found.get(result.position)
+        if wheel is None:
+            radius_m = result.conditions.radius_m
+            wheel = found[result.position] = _Wheel(radius_m, OrderAccumulator(speed_step_mps / radius_m))
+        wheel.add(result)
+    orders = []
+    for position, wheel in found.items():
+        statistics, mean = wheel.orders.statistics(), wheel.mean.mean()
+        if statistics is not None and mean is not None:
+            orders.append(WheelOrders(position, wheel.radius_m, statistics, mean, wheel.rejected))
+    missing = [position for position in wheels if position not in found]
+    if missing or not orders:
+        of = f" of wheel {', '.join(missing)}" if missing else ""
+        raise RecordingError(
+            f"'{path}' has no usable revolution{of}", f"`treadlink estimate {path}` lists the reasons."
+        )
+    order = {wheel.position: place for place, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
+    return tuple(sorted(orders, key=lambda one: order.get(one.wheel, len(order))))

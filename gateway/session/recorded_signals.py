@@ -1,0 +1,619 @@
+"""Signals of a recording, streamed: the accelerations of every wheel in SI with their times, and its revolutions.
+
+Memory use is constant: a few seconds of samples per wheel.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import insort
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.block_decoder import FrameBatch, SampleGroup
+from firmware_protocol.counters import LinkCounters
+from firmware_protocol.messages import HUB_ITSELF, Axis, Environment, Hello, MessageType
+from firmware_protocol.sample_numbers import is_jump
+from firmware_protocol.sequence import unwrap
+from firmware_protocol.wheel_limit import WheelLimit
+from gateway.config.vehicle import VehicleConfig
+from gateway.io.source import Chunk
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.revolution import SensorReading
+from gateway.pipeline.timebase import HostClock, SampleClock
+from gateway.pipeline.wheel_setup import CorrectionTable
+from gateway.recording.decoder_blocks import LinkBlocks
+from gateway.security.guard import Guard
+from gateway.session.batch_estimation import Items, estimated_results
+from gateway.session.wheel_identity import positions
+from gateway.types import BoolArray, FloatArray
+
+# Distance of the support points between which times are linear.
+_KNOT_S: Final = 0.5
+# The first samples are dated by the sampling rate that is known after this time.
+_RATE_KNOWN_S: Final = 2.5
+# Samples are held back for this long, so that late ones find their place.
+_HOLD_S: Final = 3.0
+# As in the pipeline: longer gaps begin a new segment, with a clock of its own.
+_MAX_GAP_S: Final = 0.25
+_LATE_TOLERANCE_US: Final = 250_000
+# More sensors of one wheel are made up.
+_MOST_SENSORS: Final = 8
+_BEFORE_EPOCH_NS: Final = -(2**62)
+
+
+@dataclass(frozen=True, slots=True)
+class SignalBlock:
+    """Consecutive samples of one wheel, without a gap between them.
+
+    Attributes:
+        wheel: position from the configuration, `FL`, or `hub0.wheel2` when not configured.
+        sensor_id: serial number of the sensor.
+        segment: running number of the stretch of one clock. A restart of the hub, a change of the sensor or a gap
+            of more than 0.25 s begins a new one.
+        first_sample: the hub's running number of the first sample, without wraps.
+        hub_time_s: (n,) time of the hub's clock, s since its start, not decreasing within a segment.
+        host_time_ns: (n,) the same on the host's clock, ns since the epoch, with the least delay of the link included;
+            0 when the file contains no arrival times.
+        axes_mps2: (n, 3) specific force on the circumferential, lateral and radial axis, in the directions of the
+            protocol, as the sensor states its scale and zero; NaN for absent axes.
+        saturated: (n,) whether any axis is at the end of the sensor's range.
+        lost_before: number of samples lost between the previous block of the wheel and this one.
+        rate_hz: sampling rate, measured against the hub's clock.
+        ac_coupled: whether the sensor passes no steady value.
+    """
+
+    wheel: str
+    sensor_id: int
+    segment: int
+    first_sample: int
+    hub_time_s: FloatArray
+    host_time_ns: NDArray[np.int64]
+    axes_mps2: FloatArray
+    saturated: BoolArray
+    lost_before: int
+    rate_hz: float
+    ac_coupled: bool
+
+    def __len__(self) -> int:
+        return len(self.hub_time_s)
+
+
+@dataclass(frozen=True, slots=True)
+class EnvironmentReading:
+    """Pressure and temperature at the inner liner of one wheel; None where the sensor does not measure one.
+
+    Attributes:
+        wheel: as in SignalBlock.
+        hub_time_s: time of the hub's clock, s since its start.
+        host_time_ns: the same on the host's clock, ns since the epoch; 0 when the file contains no arrival times.
+        pressure_pa: inflation pressure above ambient (gauge).
+        temperature_degc: temperature of the inner liner.
+        supply_v: supply of the sensor.
+    """
+
+    wheel: str
+    hub_time_s: float
+    host_time_ns: int
+    pressure_pa: float | None
+    temperature_degc: float | None
+    supply_v: float | None
+
+
+SignalItem = SignalBlock | EnvironmentReading
+
+
+@dataclass(slots=True)
+class HeardWheel:
+    """What a recording holds of one wheel.
+
+    Attributes:
+        wheel: as in SignalBlock.
+        sensor_ids: serial numbers of its sensors, in the order in which they were heard.
+        rate_hz: stated sampling rate, NaN without a hello.
+        samples: number of samples received.
+    """
+
+    wheel: str
+    sensor_ids: list[int] = field(default_factory=list)
+    rate_hz: float = math.nan
+    samples: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What a recording holds, without its signals.
+
+    Attributes:
+        wheels: by position, configured ones first; only those that were heard.
+        links: counts of the decoder, by link.
+        first_ns: arrival of the first frame, ns since the epoch; 0 when the file contains no arrival times.
+        last_ns: arrival of the last.
+    """
+
+    wheels: Mapping[str, HeardWheel]
+    links: Mapping[str, LinkCounters]
+    first_ns: int
+    last_ns: int
+
+
+def survey(
+    source: Items,
+    vehicle: VehicleConfig | None,
+    *,
+    guard: Guard | None = None,
+    on_bytes: Callable[[int], None] | None = None,
+) -> Survey:
+    """Return what a recording holds; arguments and errors as for `signals`."""
+    names = _Names(vehicle)
+    heard: dict[str, HeardWheel] = {}
+    links: dict[str, LinkBlocks] = {}
+    first_ns = last_ns = 0
+    for link, batch, arrivals_ns in _batches(source, links, guard, on_bytes):
+        first_ns, last_ns = first_ns or int(arrivals_ns[0]), max(last_ns, int(arrivals_ns[-1]))
+        is_used = names.used(link, batch)
+        for hub, number, places in batch.by_source():
+            if number != HUB_ITSELF and is_used[places[0]]:
+                name = names.name(link, hub, number)
+                wheel = heard.setdefault(name, HeardWheel(name))
+                for place in places[batch.type[places] == MessageType.HELLO].tolist():
+                    hello = batch.message(place)
+                    assert isinstance(hello, Hello)
+                    wheel.rate_hz = hello.rate_hz
+                    if hello.sensor_id not in wheel.sensor_ids and len(wheel.sensor_ids) < _MOST_SENSORS:
+                        wheel.sensor_ids.append(hello.sensor_id)
+        for group in batch.sample_groups():
+            if is_used[group.frame_index[0]]:
+                heard[names.name(link, group.hub, group.wheel)].samples += group.counts.shape[0] * group.counts.shape[1]
+    order = {name: place for place, name in enumerate(names.configured.values())}
+    found = sorted(heard.values(), key=lambda wheel: order.get(wheel.wheel, len(order)))
+    counters = {name: blocks.counters for name, blocks in links.items()}
+    return Survey({wheel.wheel: wheel for wheel in found}, counters, first_ns, last_ns)
+
+
+def _batches(
+    source: Items, links: dict[str, LinkBlocks], guard: Guard | None, on_bytes: Callable[[int], None] | None
+) -> Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]:
+    """Yield the frames of all links in blocks, with their arrival times; `links` gets the decoders."""
+    for item in source.items():
+        if not isinstance(item, Chunk):
+            continue
+        blocks = links.get(item.link)
+        if blocks is None:
+            gate = guard.gate(item.link) if guard is not None else None
+            blocks = links[item.link] = LinkBlocks(item.link, gate)
+        if on_bytes is not None:
+            on_bytes(len(item.data))
+        for batch, arrivals_ns in blocks.add(item):
+            yield item.link, batch, arrivals_ns
+    for name, blocks in links.items():
+        for batch, arrivals_ns in blocks.finish():
+            yield name, batch, arrivals_ns
+
+
+def signals(
+    source: Items,
+    vehicle: VehicleConfig | None,
+    *,
+    wheels: Collection[str] | None = None,
+    guard: Guard | None = None,
+    on_bytes: Callable[[int], None] | None = None,
+) -> Iterator[SignalItem]:
+    """Yield the samples and the environment readings of a recording, in order of time for each wheel and kind.
+
+    Samples that arrive before the sensor has stated their scale are left out, as in the estimates.
+
+    Args:
+        source: a recording or dump.
+        vehicle: names the wheels; None for names from their numbers.
+        wheels: positions to read, None for all.
+        guard: verifies every frame first; None when signatures are not checked.
+        on_bytes: called with the number of link bytes of each chunk, for a progress bar.
+
+    Raises:
+        RecordingError: the file cannot be read.
+    """
+    router = _Router(vehicle, wheels)
+    for link, batch, arrivals_ns in _batches(source, {}, guard, on_bytes):
+        yield from router.batch(link, batch, arrivals_ns)
+    yield from router.finish()
+
+
+def sample_blocks(
+    source: Items,
+    vehicle: VehicleConfig | None,
+    *,
+    wheels: Collection[str] | None = None,
+    guard: Guard | None = None,
+    on_bytes: Callable[[int], None] | None = None,
+) -> Iterator[SignalBlock]:
+    """Yield the samples of a recording; arguments and errors as for `signals`."""
+    for item in signals(source, vehicle, wheels=wheels, guard=guard, on_bytes=on_bytes):
+        if isinstance(item, SignalBlock):
+            yield item
+
+
+def revolutions(
+    source: Items,
+    vehicle: VehicleConfig | None,
+    *,
+    wheels: Collection[str] | None = None,
+    estimators: Sequence[str] = (),
+    effects: Sequence[CorrectionTable] = (),
+    guard: Guard | None = None,
+    on_bytes: Callable[[int], None] | None = None,
+) -> Iterator[RevolutionResult]:
+    """Yield the revolutions of a recording in the angle domain, in order per wheel; arguments as for `signals`.
+
+    Args:
+        source: a recording or dump.
+        vehicle: configuration, None for an assumed belt radius.
+        wheels: positions to yield, None for all.
+        estimators: names from the registry; none for the revolutions alone.
+        effects: known effects to subtract, one table per wheel.
+        guard: verifies every frame first; None when signatures are not checked.
+        on_bytes: called with the number of link bytes of each chunk, for a progress bar.
+    """
+    for result in estimated_results(
+        source, vehicle, estimators=estimators, effects=effects, guard=guard, on_bytes=on_bytes
+    ):
+        if wheels is None or result.position in wheels:
+            yield result
+
+
+@dataclass(slots=True)
+class _Hub:
+    """Clocks of a hub, and its boot count."""
+
+    host: HostClock = field(default_factory=HostClock)
+    boot_count: int | None = None
+    last_us: int | None = None
+
+
+@dataclass(order=True, slots=True)
+class _Run:
+    """Consecutive samples, converted."""
+
+    first: int
+    axes_mps2: FloatArray = field(compare=False)
+    saturated: BoolArray = field(compare=False)
+
+    @property
+    def end(self) -> int:
+        return self.first + len(self.saturated)
+
+    def part(self, first: int, end: int) -> _Run:
+        """Return samples `first` to `end` (exclusive)."""
+        own = slice(first - self.first, end - self.first)
+        return _Run(first, self.axes_mps2[own], self.saturated[own])
+
+
+class _Segment:
+    """Samples of one wheel on one clock, some of them held back until they can be dated."""
+
+    def __init__(self, first: int, rate_hz: float) -> None:
+        self.first = self.head = self.released = first
+        self.rate_hz = rate_hz
+        self.clock = SampleClock(rate_hz)
+        self._held: list[_Run] = []
+        self._last_knot = (-math.inf, _BEFORE_EPOCH_NS)
+        self._knot = max(1, round(_KNOT_S * rate_hz))
+
+    def add(self, run: _Run, ticks_us: Sequence[int], block: int) -> None:
+        """Append samples with the hub times of the first of each of their blocks."""
+        for place, tick_us in enumerate(ticks_us):
+            self.clock.stamp(run.first + place * block, tick_us)
+        self._held.append(run)
+        self.head = run.end
+
+    def insert(self, run: _Run) -> None:
+        """Put late samples into their place, unless they are known or their neighbours are gone."""
+        holes = [self.released, *(edge for held in self._held for edge in (held.first, held.end)), self.head]
+        for lo, hi in list(zip(holes[::2], holes[1::2], strict=True)):
+            first, end = max(lo, run.first), min(hi, run.end)
+            if first < end:
+                insort(self._held, run.part(first, end))
+
+    def ready(self) -> int:
+        """Return the end of the samples that can be dated now."""
+        known = self.head - round(_HOLD_S * self.rate_hz) - self.first
+        return self.first + known // self._knot * self._knot if known > 0 else self.released
+
+    def release(self, end: int, host: HostClock) -> Iterator[tuple[_Run, FloatArray, NDArray[np.int64], float]]:
+        """Yield the held samples before `end`, without gaps, with their hub times, host times and rate."""
+        if end <= self.released:
+            return
+        parts: list[_Run] = []
+        while self._held and self._held[0].first < end:
+            run = self._held.pop(0)
+            if run.end > end:
+                self._held.insert(0, run.part(end, run.end))
+                run = run.part(run.first, end)
+            parts.append(run)
+        begin = self.first + (self.released - self.first) // self._knot * self._knot
+        knots = np.append(np.arange(begin, end, self._knot), end)
+        # Dated by the stamps up to the knot, so that the times do not depend on the chunks in which samples arrive.
+        dated_at = np.minimum(np.maximum(knots, self.first + round(_RATE_KNOWN_S * self.rate_hz)), self.head)
+        knots_us = np.array([self._hub_us(*pair) for pair in zip(knots.tolist(), dated_at.tolist(), strict=True)])
+        knots_ns = np.array([host.host_ns(hub_us) for hub_us in knots_us.tolist()], np.int64)
+        # A fit that has learnt better may place a knot before the last one.
+        knots_us[0], knots_ns[0] = max(knots_us[0], self._last_knot[0]), max(knots_ns[0], self._last_knot[1])
+        np.maximum.accumulate(knots_us, out=knots_us)
+        np.maximum.accumulate(knots_ns, out=knots_ns)
+        self._last_knot = (float(knots_us[-1]), int(knots_ns[-1]))
+        rate_hz = self.clock.rate_hz(float(dated_at[-1]))
+        for run in _joined(parts):
+            numbers = np.arange(run.first, run.end)
+            hub_s = np.interp(numbers, knots, knots_us) * 1e-6
+            since_ns = np.interp(numbers, knots, (knots_ns - knots_ns[0]).astype(np.float64))
+            yield run, hub_s, knots_ns[0] + np.rint(since_ns).astype(np.int64), rate_hz
+        self.released = end
+
+    def _hub_us(self, number: int, dated_at: int) -> float:
+        return self.clock.hub_us(dated_at) - (dated_at - number) * 1e6 / self.clock.rate_hz(dated_at)
+
+
+def _joined(runs: Sequence[_Run]) -> Iterator[_Run]:
+    """Yield runs that follow each other without a gap as one."""
+    begin = 0
+    for stop in range(1, len(runs) + 1):
+        if stop < len(runs) and runs[stop - 1].end == runs[stop].first:
+            continue
+        parts = runs[begin:stop]
+        if len(parts) == 1:
+            yield parts[0]
+        elif parts:
+            yield _Run(
+                parts[0].first,
+                np.concatenate([part.axes_mps2 for part in parts]),
+                np.concatenate([part.saturated for part in parts]),
+            )
+        begin = stop
+
+
+class _Wheel:
+    """Samples of one wheel."""
+
+    def __init__(self, position: str, hub: _Hub) -> None:
+        self.position = position
+        self.hub = hub
+        self.hello: Hello | None = None
+        self._reading: SensorReading | None = None
+        self._segment: _Segment | None = None
+        self._segments = -1
+        self._lost = 0
+        self._end: int | None = None
+
+    def take_hello(self, hello: Hello) -> Iterator[SignalBlock]:
+        """Take the layout and scale of the samples; a change of sensor, rate or layout begins a new segment."""
+        known = self.hello
+        if known == hello:
+            return
+        if known is None or any(
+            getattr(known, name) != getattr(hello, name) for name in ("axes", "rate_hz", "boot_count", "sensor_id")
+        ):
+            yield from self.flush()
+        self.hello, self._reading = hello, SensorReading.from_hello(hello)
+
+    def restart(self) -> Iterator[SignalBlock]:
+        """Handle a restart of the hub."""
+        yield from self.flush()
+        self.hello = self._reading = None
+
+    def take(
+        self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16]
+    ) -> Iterator[SignalBlock]:
+        """Take consecutive samples, with the hub times of the first of each of their equally long blocks."""
+        hello, reading, segment = self.hello, self._reading, self._segment
+        if hello is None or reading is None or axes != hello.axes:
+            return
+        converted = np.full((len(counts), len(Axis)), np.nan)
+        converted[:, reading.columns] = reading.samples_mps2(counts)
+        limit = reading.saturation_counts
+        saturated: BoolArray = np.logical_or.reduce((counts >= limit) | (counts <= -limit), axis=1)
+        first = unwrap(segment.head, first_sample) if segment is not None else first_sample
+        if segment is not None:
+            step = first - segment.head
+            expected_us = segment.clock.hub_us(first)
+            if step < 0 and abs(ticks_us[0] - expected_us) < _LATE_TOLERANCE_US:
+                segment.insert(_Run(first, converted, saturated))
+                return
+            if step < 0 or step > _MAX_GAP_S * hello.rate_hz:
+                yield from self.flush()
+                if step > 0 and not is_jump(step, ticks_us[0] - segment.clock.hub_us(segment.head), hello.rate_hz):
+                    self._lost += step
+                first = first if step > 0 else first_sample
+                segment = None
+        if segment is None:
+            self._segments += 1
+            segment = self._segment = _Segment(first, hello.rate_hz)
+            self._end = None
+        segment.add(_Run(first, converted, saturated), ticks_us, len(counts) // len(ticks_us))
+        yield from self._released(segment, segment.ready())
+
+    def flush(self) -> Iterator[SignalBlock]:
+        """Yield the samples held back, at the end of a segment."""
+        segment, self._segment = self._segment, None
+        if segment is not None:
+            yield from self._released(segment, segment.head)
+
+    def _released(self, segment: _Segment, end: int) -> Iterator[SignalBlock]:
+        hello, reading = self.hello, self._reading
+        assert hello is not None
+        assert reading is not None
+        for run, hub_s, host_ns, rate_hz in segment.release(end, self.hub.host):
+            if self._end is not None:
+                self._lost += run.first - self._end
+            yield SignalBlock(
+                wheel=self.position,
+                sensor_id=hello.sensor_id,
+                segment=self._segments,
+                first_sample=run.first,
+                hub_time_s=hub_s,
+                host_time_ns=host_ns,
+                axes_mps2=run.axes_mps2,
+                saturated=run.saturated,
+                lost_before=self._lost,
+                rate_hz=rate_hz,
+                ac_coupled=reading.ac_coupled,
+            )
+            self._lost, self._end = 0, run.end
+
+
+class _Names:
+    """Admission and names of wheels, as in the pipeline."""
+
+    def __init__(self, vehicle: VehicleConfig | None) -> None:
+        self.configured = positions(vehicle)
+        self._limit = WheelLimit(self.configured)
+        self._claimed: dict[tuple[int, int], str] = {}
+
+    def used(self, link: str, batch: FrameBatch) -> BoolArray:
+        """Return which frames of a batch are of an admitted source, (k,)."""
+        is_used = np.zeros(len(batch), np.bool_)
+        for hub, wheel, places in batch.by_source():
+            is_used[places] = self._limit.admits(link, hub, wheel)
+        return is_used
+
+    def name(self, link: str, hub: int, number: int) -> str:
+        """Return the position of a wheel; a configured one is on the first link that has it."""
+        owner = self._claimed.setdefault((hub, number), link)
+        configured = self.configured.get((hub, number)) if owner == link else None
+        return configured or f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
+
+
+class _Router:
+    """Frames of all links, taken to their wheels."""
+
+    def __init__(self, vehicle: VehicleConfig | None, wheels: Collection[str] | None) -> None:
+        self._names = _Names(vehicle)
+        self._chosen = wheels
+        self._hubs: dict[tuple[str, int], _Hub] = {}
+        # None for a wheel that is not chosen
+        self._wheels: dict[tuple[str, int, int], _Wheel | None] = {}
+
+    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[SignalItem]:
+        """Yield what a block of frames of a link completes."""
+        is_used = self._names.used(link, batch)
+        groups = [group for group in batch.sample_groups() if is_used[group.frame_index[0]]]
+        changes = self._changes(link, batch, is_used)
+        for begin, stop in pairwise(sorted({0, len(batch), *changes})):
+            if begin in changes:
+                yield from self._change(link, batch, begin, changes[begin])
+            ticks_us = self._stamp(link, batch, slice(begin, stop), is_used, arrivals_ns)
+            yield from self._samples(link, groups, begin, stop, ticks_us)
+            yield from self._environment(link, batch, begin, stop, is_used, ticks_us)
+
+    def finish(self) -> Iterator[SignalItem]:
+        """Yield the samples held back, when no more frames will come."""
+        for wheel in self._wheels.values():
+            if wheel is not None:
+                yield from wheel.flush()
+
+    def _changes(self, link: str, batch: FrameBatch, is_used: BoolArray) -> dict[int, Hello]:
+        """Return the hellos that differ from the one before of their wheel, by their places."""
+        known: dict[tuple[int, int], Hello | None] = {}
+        changes: dict[int, Hello] = {}
+        for place in np.flatnonzero((batch.type == MessageType.HELLO) & is_used).tolist():
+            hello = batch.message(place)
+            assert isinstance(hello, Hello)
+            hub, number = int(batch.hub[place]), int(batch.wheel[place])
+            if (hub, number) not in known:
+                wheel = self._wheels.get((link, hub, number))
+                known[hub, number] = wheel.hello if wheel is not None else None
+            if known[hub, number] != hello:
+                changes[place] = known[hub, number] = hello
+        return changes
+
+    def _change(self, link: str, batch: FrameBatch, place: int, hello: Hello) -> Iterator[SignalItem]:
+        number, key = int(batch.hub[place]), (link, int(batch.hub[place]))
+        hub = self._hubs.setdefault(key, _Hub())
+        if hub.boot_count is not None and hub.boot_count != hello.boot_count:
+            for (of_link, of_hub, _), wheel in self._wheels.items():
+                if (of_link, of_hub) == key and wheel is not None:
+                    yield from wheel.restart()
+            hub.last_us, hub.host = None, HostClock()
+        hub.boot_count = hello.boot_count
+        own = self._wheel(link, number, int(batch.wheel[place]))
+        if own is not None:
+            yield from own.take_hello(hello)
+
+    def _stamp(
+        self, link: str, batch: FrameBatch, part: slice, is_used: BoolArray, arrivals_ns: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Return the unwrapped hub times of frames, and give those to the clocks of their hubs."""
+        hubs = np.asarray(batch.hub[part])
+        ticks = np.asarray(batch.tick_us[part]).astype(np.uint32)
+        unwrapped = np.zeros(len(ticks), np.int64)
+        for number in np.unique(hubs[is_used[part]]).tolist():
+            own = np.flatnonzero((hubs == number) & is_used[part])
+            hub = self._hubs.setdefault((link, number), _Hub())
+            first = int(ticks[own[0]]) if hub.last_us is None else unwrap(hub.last_us, int(ticks[own[0]]))
+            steps = np.diff(ticks[own]).astype(np.int32).astype(np.int64)
+            unwrapped[own] = first + np.concatenate(([0], np.cumsum(steps)))
+            hub.last_us = int(unwrapped[own[-1]])
+            arrived_ns = arrivals_ns[part][own]
+            # A dump has no arrival times.
+            if arrived_ns.any():
+                for tick_us, arrival_ns in zip(unwrapped[own].tolist(), arrived_ns.tolist(), strict=True):
+                    hub.host.stamp(tick_us, arrival_ns)
+        return unwrapped
+
+    def _samples(
+        self, link: str, groups: Sequence[SampleGroup], begin: int, stop: int, ticks_us: NDArray[np.int64]
+    ) -> Iterator[SignalItem]:
+        runs: list[tuple[int, SampleGroup, int, int]] = []
+        for group in groups:
+            lo, hi = np.searchsorted(group.frame_index, (begin, stop)).tolist()
+            numbers = np.asarray(group.first_sample[lo:hi]).astype(np.uint32)
+            breaks = np.flatnonzero(np.diff(numbers) != group.counts.shape[1]) + 1
+            edges = [lo, *(lo + breaks).tolist(), hi] if hi > lo else []
+            runs += [(int(group.frame_index[one]), group, one, other) for one, other in pairwise(edges)]
+        # In the order of the stream, since a wheel that changes its block size is in several groups.
+        for _, group, lo, hi in sorted(runs, key=lambda run: run[0]):
+            wheel = self._wheel(link, group.hub, group.wheel)
+            if wheel is not None:
+                counts = group.counts[lo:hi].reshape(-1, group.counts.shape[2])
+                own_us = ticks_us[group.frame_index[lo:hi] - begin].tolist()
+                yield from wheel.take(int(group.first_sample[lo]), own_us, group.axes, counts)
+
+    def _environment(
+        self,
+        link: str,
+        batch: FrameBatch,
+        begin: int,
+        stop: int,
+        is_used: BoolArray,
+        ticks_us: NDArray[np.int64],
+    ) -> Iterator[SignalItem]:
+        of_type = (batch.type[begin:stop] == MessageType.ENVIRONMENT) & is_used[begin:stop]
+        for place in np.flatnonzero(of_type).tolist():
+            message = batch.message(begin + place)
+            wheel = self._wheel(link, int(batch.hub[begin + place]), int(batch.wheel[begin + place]))
+            if wheel is None or not isinstance(message, Environment):
+                continue
+            tick_us = int(ticks_us[place])
+            yield EnvironmentReading(
+                wheel=wheel.position,
+                hub_time_s=tick_us * 1e-6,
+                host_time_ns=wheel.hub.host.host_ns(tick_us),
+                pressure_pa=message.pressure_pa,
+                temperature_degc=message.temperature_degc,
+                supply_v=message.supply_v,
+            )
+
+    def _wheel(self, link: str, hub: int, number: int) -> _Wheel | None:
+        """Return a wheel, new if need be; None for the hub itself, and for a wheel that is not chosen."""
+        if number == HUB_ITSELF:
+            return None
+        key = (link, hub, number)
+        if key not in self._wheels:
+            name = self._names.name(link, hub, number)
+            chosen = self._chosen is None or name in self._chosen
+            self._wheels[key] = _Wheel(name, self._hubs.setdefault((link, hub), _Hub())) if chosen else None
+        return self._wheels[key]

@@ -1,0 +1,47 @@
+"""Check of the estimated revolutions of a recording against the references in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
+from gateway.io.source import LinkItem
+from gateway.pipeline.reference_comparison import ReferenceComparison, TurnLog
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.reference_topic import ReferenceItems
+
+
+class ReferenceCheck:
+    """Collector of references and revolutions while a recording is estimated; a source of its items."""
+
+    def __init__(self, source: ReferenceItems, vehicle: VehicleConfig | None) -> None:
+        """Prepare the check; `vehicle` gives the belt radii."""
+        self._source = source
+        self._turns: dict[str, TurnLog] = {}
+        setups = vehicle.wheel_setups() if vehicle is not None else ()
+        self._radius_m = {setup.position: setup.radius_m for setup in setups}
+
+    def items(self) -> Iterator[LinkItem]:
+        """Yield the link items of the recording."""
+        return self._source.items()
+
+    def add(self, result: RevolutionResult) -> None:
+        """Add a revolution."""
+        self._turns.setdefault(result.position, TurnLog()).add(result.revolution)
+
+    def comparisons(self) -> tuple[ReferenceComparison, ...]:
+        """Return the comparison with every reference, by wheel."""
+        found = []
+        for reference in self._source.references():
+            turns = self._turns.get(reference.position, TurnLog())
+            comparison = turns.compare(
+                reference.position,
+                reference.name,
+                reference.quantity,
+                reference.times_s,
+                reference.values,
+                reference.value_std,
+                self._radius_m.get(reference.position, ASSUMED_RADIUS_MM * 1e-3),
+            )
+            found.append(comparison)
+        return tuple(found)

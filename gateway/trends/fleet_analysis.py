@@ -1,0 +1,584 @@
+"""Trends of a fleet: every tire's numbers by regression over its recordings.
+
+Pressures are compared at one temperature by the gas law, with absolute ones: p20 = (p + p_atm) (293.15 K / T) - p_atm.
+Bs, Rs and Ts are stiffnesses over the pressure, so their drift is that of the number times the pressure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
+from gateway.estimators.estimator import Status
+from gateway.reasons import Code, Reason
+from gateway.trends.level_steps import find_steps
+from gateway.trends.outlier_test import OutlierSearch, find_outliers
+from gateway.trends.regression import LEAST_FREEDOM, Fit, weights_of
+from gateway.trends.tire_history import TireHistory
+from gateway.trends.trend_result import (
+    FleetTrends,
+    PairTrend,
+    Quantity,
+    TireTrend,
+    TrendNumber,
+    TrendOutlier,
+    TrendSeries,
+)
+from gateway.types import FloatArray, IntArray
+
+REFERENCE_DEGC: Final = 20.0
+"""Temperature at which pressures are compared."""
+
+# Spread of the temperature from which its influence is fitted, and recordings that this needs.
+_LEAST_SPREAD_K: Final = 2.0
+_LEAST_FOR_TEMPERATURE: Final = 12
+_LEAST_SPREAD_SPEED: Final = 0.03
+# A new tire has this much less wear at least.
+_LEAST_NEW_TIRE_MM: Final = 0.3
+_LEAST_REFILL_PA: Final = 3000.0
+# What is worth a finding, besides being significant.
+_NOTABLE_LOSS_PA: Final = 1000.0
+_NOTABLE_NOISE: Final = 0.25
+_NOTABLE_SHARE: Final = 0.005
+_NOTABLE_CLIPPING: Final = 0.001
+_NOTABLE_OFFSET_M: Final = 1e-3
+_NOTABLE_GAIN: Final = 0.02
+_NOTABLE_ZERO_MPS2: Final = 5.0
+_NOTABLE_STIFFNESS: Final = 0.05
+# Tires from which a fleet has a median wear, and excess over it that is a finding.
+_LEAST_FLEET: Final = 4
+_FAST_WEAR: Final = 1.5
+_FAST_WEAR_STDS: Final = 4.0
+_FINDING_SHARE: Final = 0.999
+# Series of a tire that are tested for outliers.
+_SERIES_OF_TIRE: Final = 12
+_ANGLES: Final = 180.0 / math.pi
+_LETTERS: Final = {"L": "R", "l": "r", "LEFT": "RIGHT", "Left": "Right", "left": "right"}
+
+
+class _Line(NamedTuple):
+    """A fitted series: design's column 0 is the level, 1 the trend, 2 the temperature where it is there."""
+
+    places: IntArray
+    values: FloatArray
+    stds: FloatArray
+    design: FloatArray
+    steps: list[int]
+    search: OutlierSearch
+    has_covariate: bool
+
+
+@dataclass(slots=True)
+class _Tire:
+    """Work on one tire."""
+
+    history: TireHistory
+    family: int
+    numbers: list[TrendNumber] = field(default_factory=list)
+    series: list[TrendSeries] = field(default_factory=list)
+    outliers: list[TrendOutlier] = field(default_factory=list)
+    findings: list[Reason] = field(default_factory=list)
+    tested: int = 0
+
+
+def analyse(
+    histories: Sequence[TireHistory], *, recordings: int, failures: int = 0, notes: Sequence[Reason] = ()
+) -> FleetTrends:
+    """Return the trends of all tires.
+
+    Args:
+        histories: one for each vehicle, wheel and sensor.
+        recordings: number in the dataset.
+        failures: recordings without results.
+        notes: on the whole.
+    """
+    family = max(1, len(histories)) * _SERIES_OF_TIRE
+    tires = [part for history in histories for part in _tires_of(history, family)]
+    found = [_trend_of(_Tire(history, family)) for history in tires]
+    return FleetTrends(
+        tires=_with_fast_wear([trend for trend, _ in found]),
+        pairs=tuple(_pairs(tires)),
+        outliers=tuple(outlier for _, tire in found for outlier in tire.outliers),
+        tested=sum(tire.tested for _, tire in found),
+        recordings=recordings,
+        failures=failures,
+        notes=tuple(notes),
+    )
+
+
+def _tires_of(history: TireHistory, family: int) -> Iterator[TireHistory]:
+    """Yield the tires that one sensor has seen: a fall of the wear is a new tire."""
+    wear = history.column("wear_mm")
+    known = np.flatnonzero(np.isfinite(wear))
+    begins: list[int] = []
+    if len(known) > LEAST_FREEDOM + 2:
+        design = np.column_stack([np.ones(len(known)), _centred(history.km[known])])
+        steps = find_steps(design, wear[known], family=family, least=_LEAST_NEW_TIRE_MM)
+        edges = [0, *steps, len(known)]
+        for before, at, after in zip(edges, edges[1:-1], edges[2:], strict=False):
+            if np.median(wear[known[at:after]]) < np.median(wear[known[before:at]]):
+                begins.append(int(known[at]))
+    yield from history.split(begins)
+
+
+def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
+    history = tire.history
+    _wear(tire)
+    _pressure(tire)
+    _load(tire)
+    for name, quantity, temperature in (
+        ("Bs", Quantity.BS_RATE, Quantity.BS_TEMPERATURE),
+        ("Cw", Quantity.CW_RATE, Quantity.CW_TEMPERATURE),
+        ("Rs", Quantity.RS_RATE, Quantity.RS_TEMPERATURE),
+        ("Ts", Quantity.TS_RATE, Quantity.TS_TEMPERATURE),
+    ):
+        _stiffness(tire, name, quantity, temperature)
+    _sensor(tire)
+    order = list(Quantity)
+    trend = TireTrend(
+        vehicle=history.vehicle,
+        position=history.position,
+        sensor_id=history.sensor_id,
+        part=history.part,
+        first_ns=int(history.time_ns[0]),
+        last_ns=int(history.time_ns[-1]),
+        recordings=len(history.recordings),
+        distance_km=float(history.km[-1] - history.km[0]),
+        has_odometer=history.has_odometer,
+        numbers=tuple(sorted(tire.numbers, key=lambda number: order.index(number.quantity))),
+        findings=tuple(tire.findings),
+        series=tuple(tire.series),
+    )
+    return trend, tire
+
+
+def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
+    """Add a finding to tires that wear much faster than the median of the fleet: that tires wear is none."""
+    rates = [next(n for n in tire.numbers if n.quantity is Quantity.WEAR_RATE) for tire in tires]
+    known = [rate.value for rate in rates if rate.status is Status.VALID]
+    if len(known) < _LEAST_FLEET:
+        return tuple(tires)
+    middle = float(np.median(known))
+    found = []
+    for tire, rate in zip(tires, rates, strict=True):
+        is_fast = rate.status is Status.VALID and rate.value - middle > max(
+            _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(middle, 0.0)
+        )
+        finding = Reason(Code.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle)
+        found.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
+    return tuple(found)
+
+
+def _wear(tire: _Tire) -> None:
+    history = tire.history
+    wear = history.column("wear_mm")
+    why = _missing(history, "wear_mm", wear)
+    line = _line(tire, "wear_mm", "mm", history.km * 1e-3, wear, history.column("wear_mm_std"), against="km", warm=True)
+    basis = () if history.has_odometer else (Reason(Code.TREND_RECORDED_DISTANCE, distance_m=1e3 * _span(history.km)),)
+    if line is None or line.search.fit is None:
+        tire.numbers.append(TrendNumber(Quantity.WEAR_RATE, unit="mm/1000 km", reasons=(why,)))
+        tire.numbers.append(TrendNumber(Quantity.WEAR_NOW, unit="mm", reasons=(why,)))
+        return
+    status = Status.VALID if history.has_odometer else Status.PROVISIONAL
+    rate = _number(Quantity.WEAR_RATE, "mm/1000 km", line, 1, status=status, reasons=basis)
+    tire.numbers.append(rate)
+    tire.numbers.append(_at_end(Quantity.WEAR_NOW, "mm", line))
+
+
+def _pressure(tire: _Tire) -> None:
+    history = tire.history
+    gauge, degc = history.column("pressure_pa"), history.column("temperature_degc")
+    measured = history.column("pressure_measured") > 0.0
+    warm = (degc + ZERO_CELSIUS_K) / (REFERENCE_DEGC + ZERO_CELSIUS_K)
+    cold = np.where(measured, (gauge + STANDARD_ATMOSPHERE_PA) / warm - STANDARD_ATMOSPHERE_PA, math.nan)
+    if not measured.any():
+        why = Reason(Code.TREND_PRESSURE_NOT_MEASURED)
+    elif not np.isfinite(cold).any():
+        why = Reason(Code.TREND_TEMPERATURE_UNKNOWN)
+    else:
+        why = _missing(history, "", cold)
+    unknown = np.full(len(cold), math.nan)
+    line = _line(
+        tire,
+        "pressure_at_20_degc",
+        "kPa",
+        history.months,
+        cold * 1e-3,
+        unknown,
+        steps_from=_LEAST_REFILL_PA * 1e-3,
+    )
+    if line is None or line.search.fit is None:
+        tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
+        tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
+        return
+    notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
+    loss = _number(Quantity.PRESSURE_LOSS, "kPa/month", line, 1, factor=-1.0, reasons=notes)
+    tire.numbers.append(loss)
+    tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
+    if _is_significant(loss, line) and loss.value > _NOTABLE_LOSS_PA * 1e-3:
+        tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
+
+
+def _load(tire: _Tire) -> None:
+    history = tire.history
+    measured, stds = history.column("estimated_load_n"), history.column("estimated_load_n_std")
+    line = None
+    if np.isfinite(measured).any():
+        line = _line(tire, "estimated_load_n", "N", history.months, measured, stds)
+    if line is None or line.search.fit is None:
+        tire.numbers += _stated_load(history, _missing(history, "estimated_load_n", measured))
+    else:
+        tire.numbers += _measured_load(line, line.search.fit)
+        if line.steps:
+            tire.findings.append(Reason(Code.TREND_LOAD_STEPS, count=len(line.steps)))
+    contact, errors = 1e3 * history.column("contact_length_m"), 1e3 * history.column("contact_length_m_std")
+    length = _line(tire, "contact_length_m", "mm", history.months, contact, errors)
+    if length is None or length.search.fit is None:
+        why = _missing(history, "contact_length_m", contact)
+        tire.numbers.append(TrendNumber(Quantity.CONTACT_RATE, unit="mm/month", reasons=(why,)))
+    else:
+        tire.numbers.append(_number(Quantity.CONTACT_RATE, "mm/month", length, 1))
+
+
+def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
+    used = ~line.search.is_outlier
+    values, steps = line.values[used], (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
+    count, shared = int(values.size), _shared_std(line.stds)
+    std = math.hypot(shared, float(np.std(values, ddof=1)) / math.sqrt(count))
+    mean = float(values.mean())
+    yield TrendNumber(
+        Quantity.LOAD, mean, std, "N", Status.VALID, (), count, fit.freedom, mean - 2.0 * std, mean + 2.0 * std
+    )
+    yield _number(Quantity.LOAD_RATE, "N/month", line, 1)
+    scatter = float(np.std(fit.residuals[used], ddof=fit.coefficients.size))
+    own = scatter / math.sqrt(2.0 * fit.freedom)
+    yield TrendNumber(
+        Quantity.LOAD_SCATTER, scatter, own, "N", Status.VALID, steps, count, fit.freedom,
+        scatter - 2.0 * own, scatter + 2.0 * own,
+    )  # fmt: skip
+
+
+def _stated_load(history: TireHistory, why: Reason) -> Iterator[TrendNumber]:
+    """Yield the stated load where none is measured."""
+    stated = history.column("load_n")
+    known = np.isfinite(stated)
+    reasons = (Reason(Code.TREND_LOAD_STATED), why)
+    if known.any():
+        std = _shared_std(history.column("load_std_n")[known]) or math.nan
+        value, count = float(np.mean(stated[known])), int(known.sum())
+        yield TrendNumber(Quantity.LOAD, value, std, "N", Status.PROVISIONAL, reasons, count)
+    else:
+        yield TrendNumber(Quantity.LOAD, unit="N", reasons=(why,))
+    yield TrendNumber(Quantity.LOAD_RATE, unit="N/month", reasons=(why,))
+    yield TrendNumber(Quantity.LOAD_SCATTER, unit="N", reasons=(why,))
+
+
+def _shared_std(stds: FloatArray) -> float:
+    """Return the stated error that all recordings share; 0 when it is not known."""
+    return float(np.nanmedian(stds)) if np.isfinite(stds).any() else 0.0
+
+
+def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity) -> None:
+    history = tire.history
+    values = history.column(name)
+    factor = history.column("pressure_pa") if name != "Cw" else np.ones(len(values))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        percent = 100.0 * np.log(values * factor)
+        stds = 100.0 * history.column(f"{name}_std") / values
+    middle = np.nanmedian(percent) if np.isfinite(percent).any() else 0.0
+    line = _line(tire, name, "%", history.months, percent - middle, stds, warm=True)
+    why = _missing(history, name, percent)
+    if line is None or line.search.fit is None:
+        tire.numbers.append(TrendNumber(quantity, unit="%/month", reasons=(why,)))
+        tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(why,)))
+        return
+    notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
+    rate = _number(quantity, "%/month", line, 1, reasons=notes)
+    tire.numbers.append(rate)
+    if line.has_covariate:
+        tire.numbers.append(_number(temperature, "%/K", line, 2))
+    else:
+        tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(Reason(Code.TREND_TEMPERATURE_CONSTANT),)))
+    if _is_significant(rate, line) and abs(rate.value) * _span(history.months) > 100.0 * _NOTABLE_STIFFNESS:
+        tire.findings.append(
+            Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=rate.value / 100.0, std=rate.std / 100.0)
+        )
+
+
+def _sensor(tire: _Tire) -> None:
+    """Look for a sensor that degrades: noise, losses, clipping, offset, gain and zero over the time."""
+    history = tire.history
+    speed = history.column("speed_mean_mps")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        noise = 100.0 * np.log(history.column("noise_mps2"))
+        clipped = 100.0 * history.column("samples_saturated") / history.column("samples")
+        log_speed = np.log(speed)
+    nothing = np.full(len(speed), math.nan)
+    offset, offset_std = history.column("mounting_offset_m"), history.column("mounting_offset_std_m")
+    gain, gain_std = history.column("gain"), history.column("gain_std")
+    lost = history.column("missing_fraction")
+    zero, zero_std = history.column("zero_g_offset_mps2"), history.column("zero_g_offset_mps2_std")
+    for quantity, name, unit, values, stds, notable in (
+        (Quantity.NOISE_RATE, "noise_mps2", "%", noise, nothing, 100.0 * math.log1p(_NOTABLE_NOISE)),
+        (Quantity.LOSS_RATE, "missing_fraction", "%", 100.0 * lost, nothing, 100.0 * _NOTABLE_SHARE),
+        (Quantity.CLIPPING_RATE, "samples_saturated", "%", clipped, nothing, 100.0 * _NOTABLE_CLIPPING),
+        (Quantity.OFFSET_RATE, "mounting_offset_m", "mm", 1e3 * offset, 1e3 * offset_std, 1e3 * _NOTABLE_OFFSET_M),
+        (Quantity.GAIN_RATE, "gain", "%", 100.0 * gain, 100.0 * gain_std, 100.0 * _NOTABLE_GAIN),
+        (Quantity.ZERO_RATE, "zero_g_offset_mps2", "m/s²", zero, zero_std, _NOTABLE_ZERO_MPS2),
+    ):
+        covariate = log_speed if quantity is Quantity.NOISE_RATE else None
+        tested = quantity in (Quantity.NOISE_RATE, Quantity.OFFSET_RATE)
+        line = _line(tire, name, unit, history.months, values, stds, covariate=covariate, tested=tested)
+        if line is None or line.search.fit is None:
+            why = _missing(history, name if name in history.invalid else "", values)
+            tire.numbers.append(TrendNumber(quantity, unit=f"{unit}/month", reasons=(why,)))
+            continue
+        rate = _number(quantity, f"{unit}/month", line, 1)
+        tire.numbers.append(rate)
+        over = abs(rate.value) * _span(history.months)
+        worse = rate.value > 0.0 or quantity in (Quantity.OFFSET_RATE, Quantity.GAIN_RATE, Quantity.ZERO_RATE)
+        if worse and over > notable and _is_significant(rate, line):
+            tire.findings.append(_sensor_finding(quantity, rate.value * _span(history.months)))
+
+
+def _sensor_finding(quantity: Quantity, change: float) -> Reason:
+    """Return the finding of a change over the whole history."""
+    if quantity is Quantity.NOISE_RATE:
+        return Reason(Code.TREND_SENSOR_NOISE, factor=math.exp(change / 100.0))
+    if quantity is Quantity.LOSS_RATE:
+        return Reason(Code.TREND_SENSOR_LOSSES, share=change / 100.0)
+    if quantity is Quantity.CLIPPING_RATE:
+        return Reason(Code.TREND_SENSOR_CLIPS, share=change / 100.0)
+    if quantity is Quantity.OFFSET_RATE:
+        return Reason(Code.TREND_SENSOR_MOVES, change_m=change * 1e-3)
+    if quantity is Quantity.GAIN_RATE:
+        return Reason(Code.TREND_SENSOR_GAIN, share=change / 100.0)
+    return Reason(Code.TREND_SENSOR_ZERO, change_mps2=change)
+
+
+def _line(
+    tire: _Tire,
+    name: str,
+    unit: str,
+    at: FloatArray,
+    values: FloatArray,
+    stds: FloatArray,
+    *,
+    against: str = "months",
+    warm: bool = False,
+    covariate: FloatArray | None = None,
+    steps_from: float = 0.0,
+    tested: bool = True,
+) -> _Line | None:
+    """Fit a trend with steps, test for outliers, and keep the series; None with too few values.
+
+    Args:
+        tire: to add series and outliers to.
+        name: of the quantity.
+        unit: of values.
+        at: (n,) abscissa.
+        values: (n,) NaN where unknown.
+        stds: (n,) stated errors.
+        against: name of the abscissa.
+        warm: whether the temperature may have an influence.
+        covariate: (n,) another influence.
+        steps_from: least size of a step.
+        tested: whether outliers are reported.
+    """
+    history = tire.history
+    known = np.isfinite(values)
+    index = np.flatnonzero(known)
+    if len(index) < LEAST_FREEDOM + 2 or not _span(at[index]) > 0.0:
+        return None
+    columns = [np.ones(len(index)), _centred(at[index])]
+    other = history.column("temperature_degc") if warm else covariate
+    least = _LEAST_SPREAD_K if warm else _LEAST_SPREAD_SPEED
+    has_covariate = other is not None and len(index) >= _LEAST_FOR_TEMPERATURE and _varies(other[index], least)
+    if has_covariate and other is not None:
+        columns.append(_centred(other[index]))
+    design = np.column_stack(columns)
+    chosen, own = values[index], stds[index]
+    steps = find_steps(design, chosen, family=tire.family, least=steps_from) if np.ptp(chosen) > 0.0 else []
+    design = np.column_stack([design, *((np.arange(len(index)) >= begin).astype(np.float64) for begin in steps)])
+    search = find_outliers(design, chosen, weights_of(design, chosen, own), family=tire.family)
+    line = _Line(index, chosen, own, design, steps, search, has_covariate)
+    if search.fit is None:
+        return line
+    # Figures show what remains at the mean temperature or speed.
+    moved = design[:, 2] * search.fit.coefficients[2] if has_covariate else np.zeros(len(index))
+    if tested:
+        tire.tested += len(index)
+        outliers = np.flatnonzero(search.is_outlier).tolist()
+        tire.outliers += [_outlier(history, name, unit, line, search.fit, one) for one in outliers]
+    tire.series.append(
+        TrendSeries(
+            name=name,
+            unit=unit,
+            against=against,
+            at=at[index] * (1e3 if against == "km" else 1.0),
+            values=chosen - moved,
+            stds=own,
+            expected=search.fit.expected - moved,
+            is_outlier=search.is_outlier if tested else np.zeros(len(index), dtype=bool),
+            steps=tuple(steps),
+        )
+    )
+    return line
+
+
+def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, one: int) -> TrendOutlier:
+    at = int(line.places[one])
+    scale = fit.scale / math.sqrt(float(fit.weights[one]))
+    return TrendOutlier(
+        history.vehicle,
+        history.position,
+        history.sensor_id,
+        history.recordings[at],
+        history.paths[at],
+        int(history.time_ns[at]),
+        name,
+        float(line.values[one]),
+        float(fit.expected[one]),
+        unit,
+        float(fit.residuals[one]) / scale if scale > 0.0 else math.inf,
+    )
+
+
+def _number(
+    quantity: Quantity,
+    unit: str,
+    line: _Line,
+    at: int,
+    *,
+    factor: float = 1.0,
+    status: Status = Status.VALID,
+    reasons: tuple[Reason, ...] = (),
+) -> TrendNumber:
+    """Return a coefficient of a line as a number."""
+    fit = line.search.fit
+    assert fit is not None
+    value, std, half = factor * float(fit.coefficients[at]), abs(factor) * fit.std(at), abs(factor) * fit.half_width(at)
+    outliers = int(line.search.is_outlier.sum())
+    notes = (*reasons, Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=outliers)) if outliers else reasons
+    count = fit.freedom + fit.coefficients.size
+    return TrendNumber(quantity, value, std, unit, status, notes, count, fit.freedom, value - half, value + half)
+
+
+def _at_end(quantity: Quantity, unit: str, line: _Line) -> TrendNumber:
+    """Return the value of the trend at the last recording; its error includes what all recordings share."""
+    fit = line.search.fit
+    assert fit is not None
+    row = line.design[-1].copy()
+    if line.has_covariate:
+        row[2] = 0.0
+    value = float(row @ fit.coefficients)
+    std = math.hypot(math.sqrt(max(float(row @ fit.covariance @ row), 0.0)), _shared_std(line.stds))
+    count = fit.freedom + fit.coefficients.size
+    return TrendNumber(
+        quantity, value, std, unit, Status.VALID, (), count, fit.freedom, value - 2.0 * std, value + 2.0 * std
+    )
+
+
+def _is_significant(number: TrendNumber, line: _Line) -> bool:
+    fit = line.search.fit
+    if fit is None or not number.std > 0.0:
+        return fit is not None and number.value != 0.0
+    from scipy import stats
+
+    return abs(number.value) > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, fit.freedom)) * number.std
+
+
+def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
+    """Yield the asymmetry of wheels whose positions differ in left and right only, over common recordings."""
+    by_vehicle: dict[str, dict[str, list[TireHistory]]] = defaultdict(lambda: defaultdict(list))
+    for tire in tires:
+        by_vehicle[tire.vehicle][tire.position].append(tire)
+    for vehicle, wheels in by_vehicle.items():
+        for left in wheels:
+            right = _opposite(left)
+            if right in wheels:
+                numbers = (
+                    _difference(
+                        Quantity.PLY_STEER_ASYMMETRY, "ply_steer_contact_line_rad", wheels[left], wheels[right]
+                    ),
+                    _difference(Quantity.SLIP_ASYMMETRY, "slip_angle_rad", wheels[left], wheels[right]),
+                )
+                yield PairTrend(vehicle, left, right, numbers)
+
+
+def _opposite(position: str) -> str | None:
+    """Return the right position of a left one: FL -> FR, rear.left -> rear.right; None for other names."""
+    for left, right in _LETTERS.items():
+        if (len(left) > 1 and left in position) or (len(left) == 1 and position.endswith(left)):
+            head, _, tail = position.rpartition(left)
+            return f"{head}{right}{tail}"
+    return None
+
+
+def _difference(
+    quantity: Quantity, name: str, left: Sequence[TireHistory], right: Sequence[TireHistory]
+) -> TrendNumber:
+    first, second = _by_path(left, name), _by_path(right, name)
+    common = sorted(first.keys() & second.keys())
+    differences = np.array([first[path][0] - second[path][0] for path in common]) * _ANGLES
+    stds = np.array([math.hypot(first[path][1], second[path][1]) for path in common]) * _ANGLES
+    if len(common) < LEAST_FREEDOM + 1:
+        reason = Reason(Code.TREND_TOO_FEW, count=len(common), needed=LEAST_FREEDOM + 1)
+        return TrendNumber(quantity, unit="deg", reasons=(reason,))
+    design = np.ones((len(common), 1))
+    search = find_outliers(design, differences, weights_of(design, differences, stds), family=1)
+    fit = search.fit
+    if fit is None:
+        return TrendNumber(quantity, unit="deg", reasons=(Reason(Code.TREND_UNDETERMINED),))
+    # What all recordings share, such as the roll of a sensor, is part of the stated errors only.
+    shared = float(np.nanmedian(stds)) if np.isfinite(stds).any() else 0.0
+    value, std = float(fit.coefficients[0]), math.hypot(fit.std(0), shared)
+    return TrendNumber(
+        quantity,
+        value,
+        std,
+        "deg",
+        Status.VALID,
+        (),
+        fit.freedom + 1,
+        fit.freedom,
+        value - 2.0 * std,
+        value + 2.0 * std,
+    )
+
+
+def _by_path(tires: Sequence[TireHistory], name: str) -> dict[str, tuple[float, float]]:
+    found: dict[str, tuple[float, float]] = {}
+    for tire in tires:
+        values, stds = tire.column(name), tire.column(f"{name}_std")
+        found |= {tire.paths[i]: (float(values[i]), float(stds[i])) for i in np.flatnonzero(np.isfinite(values))}
+    return found
+
+
+def _missing(history: TireHistory, name: str, values: FloatArray) -> Reason:
+    """Return why a series gives no number."""
+    count = int(np.isfinite(values).sum())
+    if not count and history.invalid.get(name):
+        return Reason(Code.TREND_NO_VALUES, why=history.invalid[name])
+    if count < LEAST_FREEDOM + 2:
+        return Reason(Code.TREND_TOO_FEW, count=count, needed=LEAST_FREEDOM + 2)
+    return Reason(Code.TREND_UNDETERMINED)
+
+
+def _centred(values: FloatArray) -> FloatArray:
+    return np.asarray(values - values.mean(), dtype=np.float64)
+
+
+def _varies(values: FloatArray, least: float) -> bool:
+    return bool(np.isfinite(values).all()) and float(values.std()) >= least
+
+
+def _span(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if known.size else 0.0

@@ -1,0 +1,124 @@
+"""Steps of a series: places from which on all values are higher or lower, as after a change of tire or a refill."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gateway.types import BoolArray, FloatArray
+
+LEAST_POINTS: Final = 4
+"""Points of a level; fewer are outliers."""
+
+_FALSE_RATE: Final = 0.01
+_MOST_STEPS: Final = 12
+# A step is a multiple of the scatter about the levels, or it is of no use to anyone.
+_LEAST_SCATTERS: Final = 3.0
+_LOOK_AHEAD: Final = 3
+_NEIGHBOURS: Final = 5
+_SPIKE: Final = 6.0
+_MAD_TO_STD: Final = 1.4826
+# Share of the sum of squares that rounding leaves.
+_ROUNDING: Final = 1e-20
+
+
+def find_steps(design: FloatArray, values: FloatArray, *, family: int = 1, least: float = 0.0) -> list[int]:
+    """Return the indices at which a new level begins, in order.
+
+    Steps are added one at a time where they reduce the residual most. One that is not significant stays for a while, as
+    several steps may show only together. Those are kept that an F-test finds significant over all places and series in
+    the end, and that are larger than three times the scatter that remains and than `least`.
+
+    Args:
+        design: (n, p) of the trend without steps, in the order of time.
+        values: (n,) finite.
+        family: number of series that are tested together.
+        least: size below which a step is not reported.
+    """
+    keep = np.flatnonzero(~_spikes(values))
+    rows, wanted = design[keep], values[keep]
+    level = _FALSE_RATE / max(family, 1)
+    added: list[int] = []
+    significant = 0
+    while len(added) < _MOST_STEPS and len(added) - significant < _LOOK_AHEAD:
+        best = _best_step(rows, wanted, added)
+        if best is None:
+            break
+        added.append(best)
+        if _is_step(rows, wanted, added, best, level, least):
+            significant = len(added)
+    found = added[:significant]
+    while True:
+        weak = [at for at in found if not _is_step(rows, wanted, found, at, level, least)]
+        if not weak:
+            return sorted(int(keep[at]) for at in found)
+        found.remove(weak[-1])
+
+
+def _best_step(rows: FloatArray, wanted: FloatArray, found: list[int]) -> int | None:
+    """Return the place where one more step reduces the residual most; None without a place or freedom."""
+    count = len(wanted)
+    places = [
+        at
+        for at in range(LEAST_POINTS, count - LEAST_POINTS + 1)
+        if all(abs(at - other) >= LEAST_POINTS for other in found)
+    ]
+    if not places or count - rows.shape[1] - len(found) - 1 < LEAST_POINTS:
+        return None
+    # The residuals of the values and of all candidate steps after the columns present give each step's gain.
+    basis = np.linalg.qr(_with_steps(rows, found))[0]
+    left = wanted - basis @ (basis.T @ wanted)
+    steps = (np.arange(count)[:, None] >= np.array(places)).astype(np.float64)
+    steps -= basis @ (basis.T @ steps)
+    squares = np.einsum("ij,ij->j", steps, steps)
+    usable = squares > 1e-9 * count
+    gains = np.where(usable, (steps.T @ left) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    best = int(np.argmax(gains))
+    return places[best] if gains[best] > 0.0 else None
+
+
+def _is_step(rows: FloatArray, wanted: FloatArray, found: list[int], at: int, level: float, least: float) -> bool:
+    """Return whether one of the steps found is significant beside the others, and large enough."""
+    from scipy import stats
+
+    count = len(wanted)
+    columns = _with_steps(rows, [at, *(other for other in found if other != at)])
+    # The step as the last column: its coefficient and gain stand alone in the last row of R.
+    columns = np.column_stack([np.delete(columns, rows.shape[1], axis=1), columns[:, rows.shape[1]]])
+    basis, triangle = np.linalg.qr(columns)
+    along = basis.T @ wanted
+    left = wanted - basis @ along
+    freedom = count - columns.shape[1]
+    if freedom < LEAST_POINTS or not abs(triangle[-1, -1]) > 1e-9:
+        return False
+    rest, gain, size = float(left @ left), float(along[-1]) ** 2, abs(float(along[-1] / triangle[-1, -1]))
+    rounding = _ROUNDING * float(wanted @ wanted)
+    if gain <= rounding or rest <= rounding:
+        return gain > rounding and size >= least
+    chance = float(stats.f.sf(gain * freedom / rest, 1, freedom))
+    return chance * count <= level and size >= max(_LEAST_SCATTERS * math.sqrt(rest / freedom), least)
+
+
+def _with_steps(rows: FloatArray, places: list[int]) -> FloatArray:
+    steps = (np.arange(len(rows))[:, None] >= np.array(places, dtype=int)).astype(np.float64)
+    return np.column_stack([rows, steps])
+
+
+def _spikes(values: FloatArray) -> BoolArray:
+    """Return (n,) whether a value differs by six times the scatter from the medians of its neighbours on both sides.
+
+    Before the first and after the last values only the other side counts.
+    """
+    count = len(values)
+    if count <= 2 * _NEIGHBOURS:
+        return np.zeros(count, dtype=bool)
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(values, _NEIGHBOURS), axis=1)
+    before, after = np.full(count, np.nan), np.full(count, np.nan)
+    before[_NEIGHBOURS:] = medians[:-1]
+    after[: count - _NEIGHBOURS] = medians[1:]
+    off = np.fmin(np.abs(values - before), np.abs(values - after))
+    # The nearer of two medians: its scatter is about half that of the values.
+    scale = 2.0 * _MAD_TO_STD * float(np.median(off))
+    return np.asarray(off > _SPIKE * scale if scale > 0.0 else np.zeros(count, dtype=bool))

@@ -1,0 +1,132 @@
+"""Weighted linear regression whose standard errors come from the scatter of the data.
+
+The standard errors of single recordings hold parts that all recordings of a tire share, such as the error of its
+reference; they say little about a slope. Errors here are those of White's estimator in the form HC3 (MacKinnon and
+White 1985), which needs neither equal nor known errors, increased for residuals that follow each other (first-order
+autocorrelation).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.types import BoolArray, FloatArray
+
+LEAST_FREEDOM: Final = 3
+"""Degrees of freedom below which nothing is determined."""
+
+_MAD_TO_STD: Final = 1.4826
+_WORST_CONDITION: Final = 1e6
+_LARGEST_LEVERAGE: Final = 0.999
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A fitted line or plane.
+
+    Attributes:
+        coefficients: (p,) of the columns of the design.
+        covariance: (p, p) of them, from the scatter.
+        residuals: (n,) of all points, also of those left out.
+        expected: (n,) fitted values of all points.
+        leverage: (n,) of the points that were used, 0 for the others.
+        scale: standard deviation of a residual of unit weight.
+        weights: (n,) as used.
+        freedom: points used less coefficients.
+    """
+
+    coefficients: FloatArray
+    covariance: FloatArray
+    residuals: FloatArray
+    expected: FloatArray
+    leverage: FloatArray
+    scale: float
+    weights: FloatArray
+    freedom: int
+
+    def std(self, at: int) -> float:
+        """Return the standard error of a coefficient."""
+        return math.sqrt(max(float(self.covariance[at, at]), 0.0))
+
+    def half_width(self, at: int, share: float = 0.95) -> float:
+        """Return half the width of the interval that covers a coefficient with this probability (Student's t)."""
+        from scipy import stats
+
+        return float(stats.t.ppf(0.5 + 0.5 * share, self.freedom)) * self.std(at)
+
+
+def weights_of(design: FloatArray, values: FloatArray, stds: FloatArray) -> FloatArray:
+    """Return (n,) weights 1 / (s^2 + tau^2), with tau the scatter about an unweighted fit.
+
+    The scatter keeps a few points with small stated errors from deciding alone. Unknown errors count as none.
+    """
+    own = np.where(np.isfinite(stds) & (stds > 0.0), stds, 0.0)
+    residuals = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+    tau = _MAD_TO_STD * float(np.median(np.abs(residuals - np.median(residuals))))
+    variance = own**2 + tau**2
+    largest = float(variance.max())
+    if not largest > 0.0:
+        return np.ones_like(values)
+    return np.asarray(largest / np.maximum(variance, 1e-12 * largest), dtype=np.float64)
+
+
+def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolArray) -> Fit | None:
+    """Fit values by weighted least squares.
+
+    Args:
+        design: (n, p).
+        values: (n,) finite.
+        weights: (n,) positive.
+        used: (n,) False for points to leave out.
+
+    Returns:
+        the fit, or None where the points do not determine the coefficients, or leave no freedom for the scatter.
+    """
+    count, columns = int(used.sum()), design.shape[1]
+    freedom = count - columns
+    if freedom < LEAST_FREEDOM:
+        return None
+    root = np.sqrt(weights[used])
+    rows, wanted = design[used] * root[:, None], values[used] * root
+    norms = np.linalg.norm(rows, axis=0)
+    if not np.all(norms > 0.0) or np.linalg.cond(rows / norms) > _WORST_CONDITION:
+        return None
+    inverse = np.linalg.inv((rows / norms).T @ (rows / norms)) / np.outer(norms, norms)
+    coefficients = inverse @ (rows.T @ wanted)
+    left = wanted - rows @ coefficients
+    leverage = np.minimum(np.einsum("ij,jk,ik->i", rows, inverse, rows), _LARGEST_LEVERAGE)
+    scaled = rows * (left / (1.0 - leverage))[:, None]
+    covariance = inverse @ (scaled.T @ scaled) @ inverse
+    covariance *= _correlation_factor(left / np.sqrt(1.0 - leverage), columns)
+    everywhere = np.zeros(len(values))
+    everywhere[used] = leverage
+    expected = design @ coefficients
+    return Fit(
+        coefficients=coefficients,
+        covariance=covariance,
+        residuals=values - expected,
+        expected=expected,
+        leverage=everywhere,
+        scale=math.sqrt(float(left @ left) / freedom),
+        weights=weights,
+        freedom=freedom,
+    )
+
+
+def _correlation_factor(residuals: FloatArray, columns: int) -> float:
+    """Return the increase of the variance by residuals that follow each other in time: (1 + r) / (1 - r), at least 1.
+
+    r is the autocorrelation of neighbours, with the bias (p + 3 r) / n that a fit of p coefficients gives it removed.
+    """
+    count = len(residuals)
+    square = float(residuals @ residuals)
+    if count < 8 or not square > 0.0:
+        return 1.0
+    seen = float(residuals[1:] @ residuals[:-1]) / square
+    correlation = min(seen + (columns + 3.0 * max(seen, 0.0)) / count, 0.95)
+    # Within the noise of an uncorrelated series nothing is added.
+    return (1.0 + correlation) / (1.0 - correlation) if correlation > 1.0 / math.sqrt(count) else 1.0

@@ -1,0 +1,80 @@
+"""History of a tire: the columns of its recordings in the order of time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.types import BoolArray, FloatArray
+
+MONTH_NS: Final = 365.25 / 12.0 * 86_400e9
+"""Length of a mean month in ns."""
+
+
+@dataclass(frozen=True, slots=True)
+class TireHistory:
+    """Recordings of one tire at one wheel, in the order of time.
+
+    Attributes:
+        vehicle: name.
+        position: of the wheel.
+        sensor_id: of the tire's sensor.
+        recordings: (n,) names of files.
+        paths: (n,) of them.
+        time_ns: (n,) starts.
+        km: (n,) distance driven, from any zero.
+        has_odometer: whether `km` is from an odometer.
+        columns: (n,) each: numbers of the table of recordings by column, NaN where unknown.
+        invalid: names of estimates -> reason of the last recording without a value.
+        part: number of the tire where one sensor has had several.
+    """
+
+    vehicle: str
+    position: str
+    sensor_id: str
+    recordings: tuple[str, ...]
+    paths: tuple[str, ...]
+    time_ns: NDArray[np.int64]
+    km: FloatArray
+    has_odometer: bool
+    columns: Mapping[str, FloatArray]
+    invalid: Mapping[str, str]
+    part: int = 1
+
+    @property
+    def months(self) -> FloatArray:
+        """Age at each recording, in months since the first."""
+        return np.asarray((self.time_ns - self.time_ns[0]) / MONTH_NS, dtype=np.float64)
+
+    def column(self, name: str) -> FloatArray:
+        """Return a column, NaN throughout when the dataset has none of this name."""
+        found = self.columns.get(name)
+        return np.full(len(self.recordings), math.nan) if found is None else found
+
+    def chosen(self, keep: BoolArray, part: int) -> TireHistory:
+        """Return the history of some of the recordings."""
+        at = np.flatnonzero(keep)
+        return TireHistory(
+            self.vehicle,
+            self.position,
+            self.sensor_id,
+            tuple(self.recordings[i] for i in at),
+            tuple(self.paths[i] for i in at),
+            self.time_ns[at],
+            self.km[at],
+            self.has_odometer,
+            {name: column[at] for name, column in self.columns.items()},
+            self.invalid,
+            part,
+        )
+
+    def split(self, begins: list[int]) -> Iterator[TireHistory]:
+        """Yield the history in parts that begin at these recordings."""
+        index = np.arange(len(self.recordings))
+        for part, (begin, end) in enumerate(zip([0, *begins], [*begins, len(index)], strict=True), start=1):
+            yield self.chosen((index >= begin) & (index < end), part)

@@ -1,0 +1,1 @@
+"""Order spectra of wheels for people: terminal, tables and figures."""

@@ -1,0 +1,196 @@
+"""Orders of wheels as a figure: SVG, PNG, or a self-contained page."""
+
+from __future__ import annotations
+
+import html
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from gateway import __version__
+from gateway.constants import AXIS_NAMES
+from gateway.errors import OutputError
+from gateway.signal.angle_resampling import angle_grid
+from gateway.views.orders.order_tables import NOISE_SHARE, order_lines, share_texts
+from gateway.views.orders.wheel_orders import WheelOrders
+from gateway.views.output_file import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SUFFIXES: Final = (".html", ".svg", ".png")
+
+# The palette of Okabe and Ito, which is safe for colour-blind readers.
+_COLOURS: Final = ("#0072B2", "#009E73", "#D55E00")
+_RADIAL: Final = AXIS_NAMES.index("radial")
+_WIDTH_INCH, _HEIGHT_INCH = 11.0, 7.0
+_DECADES: Final = 4.0
+_SHOWN_ORDERS: Final = 30
+
+
+def check_figure(path: Path) -> None:
+    """Fail before the work if a figure cannot be drawn.
+
+    Raises:
+        OutputError: the suffix names no format, or matplotlib is missing.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise OutputError(f"the suffix of '{path}' names no format of a figure", f"Give one of {', '.join(SUFFIXES)}.")
+    try:
+        import matplotlib  # noqa: F401 - only whether it is installed
+    except ImportError as error:
+        raise OutputError(
+            "figures need matplotlib, which is not installed", "Install it with: pip install 'treadlink[plot]'."
+        ) from error
+
+
+def write_figure(path: Path, wheels: Sequence[WheelOrders], recording: str, *, force: bool = False) -> None:
+    """Draw the orders of wheels.
+
+    Raises:
+        OutputError: as `check_figure`, or the file cannot be written.
+    """
+    check_figure(path)
+    import matplotlib
+
+    suffix = path.suffix.lower()
+    with matplotlib.rc_context({"svg.hashsalt": "treadlink", "font.size": 9.0, "axes.titlelocation": "left"}):
+        if suffix == ".html":
+            write_whole(path, _page(wheels, recording), force=force)
+        else:
+            write_whole(path, _drawn(wheels, suffix.removeprefix("."), title=recording), force=force)
+
+
+def _drawn(wheels: Sequence[WheelOrders], kind: str, *, title: str = "") -> bytes:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH_INCH, _HEIGHT_INCH * len(wheels)), dpi=110, layout="constrained")
+    if title:
+        figure.suptitle(title)
+    parts = figure.subfigures(len(wheels), 1, squeeze=False)[:, 0]
+    for part, found in zip(parts, wheels, strict=True):
+        _draw(part, found)
+    buffer = io.BytesIO()
+    # No date, so that the same recording gives the same file.
+    figure.savefig(buffer, format=kind, metadata={"Date": None} if kind == "svg" else None)
+    return buffer.getvalue()
+
+
+def _draw(figure: Any, found: WheelOrders) -> None:
+    low, high = found.speed_range_kmh
+    figure.suptitle(
+        f"{found.wheel}: {found.statistics.revolutions} revolutions, {low:.0f} to {high:.0f} km/h", fontsize=11.0
+    )
+    (spectrum, waterfall), (average, share) = figure.subplots(2, 2, width_ratios=(1.35, 1.0))
+    _spectrum(spectrum, found)
+    _waterfall(figure, waterfall, found)
+    _average(average, found)
+    _share(share, found)
+
+
+def _spectrum(axes: Axes, found: WheelOrders) -> None:
+    statistics = found.statistics
+    if statistics.blocks:
+        orders, values, title = statistics.fine_order, statistics.fine_mps2, "order spectrum, resolution 1/8 order"
+    else:
+        orders = np.arange(statistics.amplitude_mps2.shape[1], dtype=np.float64)
+        values, title = statistics.amplitude_mps2, "order spectrum"
+    top = 0.0
+    for axis, name in enumerate(AXIS_NAMES):
+        if np.isfinite(values[axis]).any():
+            axes.plot(orders[1:], values[axis][1:], color=_COLOURS[axis], lw=0.9, label=name)
+            top = max(top, float(np.nanmax(values[axis][1:])))
+    for order in range(1, _SHOWN_ORDERS + 1):
+        axes.axvline(order, color="0.9", lw=0.6, zorder=0)
+    if top > 0.0:
+        axes.set_yscale("log")
+        axes.set_ylim(top * 10.0**-_DECADES, 2.0 * top)
+    axes.set(xlim=(0, _SHOWN_ORDERS), xlabel="order", ylabel="amplitude, m/s²", title=title)
+    axes.legend(fontsize=8.0)
+
+
+def _waterfall(figure: Any, axes: Axes, found: WheelOrders) -> None:
+    from matplotlib.colors import LogNorm
+
+    speeds = found.statistics.speeds
+    edges = [found.kmh(speeds[0].low_radps)]
+    rows = []
+    for one in speeds:
+        low, high = found.kmh(one.low_radps), found.kmh(one.high_radps)
+        if low > edges[-1] + 1e-9:
+            # A range without a revolution stays empty.
+            rows.append(np.full(one.amplitude_mps2.shape[1] - 1, math.nan))
+            edges.append(low)
+        rows.append(one.amplitude_mps2[_RADIAL][1:])
+        edges.append(high)
+    values = np.array(rows)
+    axes.set(xlabel="order", ylabel="speed, km/h", title="radial amplitude against speed")
+    if not np.isfinite(values).any():
+        return
+    top = float(np.nanmax(values))
+    norm = LogNorm(top * 10.0**-_DECADES, top) if top > 0.0 else None
+    columns = np.arange(values.shape[1] + 1) + 0.5
+    mesh = axes.pcolormesh(columns, edges, values, norm=norm, cmap="viridis", rasterized=True)
+    axes.set_xlim(0.5, _SHOWN_ORDERS + 0.5)
+    figure.colorbar(mesh, ax=axes, label="m/s²")
+
+
+def _average(axes: Axes, found: WheelOrders) -> None:
+    radial = found.mean.radial
+    degrees = np.degrees(angle_grid())
+    scatter = np.nan_to_num(radial.scatter_mps2)
+    mean = radial.radial_mps2
+    axes.fill_between(
+        degrees, mean - scatter, mean + scatter, color=_COLOURS[_RADIAL], alpha=0.3, lw=0, label="scatter"
+    )
+    axes.plot(degrees, mean, color=_COLOURS[_RADIAL], lw=1.0, label="mean")
+    speed = found.kmh(found.mean.omega_radps)
+    axes.set(
+        xlim=(-180, 180),
+        xlabel="angle from the contact's centre, deg",
+        ylabel="radial, m/s²",
+        title=f"time synchronous average at {speed:.1f} km/h, gravity removed",
+    )
+    axes.set_xticks(range(-180, 181, 60))
+    axes.legend(fontsize=8.0)
+
+
+def _share(axes: Axes, found: WheelOrders) -> None:
+    statistics = found.statistics
+    places = np.arange(len(AXIS_NAMES))
+    share = 100.0 * statistics.integer_share
+    error = np.nan_to_num(100.0 * statistics.integer_share_std)
+    axes.bar(places, np.nan_to_num(share), yerr=error, color=_COLOURS, width=0.6)
+    for place, text in zip(places.tolist(), share_texts(found), strict=True):
+        axes.text(place, 2.0, text, ha="center", fontsize=8.0, bbox={"facecolor": "white", "lw": 0, "pad": 1.5})
+    axes.axhline(100.0 * NOISE_SHARE, color="0.4", ls="--", lw=0.8)
+    axes.set_xticks(places, AXIS_NAMES)
+    axes.set(ylim=(0, 105), ylabel="%", title="power on integer orders; dashed: white noise")
+
+
+def _page(wheels: Sequence[WheelOrders], recording: str) -> bytes:
+    """Return a page with a figure and a table for each wheel, which loads nothing."""
+    name = html.escape(recording)
+    parts = [
+        "<!doctype html>",
+        f'<html lang="en"><head><meta charset="utf-8"><title>Orders of {name}</title>',
+        "<style>body{font:16px/1.5 sans-serif;max-width:68rem;margin:2rem auto;padding:0 1rem;background:#fff;"
+        "color:#111}svg{width:100%;height:auto}pre{overflow-x:auto;font-size:13px}</style></head><body>",
+        f"<h1>Orders of {name}</h1>",
+        "<p>Amplitudes are root mean squares over the revolutions. What repeats in every revolution lies on integer "
+        "orders; road, cavity and other shafts lie between them.</p>",
+    ]
+    for found in wheels:
+        svg = _drawn([found], "svg").decode()
+        lines = "\n".join(order_lines(found, _SHOWN_ORDERS))
+        parts += [
+            f"<section><h2>{html.escape(found.wheel)}</h2>",
+            svg[svg.index("<svg") :],
+            f"<details><summary>Numbers</summary><pre>{html.escape(lines)}</pre></details></section>",
+        ]
+    parts.append(f"<footer><p>treadlink {html.escape(__version__)}</p></footer></body></html>")
+    return ("\n".join(parts) + "\n").encode()

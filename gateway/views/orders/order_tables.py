@@ -1,0 +1,178 @@
+"""Orders of wheels as terminal lines, CSV and JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from gateway import __version__
+from gateway.constants import AXIS_NAMES
+from gateway.signal.angle_resampling import angle_grid
+from gateway.signal.order_statistics import BLOCK_REVOLUTIONS
+from gateway.types import FloatArray
+from gateway.views.numbers import MISSING, fixed, round_to_error
+from gateway.views.orders.wheel_orders import WheelOrders
+from gateway.views.output_file import OutputFile, write_whole
+from gateway.views.tables.table_sinks import Cell, CsvSink
+
+NOISE_SHARE: Final = 1.0 / BLOCK_REVOLUTIONS
+"""Share of the power of white noise on integer orders."""
+
+_COLUMNS: Final[dict[str, type]] = {
+    "recording": str,
+    "wheel": str,
+    "speed_low_kmh": float,
+    "speed_high_kmh": float,
+    "revolutions": int,
+    "order": int,
+    **{f"{name}_mps2": float for name in AXIS_NAMES},
+    **{f"{name}_repeated_mps2": float for name in AXIS_NAMES},
+}
+
+
+def order_lines(found: WheelOrders, orders: int) -> Iterator[str]:
+    """Yield the orders of a wheel for a terminal: shares, then the amplitudes up to an order."""
+    statistics = found.statistics
+    low, high = found.speed_range_kmh
+    left_out = f", {found.rejected} with faults left out" if found.rejected else ""
+    yield f"{found.wheel}  {statistics.revolutions} revolutions at {low:.1f} to {high:.1f} km/h{left_out}"
+    cells = "".join(f"{name:>21}" for name in AXIS_NAMES)
+    yield f"  {'':<24}{cells}"
+    shares = "".join(f"{share:>21}" for share in share_texts(found))
+    yield f"  {'power on integer orders':<24}{shares}"
+    yield f"  {'(white noise alone)':<24}" + "".join(f"{f'{100.0 * NOISE_SHARE:.1f} %':>21}" for _ in AXIS_NAMES)
+    yield "  amplitude in m/s^2, rms over the revolutions (the part that repeats):"
+    for order in range(min(orders, statistics.amplitude_mps2.shape[1] - 1) + 1):
+        texts = (
+            f"{fixed(amplitude, 2)} ({fixed(repeated, 2)})" if math.isfinite(amplitude) else MISSING
+            for amplitude, repeated in zip(
+                statistics.amplitude_mps2[:, order].tolist(), statistics.repeated_mps2[:, order].tolist(), strict=True
+            )
+        )
+        name = "mean" if order == 0 else f"order {order}"
+        yield f"  {name:<24}" + "".join(f"{text:>21}" for text in texts)
+    radial, speed = found.mean.radial, found.kmh(found.mean.omega_radps)
+    yield (
+        f"  radial average at {speed:.1f} km/h without gravity: rms {fixed(_rms(radial.radial_mps2), 2)}, scatter from "
+        f"revolution to revolution {fixed(_rms(radial.scatter_mps2), 2)} m/s^2"
+    )
+
+
+def share_texts(found: WheelOrders) -> list[str]:
+    """Return the share of the power on integer orders of each axis, `99.21 ± 0.13 %`."""
+    statistics = found.statistics
+    texts = []
+    for share, std in zip(statistics.integer_share.tolist(), statistics.integer_share_std.tolist(), strict=True):
+        number = round_to_error(100.0 * share, 100.0 * std) if math.isfinite(share) else None
+        texts.append(MISSING if number is None else f"{number.joined()} %")
+    return texts
+
+
+def _rms(values: FloatArray) -> float:
+    return math.sqrt(float(np.mean(np.square(values))))
+
+
+def write_csv(path: Path, wheels: Sequence[WheelOrders], recording: str, *, force: bool = False) -> None:
+    """Write the amplitudes of every order, for all speeds together and for each range of speed.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with OutputFile(path, force=force) as output, output.explained():
+        sink = CsvSink(output.file)
+        sink.begin(_COLUMNS)
+        for found in wheels:
+            for row in _rows(found):
+                sink.row([recording, found.wheel, *row])
+        sink.end()
+
+
+def _rows(found: WheelOrders) -> Iterator[list[Cell]]:
+    statistics = found.statistics
+    for order in range(statistics.amplitude_mps2.shape[1]):
+        yield [
+            *found.speed_range_kmh,
+            statistics.revolutions,
+            order,
+            *map(_known, statistics.amplitude_mps2[:, order].tolist()),
+            *map(_known, statistics.repeated_mps2[:, order].tolist()),
+        ]
+    for speeds in statistics.speeds:
+        for order in range(speeds.amplitude_mps2.shape[1]):
+            yield [
+                found.kmh(speeds.low_radps),
+                found.kmh(speeds.high_radps),
+                speeds.revolutions,
+                order,
+                *map(_known, speeds.amplitude_mps2[:, order].tolist()),
+                *[None] * len(AXIS_NAMES),
+            ]
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def write_json(path: Path, wheels: Sequence[WheelOrders], recording: str, *, force: bool = False) -> None:
+    """Write everything as one JSON object; what is not known is null.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    document = {
+        "written_by": f"treadlink {__version__}",
+        "recording": recording,
+        "unit": "m/s^2",
+        "noise_share": NOISE_SHARE,
+        "wheels": [_as_json(found) for found in wheels],
+    }
+    write_whole(path, json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n", force=force)
+
+
+def _as_json(found: WheelOrders) -> dict[str, object]:
+    statistics, mean = found.statistics, found.mean
+    return {
+        "wheel": found.wheel,
+        "revolutions": statistics.revolutions,
+        "revolutions_with_faults": found.rejected,
+        "speed_range_kmh": list(found.speed_range_kmh),
+        "integer_share": _by_axis(statistics.integer_share),
+        "integer_share_std": _by_axis(statistics.integer_share_std),
+        "amplitude_mps2": _by_axis(statistics.amplitude_mps2),
+        "repeated_mps2": _by_axis(statistics.repeated_mps2),
+        "speeds": [
+            {
+                "low_kmh": found.kmh(speeds.low_radps),
+                "high_kmh": found.kmh(speeds.high_radps),
+                "revolutions": speeds.revolutions,
+                "amplitude_mps2": _by_axis(speeds.amplitude_mps2),
+            }
+            for speeds in statistics.speeds
+        ],
+        "fine_blocks": statistics.blocks,
+        "fine_order": statistics.fine_order.tolist(),
+        "fine_mps2": _by_axis(statistics.fine_mps2),
+        "average": {
+            "angle_rad": angle_grid().tolist(),
+            "omega_radps": mean.omega_radps,
+            "mean_mps2": _by_axis(mean.axes_mps2),
+            "scatter_mps2": _by_axis(mean.axes_scatter_mps2),
+            "normalised_mps2": _list(mean.radial.radial_mps2),
+            "normalised_scatter_mps2": _list(mean.radial.scatter_mps2),
+        },
+    }
+
+
+def _by_axis(values: FloatArray) -> dict[str, object]:
+    return {name: _list(row) for name, row in zip(AXIS_NAMES, values, strict=True)}
+
+
+def _list(values: FloatArray) -> object:
+    if values.ndim == 0:
+        return _known(float(values))
+    return [_known(value) for value in values.tolist()]

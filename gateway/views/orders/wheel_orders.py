@@ -1,0 +1,37 @@
+"""Orders of one wheel, as the views take them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gateway.signal.mean_revolution import MeanRevolution
+from gateway.signal.order_statistics import OrderStatistics
+
+
+@dataclass(frozen=True, slots=True)
+class WheelOrders:
+    """Orders and average of one wheel.
+
+    Attributes:
+        wheel: position.
+        radius_m: belt radius that turns angular speeds into speeds.
+        statistics: of its usable revolutions.
+        mean: their time synchronous average.
+        rejected: number of revolutions that were left out because they have faults.
+    """
+
+    wheel: str
+    radius_m: float
+    statistics: OrderStatistics
+    mean: MeanRevolution
+    rejected: int
+
+    @property
+    def speed_range_kmh(self) -> tuple[float, float]:
+        """Lowest and highest speed."""
+        low, high = self.statistics.omega_range_radps
+        return self.kmh(low), self.kmh(high)
+
+    def kmh(self, omega_radps: float) -> float:
+        """Return the rolling speed of an angular speed."""
+        return omega_radps * self.radius_m * 3.6

@@ -1,0 +1,77 @@
+"""Figures of trends: values of each recording with their errors, the fitted trend, steps and outliers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from gateway.trends.trend_result import TireTrend, TrendSeries
+from gateway.views.report.figures import AFTER, BEFORE, MEASURED, QUIET, drawable
+from gateway.views.trend_report.trend_tables import SERIES_LABELS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DRAWN: Final = ("wear_mm", "pressure_at_20_degc", "estimated_load_n", "Bs", "Cw", "Rs", "Ts", "noise_mps2")
+"""Series that are drawn, in order; contact length where the load is not measured."""
+
+MOST_POINTS: Final = 300
+"""Points of a series that are drawn; outliers always are."""
+
+_WIDTH_INCH: Final = 10.0
+_COLUMNS: Final = 3
+_ROW_INCH: Final = 2.3
+
+
+def tire_figure(trend: TireTrend) -> Figure | None:
+    """Draw the series of a tire, None when there is none to draw."""
+    from matplotlib.figure import Figure
+
+    series = _chosen(trend.series)
+    if not series:
+        return None
+    rows = -(-len(series) // _COLUMNS)
+    height = _ROW_INCH * rows
+    # The panels are alike: fixed margins are as good as solved ones, and quicker.
+    figure = Figure(figsize=(_WIDTH_INCH, height))
+    panels = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
+    figure.subplots_adjust(
+        left=0.065, right=0.99, wspace=0.27, top=1.0 - 0.28 / height, bottom=0.48 / height, hspace=0.52
+    )
+    for panel, one in zip(panels, series, strict=False):
+        _draw(panel, one)
+    for panel in panels[len(series) :]:
+        panel.set_visible(False)
+    return figure
+
+
+def _chosen(series: Sequence[TrendSeries]) -> list[TrendSeries]:
+    known = {one.name: one for one in series}
+    names = [name if name in known or name != "estimated_load_n" else "contact_length_m" for name in DRAWN]
+    return [known[name] for name in names if name in known]
+
+
+def _draw(panel: Axes, series: TrendSeries) -> None:
+    normal = np.flatnonzero(~series.is_outlier)
+    if len(normal) > MOST_POINTS:
+        normal = normal[np.linspace(0, len(normal) - 1, MOST_POINTS).astype(int)]
+    panel.plot(series.at[normal], series.values[normal], "o", color=MEASURED, ms=3.0, mew=0.0, label="recording")
+    outliers = np.flatnonzero(series.is_outlier)
+    if outliers.size:
+        panel.plot(series.at[outliers], series.values[outliers], "x", color=BEFORE, ms=6.0, mew=1.6, label="outlier")
+    edges = [0, *series.steps, len(series.at)]
+    for begin, end in pairwise(edges):
+        part = np.arange(begin, end)
+        if len(part) > MOST_POINTS:
+            part = part[np.linspace(0, len(part) - 1, MOST_POINTS).astype(int)]
+        panel.plot(series.at[part], series.expected[part], color=AFTER, lw=1.3, label="trend" if begin == 0 else None)
+    for at in series.steps:
+        panel.axvline(0.5 * (series.at[at - 1] + series.at[at]), color=QUIET, lw=0.8, ls=":")
+    label = SERIES_LABELS.get(series.name, series.name)
+    panel.set_title(drawable(f"{label}, {series.unit}"), fontsize=9.5)
+    panel.set_xlabel("km" if series.against == "km" else "months")
+    panel.ticklabel_format(useOffset=False, axis="y")

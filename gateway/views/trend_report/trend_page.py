@@ -1,0 +1,254 @@
+"""Trends as one self-contained HTML page: findings and tables first, then a figure for each tire."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from gateway import __version__
+from gateway.estimators.estimator import Status
+from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
+from gateway.views.output_file import check_target, write_whole
+from gateway.views.report.figures import inline_svg, report_style, require_report_packages
+from gateway.views.text import clean
+from gateway.views.trend_report.trend_figures import tire_figure
+from gateway.views.trend_report.trend_tables import (
+    LABELS,
+    SERIES_LABELS,
+    day,
+    number_of,
+    plain_number,
+    shown,
+    tire_name,
+    unit_in,
+)
+from gateway.views.wording import joined, text
+
+if TYPE_CHECKING:
+    import jinja2
+
+MOST_FIGURES: Final = 60
+"""Tires that are drawn: those with findings or outliers first."""
+
+MOST_OUTLIERS: Final = 500
+
+_PACKAGE: Final = "gateway.views.trend_report"
+_TEMPLATE: Final = "fleet_trends.html.j2"
+_STYLE: Final = ("gateway.views.report", "closure_report.css")
+_TABLES: Final[tuple[tuple[str, str, tuple[Quantity, ...]], ...]] = (
+    (
+        "tires",
+        "Wear, pressure and load",
+        (Quantity.WEAR_RATE, Quantity.WEAR_NOW, Quantity.PRESSURE_LOSS, Quantity.PRESSURE_NOW, Quantity.LOAD,
+         Quantity.LOAD_RATE, Quantity.LOAD_SCATTER),
+    ),
+    (
+        "stiffness",
+        "Stiffness with age and temperature",
+        (Quantity.BS_RATE, Quantity.BS_TEMPERATURE, Quantity.CW_RATE, Quantity.CW_TEMPERATURE, Quantity.RS_RATE,
+         Quantity.RS_TEMPERATURE, Quantity.TS_RATE, Quantity.TS_TEMPERATURE),
+    ),
+    (
+        "sensors",
+        "Sensors",
+        (Quantity.NOISE_RATE, Quantity.LOSS_RATE, Quantity.CLIPPING_RATE, Quantity.OFFSET_RATE, Quantity.GAIN_RATE,
+         Quantity.ZERO_RATE),
+    ),
+)  # fmt: skip
+
+
+class Cell(NamedTuple):
+    """A number in a table: text, and why it has none or what it rests on."""
+
+    text: str
+    reason: str
+    is_doubtful: bool
+
+
+class Table(NamedTuple):
+    """A table of numbers, one row for each tire."""
+
+    id: str
+    title: str
+    heads: list[tuple[str, str]]
+    rows: list[tuple[str, list[Cell]]]
+    reasons: list[tuple[str, str]]
+
+
+class Drawing(NamedTuple):
+    """The figure of a tire: SVG that needs no escaping, and its text."""
+
+    svg: Any
+    alt: str
+    title: str
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Page:
+    """The values of the template, which escapes all text except `style` and drawings."""
+
+    version: str
+    style: Any
+    facts: str
+    answer: str
+    notes: list[str]
+    findings: list[tuple[str, str]]
+    tires: list[tuple[str, str, str, str, str]]
+    tables: list[Table]
+    pairs: list[tuple[str, str, str, str]]
+    outliers: list[tuple[str, str, str, str, str, str]]
+    outliers_left: int
+    drawings: list[Drawing]
+    drawings_left: int
+
+
+def write_trends_page(trends: FleetTrends, path: Path, *, force: bool = False) -> None:
+    """Write trends as one self-contained HTML file, whole or not at all.
+
+    Raises:
+        OutputError: matplotlib or jinja2 is missing, the file exists and `force` is not set, or it cannot be written.
+    """
+    check_target(path, force=force)
+    write_whole(path, trends_page(trends), force=force)
+
+
+def trends_page(trends: FleetTrends) -> str:
+    """Return trends as an HTML page without scripts and external resources; deterministic.
+
+    Raises:
+        OutputError: matplotlib or jinja2 is missing.
+    """
+    require_report_packages()
+    return _template().render(page=_page(trends))
+
+
+@cache
+def _template() -> jinja2.Template:
+    import jinja2
+
+    source = resources.files(_PACKAGE).joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    return jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
+
+
+def _page(trends: FleetTrends) -> _Page:
+    from markupsafe import Markup
+
+    package, name = _STYLE
+    drawn = _most_notable(trends)
+    return _Page(
+        version=__version__,
+        style=Markup(resources.files(package).joinpath(name).read_text(encoding="utf-8")),  # our own file
+        facts=_facts(trends),
+        answer=" ".join(_answer(trends)),
+        notes=[clean(text(note)) for note in trends.notes],
+        findings=[(tire_name(trend), clean(text(finding))) for trend in trends.tires for finding in trend.findings],
+        tires=[
+            (
+                tire_name(trend),
+                f"{day(trend.first_ns)} to {day(trend.last_ns)}",
+                str(trend.recordings),
+                f"{trend.distance_km:.0f}",
+                "odometer" if trend.has_odometer else "recorded only",
+            )
+            for trend in trends.tires
+        ],
+        tables=[_table(trends.tires, *one) for one in _TABLES],
+        pairs=[
+            (clean(pair.vehicle), f"{pair.left}, {pair.right}", LABELS[number.quantity], _with_unit(number))
+            for pair in trends.pairs
+            for number in pair.numbers
+        ],
+        outliers=[
+            (
+                clean(one.recording),
+                tire_name(one),
+                SERIES_LABELS.get(one.name, one.name),
+                plain_number(one.value, one.unit),
+                plain_number(one.expected, one.unit),
+                f"{one.deviation:+.1f}",
+            )
+            for one in trends.outliers[:MOST_OUTLIERS]
+        ],
+        outliers_left=max(len(trends.outliers) - MOST_OUTLIERS, 0),
+        drawings=_drawings(drawn),
+        drawings_left=len(trends.tires) - len(drawn),
+    )
+
+
+def _facts(trends: FleetTrends) -> str:
+    vehicles = len({trend.vehicle for trend in trends.tires})
+    parts = [f"{trends.recordings} recordings", f"{len(trends.tires)} tires", f"{vehicles} vehicles"]
+    if trends.tires:
+        first, last = min(one.first_ns for one in trends.tires), max(one.last_ns for one in trends.tires)
+        parts.append(f"{day(first)} to {day(last)} (UTC)")
+    if trends.failures:
+        parts.append(f"{trends.failures} recordings without results")
+    return " · ".join(parts)
+
+
+def _answer(trends: FleetTrends) -> list[str]:
+    """Return the summary, sentence by sentence."""
+    notable = sum(bool(trend.findings) for trend in trends.tires)
+    recordings = len({one.path for one in trends.outliers})
+    return [
+        f"{notable} of {len(trends.tires)} tires have a finding." if notable else "No tire has a finding.",
+        f"{recordings} of {trends.recordings} recordings do not fit the trend of their tire."
+        if recordings
+        else "Every recording fits the trend of its tire.",
+    ]
+
+
+def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequence[Quantity]) -> Table:
+    units = {quantity: unit_in(tires, quantity) for quantity in quantities}
+    rows: list[tuple[str, list[Cell]]] = []
+    reasons: dict[tuple[str, str], None] = {}
+    for tire in tires:
+        cells = []
+        for quantity in quantities:
+            number = number_of(tire.numbers, quantity)
+            why = clean(joined(number.reasons))
+            cells.append(Cell(shown(number), why, number.status is not Status.VALID))
+            if why:
+                reasons.setdefault((LABELS[quantity], why), None)
+        rows.append((tire_name(tire), cells))
+    return Table(key, title, [(LABELS[quantity], units[quantity]) for quantity in quantities], rows, list(reasons)[:40])
+
+
+def _with_unit(number: TrendNumber) -> str:
+    if number.status is Status.INVALID:
+        return clean(joined(number.reasons))
+    return f"{shown(number)} {number.unit}"
+
+
+def _most_notable(trends: FleetTrends) -> list[TireTrend]:
+    with_outliers = {(one.vehicle, one.position, one.sensor_id) for one in trends.outliers}
+    order = sorted(
+        trends.tires,
+        key=lambda tire: (
+            not tire.findings,
+            (tire.vehicle, tire.position, tire.sensor_id) not in with_outliers,
+        ),
+    )
+    return order[:MOST_FIGURES]
+
+
+def _drawings(tires: Sequence[TireTrend]) -> list[Drawing]:
+    from markupsafe import Markup
+
+    found = []
+    with report_style():
+        for number, tire in enumerate(tires):
+            figure = tire_figure(tire)
+            if figure is None:
+                continue
+            name = tire_name(tire)
+            alt = f"Values of the recordings of {name} over distance or months, with the fitted trend."
+            caption = clean(joined(tire.findings)) or "No finding."
+            # Matplotlib escapes what it draws, and figures draw no names of recordings.
+            found.append(Drawing(Markup(inline_svg(figure, f"t{number}")), alt, f"{name}.", caption))
+    return found

@@ -1,0 +1,279 @@
+"""Trends as rows: for scripts as JSON and CSV, for the terminal, and for the report."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from gateway import __version__
+from gateway.estimators.estimator import Status
+from gateway.reasons import Reason
+from gateway.trends.trend_result import FleetTrends, PairTrend, Quantity, TireTrend, TrendNumber, TrendOutlier
+from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, round_to_error
+from gateway.views.tables.table_sinks import CsvSink
+from gateway.views.text import clean, pad, width
+from gateway.views.wording import as_json, joined, text
+
+FORMAT: Final = "treadlink trends"
+FORMAT_VERSION: Final = 1
+
+LABELS: Final[dict[Quantity, str]] = {
+    Quantity.WEAR_RATE: "wear",
+    Quantity.WEAR_NOW: "wear at the end",
+    Quantity.PRESSURE_LOSS: "pressure loss",
+    Quantity.PRESSURE_NOW: "pressure at the end, at 20 °C",
+    Quantity.LOAD: "load",
+    Quantity.LOAD_RATE: "change of the load",
+    Quantity.LOAD_SCATTER: "scatter of the load",
+    Quantity.CONTACT_RATE: "change of the contact length",
+    Quantity.BS_RATE: "Bs with age",
+    Quantity.BS_TEMPERATURE: "Bs with temperature",
+    Quantity.CW_RATE: "Cw with age",
+    Quantity.CW_TEMPERATURE: "Cw with temperature",
+    Quantity.RS_RATE: "Rs with age",
+    Quantity.RS_TEMPERATURE: "Rs with temperature",
+    Quantity.TS_RATE: "Ts with age",
+    Quantity.TS_TEMPERATURE: "Ts with temperature",
+    Quantity.NOISE_RATE: "noise",
+    Quantity.LOSS_RATE: "samples lost",
+    Quantity.CLIPPING_RATE: "samples at the end of the range",
+    Quantity.OFFSET_RATE: "distance from the neutral layer",
+    Quantity.GAIN_RATE: "gain",
+    Quantity.ZERO_RATE: "zero-g offset",
+    Quantity.PLY_STEER_ASYMMETRY: "ply steer, left less right",
+    Quantity.SLIP_ASYMMETRY: "slip angle, left less right",
+}
+SERIES_LABELS: Final[dict[str, str]] = {
+    "wear_mm": "wear",
+    "pressure_at_20_degc": "pressure at 20 °C",
+    "estimated_load_n": "load",
+    "contact_length_m": "contact length",
+    "Bs": "Bs",
+    "Cw": "Cw",
+    "Rs": "Rs",
+    "Ts": "Ts",
+    "noise_mps2": "ln noise",
+    "missing_fraction": "samples lost",
+    "samples_saturated": "samples at the end of the range",
+    "mounting_offset_m": "distance from the neutral layer",
+    "gain": "gain",
+    "zero_g_offset_mps2": "zero-g offset",
+}
+_SHORT: Final = (Quantity.WEAR_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD, Quantity.BS_RATE, Quantity.NOISE_RATE)
+_LISTED: Final = 40
+_COLUMNS: Final[dict[str, type]] = {
+    "vehicle": str, "position": str, "other_position": str, "sensor_id": str, "part": int, "first_utc": str,
+    "last_utc": str, "recordings": int, "distance_km": float, "has_odometer": bool, "quantity": str, "value": float,
+    "std": float, "unit": str, "low_95": float, "high_95": float, "status": str, "count": int, "freedom": int,
+    "codes": str, "reason": str,
+}  # fmt: skip
+
+
+def tire_name(trend: TireTrend | TrendOutlier) -> str:
+    """Return vehicle, wheel and sensor of a tire as one text."""
+    parts = [trend.vehicle, trend.position, *([trend.sensor_id] if trend.sensor_id else [])]
+    if isinstance(trend, TireTrend) and trend.part > 1:
+        parts.append(f"tire {trend.part}")
+    return clean(" ".join(parts))
+
+
+def day(time_ns: int) -> str:
+    """Return the day of a time, UTC."""
+    return str(np.datetime_as_string(np.datetime64(time_ns, "ns"), unit="D"))
+
+
+def shown(number: TrendNumber) -> str:
+    """Return value and standard error, or a dash where it is not determined."""
+    if number.status is Status.INVALID:
+        return MISSING
+    mark = STATUS_MARKS[number.status]
+    return f"{round_to_error(number.value, number.std).joined()}{' ' + mark if mark else ''}"
+
+
+def number_of(numbers: Sequence[TrendNumber], quantity: Quantity) -> TrendNumber:
+    """Return a number of a tire; one without a value when the tire has none."""
+    return next((number for number in numbers if number.quantity is quantity), TrendNumber(quantity))
+
+
+def unit_in(tires: Sequence[TireTrend], quantity: Quantity) -> str:
+    """Return the unit of a quantity."""
+    return next((n.unit for tire in tires for n in tire.numbers if n.quantity is quantity), "")
+
+
+def trends_json(trends: FleetTrends) -> dict[str, Any]:
+    """Return trends as plain dicts, lists, strings and finite numbers; null where a value is not known."""
+    return {
+        "format": FORMAT,
+        "version": FORMAT_VERSION,
+        "treadlink": __version__,
+        "recordings": trends.recordings,
+        "failures": trends.failures,
+        "tested_values": trends.tested,
+        "notes": [as_json(note) for note in trends.notes],
+        "tires": [
+            {
+                "vehicle": _storable(trend.vehicle),
+                "position": trend.position,
+                "sensor_id": trend.sensor_id,
+                "part": trend.part,
+                "first_utc": _utc(trend.first_ns),
+                "last_utc": _utc(trend.last_ns),
+                "recordings": trend.recordings,
+                "distance_km": _known(trend.distance_km),
+                "has_odometer": trend.has_odometer,
+                "numbers": [_number_json(number) for number in trend.numbers],
+                "findings": [as_json(finding) for finding in trend.findings],
+            }
+            for trend in trends.tires
+        ],
+        "pairs": [
+            {
+                "vehicle": _storable(pair.vehicle),
+                "left": pair.left,
+                "right": pair.right,
+                "numbers": [_number_json(number) for number in pair.numbers],
+            }
+            for pair in trends.pairs
+        ],
+        "outliers": [
+            {
+                "vehicle": _storable(one.vehicle),
+                "position": one.position,
+                "sensor_id": one.sensor_id,
+                "recording": _storable(one.recording),
+                "path": _storable(one.path),
+                "start_utc": _utc(one.time_ns),
+                "name": one.name,
+                "value": _known(one.value),
+                "expected": _known(one.expected),
+                "unit": one.unit,
+                "deviation": _known(one.deviation),
+            }
+            for one in trends.outliers
+        ],
+    }
+
+
+def trends_csv(trends: FleetTrends) -> bytes:
+    """Return one row for each number of each tire, and of each pair, as CSV."""
+    file = io.BytesIO()
+    sink = CsvSink(file)
+    sink.begin(_COLUMNS)
+    for trend in trends.tires:
+        head: list[Any] = [
+            _storable(trend.vehicle), trend.position, "", trend.sensor_id, trend.part, _utc(trend.first_ns),
+            _utc(trend.last_ns), trend.recordings, _known(trend.distance_km), trend.has_odometer,
+        ]  # fmt: skip
+        for number in trend.numbers:
+            sink.row([*head, *_cells(number)])
+    for pair in trends.pairs:
+        start: list[Any] = [_storable(pair.vehicle), pair.left, pair.right, "", None, "", "", None, None, None]
+        for number in pair.numbers:
+            sink.row([*start, *_cells(number)])
+    sink.end()
+    return file.getvalue()
+
+
+def trend_lines(trends: FleetTrends) -> Iterator[str]:
+    """Yield the summary for a terminal."""
+    vehicles = len({trend.vehicle for trend in trends.tires})
+    first = min(trend.first_ns for trend in trends.tires)
+    last = max(trend.last_ns for trend in trends.tires)
+    yield (
+        f"{len(trends.tires)} tires of {vehicles} vehicles, {trends.recordings} recordings, "
+        f"{day(first)} to {day(last)} (UTC)"
+    )
+    yield from (clean(text(note)) for note in trends.notes)
+    yield ""
+    units = {
+        quantity: next((n.unit for t in trends.tires for n in t.numbers if n.quantity is quantity), "")
+        for quantity in _SHORT
+    }
+    rows = [["tire", "recordings", *(f"{LABELS[one]}, {units[one]}" for one in _SHORT)]]
+    rows += [
+        [tire_name(trend), str(trend.recordings), *(shown(number_of(trend.numbers, one)) for one in _SHORT)]
+        for trend in trends.tires[:_LISTED]
+    ]
+    widths = [max(width(row[column]) for row in rows) for column in range(len(rows[0]))]
+    yield from ("  ".join(pad(cell, cells) for cell, cells in zip(row, widths, strict=True)).rstrip() for row in rows)
+    if len(trends.tires) > _LISTED:
+        yield f"... and {len(trends.tires) - _LISTED} more tires: --json, --csv or --html"
+    found = [(trend, finding) for trend in trends.tires for finding in trend.findings]
+    yield ""
+    yield "findings:" if found else "no finding"
+    yield from (f"  {tire_name(trend)}: {clean(text(finding))}" for trend, finding in found[:_LISTED])
+    if len(found) > _LISTED:
+        yield f"  ... and {len(found) - _LISTED} more"
+    yield from _pair_lines(trends.pairs)
+    recordings = dict.fromkeys((one.recording, one.path) for one in trends.outliers)
+    yield ""
+    yield f"outliers: {len(recordings)} of {trends.recordings} recordings" if recordings else "no outlier"
+    for name, path in list(recordings)[:_LISTED]:
+        mine = [one for one in trends.outliers if one.path == path]
+        what = "; ".join(f"{SERIES_LABELS.get(one.name, one.name)} {one.deviation:+.1f}" for one in mine)
+        yield f"  {clean(name)}: {what} standard deviations from its trend"
+    if len(recordings) > _LISTED:
+        yield f"  ... and {len(recordings) - _LISTED} more"
+
+
+def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:
+    known = [(pair, n) for pair in pairs for n in pair.numbers if n.status is not Status.INVALID]
+    if known:
+        yield ""
+        yield "asymmetry:"
+    for pair, number in known[:_LISTED]:
+        wheels = f"{clean(pair.vehicle)} {pair.left} {pair.right}"
+        yield f"  {wheels}: {LABELS[number.quantity]} {shown(number)} {number.unit}"
+
+
+def _number_json(number: TrendNumber) -> dict[str, Any]:
+    return {
+        "quantity": str(number.quantity),
+        "value": _known(number.value),
+        "std": _known(number.std),
+        "unit": number.unit,
+        "low_95": _known(number.low),
+        "high_95": _known(number.high),
+        "status": str(number.status),
+        "count": number.count,
+        "freedom": number.freedom,
+        "reasons": [as_json(reason) for reason in number.reasons],
+    }
+
+
+def _cells(number: TrendNumber) -> list[Any]:
+    return [
+        str(number.quantity), _known(number.value), _known(number.std), number.unit, _known(number.low),
+        _known(number.high), str(number.status), number.count, number.freedom,
+        " ".join(str(reason.code) for reason in number.reasons), joined(number.reasons),
+    ]  # fmt: skip
+
+
+def findings_text(findings: Sequence[Reason]) -> str:
+    """Return findings as one text."""
+    return clean(joined(findings))
+
+
+def plain_number(value: float, unit: str) -> str:
+    """Return a value with six significant digits at most."""
+    if not math.isfinite(value):
+        return MISSING
+    size = abs(value)
+    decimals = 0 if size >= 1000 else 1 if size >= 100 else 2 if size >= 1 else 4
+    return f"{fixed(value, decimals)} {unit}".rstrip()
+
+
+def _utc(time_ns: int) -> str:
+    return f"{np.datetime_as_string(np.datetime64(time_ns, 'ns'), unit='s')}Z"
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _storable(value: str) -> str:
+    return value.encode("utf-8", "backslashreplace").decode()

@@ -1,0 +1,113 @@
+"""Diagnosis for programs: options as on the command line, and a result with its report."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+
+import pytest
+
+import gateway
+from gateway.api import diagnosis_report
+from gateway.api.diagnosis_report import DiagnosisReport
+from gateway.closure.effects.effect import BaselineModel
+from gateway.config.effects_file import load_effects
+from gateway.views.report.html import diagnosis_html
+from gateway.views.report.terminal import closure_summary_lines
+from tests.api.test_recording_access import correction
+from tests.testkit.diagnosis_data import empty, nasty, ordinary
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Replace the diagnosis by a prepared result; return the arguments that it gets."""
+    arguments = {}
+
+    def diagnose(paths, **options):
+        arguments.update(options, paths=paths)
+        return ordinary()
+
+    monkeypatch.setattr(diagnosis_report, "diagnose_recordings", diagnose)
+    return arguments
+
+
+def test_options_are_those_of_the_command(asked, recorded, recording, tmp_path):
+    other = tmp_path / "other.mcap"
+    other.write_bytes(b"")
+    report = gateway.diagnose(
+        [recording, str(other)], wheel="FL", model="series", reverse=[other], folds=3, empirical=True, keys="keys.toml"
+    )
+    assert isinstance(report, gateway.DiagnosisReport)
+    assert asked["paths"] == [recorded, other]
+    assert asked["reverse"] == [other]
+    assert asked["model"] is BaselineModel.SERIES
+    assert (asked["wheel"], asked["folds"], asked["empirical"], asked["jobs"]) == ("FL", 3, True, 1)
+    assert str(asked["key_file"]) == "keys.toml"
+
+
+def test_single_recording_needs_no_list(asked, recorded):
+    gateway.diagnose(recorded)
+    assert asked["paths"] == [recorded]
+
+
+def test_wrong_options_are_errors(asked, recorded):
+    with pytest.raises(gateway.Error, match="given twice"):
+        gateway.diagnose([recorded, str(recorded)])
+    with pytest.raises(gateway.Error, match="no recording"):
+        gateway.diagnose([])
+    with pytest.raises(ValueError, match="magic"):
+        gateway.diagnose(recorded, model="magic")
+    with pytest.raises(ValueError, match="2 to 20"):
+        gateway.diagnose(recorded, folds=1)
+    with pytest.raises(gateway.Error, match="is not in a file") as raised:
+        gateway.diagnose(gateway.simulate("lab", duration_s=1.0))
+    assert "out=" in raised.value.remedy
+    assert not asked
+
+
+def test_lost_process_names_the_guard_of_the_script(recorded, monkeypatch):
+    def fails(*_, **__):
+        raise BrokenProcessPool
+
+    monkeypatch.setattr(diagnosis_report, "diagnose_recordings", fails)
+    with pytest.raises(gateway.Error, match="ended early") as raised:
+        gateway.diagnose(recorded, jobs=2)
+    assert "__main__" in raised.value.remedy
+
+
+def test_several_wheels_without_a_choice_are_an_error(recorded):
+    with pytest.raises(gateway.Error, match="FL"):
+        gateway.diagnose(recorded)
+
+
+def test_report_has_the_figures_of_the_result(tmp_path):
+    result = replace(ordinary(), correction=correction("FL"))
+    report = DiagnosisReport(result)
+    assert report.effects == result.named
+    assert report.unexplained == result.unexplained
+    assert report.estimates_after["Bs"] == result.estimates_after["Bs"]
+    assert report.held_out_rms_mps2 == (result.held_out.rms_before_mps2, result.held_out.rms_after_mps2)
+    assert report.summary().splitlines() == closure_summary_lines(result)
+    report.report_json(tmp_path / "report.json")
+    assert json.loads((tmp_path / "report.json").read_text("utf-8")) == json.loads(json.dumps(report.to_dict()))
+    report.save_effects(tmp_path / "fl.json")
+    assert load_effects(tmp_path / "fl.json").position == "FL"
+    assert repr(report).startswith(f"<DiagnosisReport of {result.wheel}: identified ")
+
+
+def test_page_is_returned_and_written(tmp_path):
+    report, path = DiagnosisReport(empty()), tmp_path / "report.html"
+    assert report.report_html(path) == path.read_text("utf-8") == diagnosis_html(empty())
+    with pytest.raises(gateway.OutputError, match="already exists"):
+        report.report_html(path)
+
+
+def test_nothing_identified_saves_no_effects(tmp_path):
+    with pytest.raises(gateway.Error, match="no effect was identified"):
+        DiagnosisReport(empty()).save_effects(tmp_path / "none.json")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_hostile_names_stay_text_in_a_notebook():
+    assert "<script>" not in DiagnosisReport(nasty())._repr_html_()

@@ -1,0 +1,53 @@
+"""`treadlink estimate --jobs`: the same tables, summaries and errors as one recording after another."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.errors import RecordingError
+from tests.testkit.campaign_recordings import START_NS, write_recording
+
+TABLES = ("csv", "json", "parquet")
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recordings")
+    motion = "[motion]\nspeed_kmh = 60.0"
+    # The second is shorter, so that another process finishes it first.
+    return [
+        write_recording(folder / f"{number}.mcap", motion, duration_s=duration_s, start_ns=START_NS + number * 10**10)
+        for number, duration_s in enumerate((3.0, 0.5, 1.5))
+    ]
+
+
+def estimate(recordings, folder, jobs):
+    outputs = [word for kind in TABLES for word in (f"--{kind}", str(folder / f"out.{kind}"))]
+    return CliRunner().invoke(treadlink, ["estimate", *map(str, recordings), *outputs, "--jobs", str(jobs)])
+
+
+def test_jobs_do_not_change_the_output(recordings, tmp_path):
+    printed = {}
+    for jobs in (1, 2):
+        (tmp_path / str(jobs)).mkdir()
+        result = estimate(recordings, tmp_path / str(jobs), jobs)
+        printed[jobs] = result.exit_code, result.output.replace(str(tmp_path / str(jobs)), "")
+    assert printed[1] == printed[2]
+    for kind in TABLES:
+        assert (tmp_path / "1" / f"out.{kind}").read_bytes() == (tmp_path / "2" / f"out.{kind}").read_bytes()
+    assert len(list((tmp_path / "2").iterdir())) == len(TABLES)
+
+
+def test_jobs_report_the_first_error_in_order(recordings, tmp_path):
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(b"no recording")
+    folder = tmp_path / "out"
+    folder.mkdir()
+    result = estimate([recordings[0], broken, recordings[1]], folder, 2)
+    assert isinstance(result.exception, RecordingError)
+    assert "broken.mcap" in str(result.exception)
+    assert str(recordings[0]) in result.output
+    assert str(recordings[1]) not in result.output
+    assert list(folder.iterdir()) == []

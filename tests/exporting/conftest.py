@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gateway.config.vehicle import recorded_vehicle
+from gateway.exporting.recording_export import export_recording
+from gateway.recording.recorded_file import open_recorded_file
+from gateway.session.recorded_signals import revolutions, sample_blocks
+from tests.testkit.campaign_recordings import write_recording
+
+ESTIMATORS = ("kinematic", "weak-form")
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """Path of a recording of two wheels, 2 s, on a link that loses frames; the sensor of W1 has no lateral axis."""
+    folder = tmp_path_factory.mktemp("export")
+    wheels = ("load_n = 4200.0", "load_n = 3900.0\n[wheel.sensor]\naxes = ['circumferential', 'radial']")
+    tables = "faults = ['drop:rate=0.004']\n[sensor]\nrate_hz = 2000.0"
+    return write_recording(folder / "drive.mcap", tables, wheels=wheels, duration_s=2.0)
+
+
+@pytest.fixture(scope="session")
+def vehicle(recorded):
+    return recorded_vehicle(open_recorded_file(recorded).vehicle_toml, "test")
+
+
+@pytest.fixture(scope="session")
+def truth(recorded, vehicle):
+    """Samples of each wheel as read, by name of their column."""
+    blocks = list(sample_blocks(open_recorded_file(recorded), vehicle))
+    found = {}
+    for wheel in ("W0", "W1"):
+        own = [block for block in blocks if block.wheel == wheel]
+        axes = np.concatenate([block.axes_mps2 for block in own])
+        found[wheel] = {
+            "circumferential_mps2": axes[:, 0],
+            "lateral_mps2": axes[:, 1],
+            "radial_mps2": axes[:, 2],
+            "device_s": np.concatenate([block.hub_time_s for block in own]),
+            "host_ns": np.concatenate([block.host_time_ns for block in own]),
+            "saturated": np.concatenate([block.saturated for block in own]),
+            "number": np.concatenate([block.first_sample + np.arange(len(block)) for block in own]),
+        }
+    return found
+
+
+@pytest.fixture(scope="session")
+def results(recorded, vehicle):
+    return list(revolutions(open_recorded_file(recorded), vehicle, estimators=ESTIMATORS))
+
+
+@pytest.fixture
+def export(recorded, tmp_path):
+    """Function that exports the recording and returns the path of the file."""
+
+    def exported(format_name, *contents, name="out", recording=recorded, **options):
+        path = tmp_path / name
+        options = {"estimators": ESTIMATORS, **options}
+        export_recording(recording, path, contents=contents, format_name=format_name, **options)
+        return path
+
+    return exported

@@ -1,0 +1,260 @@
+"""Campaigns with a real scheduler and worker process: what is estimated, once, and what survives faults."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from gateway.config.vehicle import parse_vehicle
+from gateway.errors import OutputError, RecordingError, TreadlinkError
+from gateway.fleet.campaign_run import CampaignProgress, find_recordings
+from gateway.fleet.recording_estimation import RowsKept
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.reader import RecordingReader
+from gateway.session.batch_estimation import estimate_items
+from gateway.views.tables.result_table import row_of
+from tests.fleet.conftest import ESTIMATORS
+from tests.testkit.campaign_recordings import write_recording
+from tests.testkit.faulty_work import faulty_work
+
+
+def rows(tmp_path: Path, table: str) -> list[dict[str, Any]]:
+    """Return all rows of a table."""
+    found = []
+    for path in sorted((tmp_path / "dataset" / table).rglob("*.parquet")):
+        with pq.ParquetFile(path) as file:
+            found += file.read().to_pylist()
+    return found
+
+
+def names(tmp_path: Path, table: str = "recordings") -> list[str]:
+    return sorted(row["recording"] for row in rows(tmp_path, table))
+
+
+def is_whole(tmp_path: Path) -> bool:
+    """Return whether every recording is there once, with all its tables, and nothing is left behind."""
+    dataset = tmp_path / "dataset"
+    summaries = Counter(row["recording_id"] for row in rows(tmp_path, "recordings"))
+    of_revolutions = {row["recording_id"] for row in rows(tmp_path, "revolutions")}
+    known = {".lock", "treadlink-dataset.json", "recordings", "revolutions", "failures"}
+    return (
+        set(summaries.values()) <= {1}
+        and of_revolutions == set(summaries)
+        and {path.name for path in dataset.iterdir()} <= known
+    )
+
+
+def test_rows_equal_those_of_estimate(campaign, recordings, tmp_path):
+    path = recordings / "drive0.mcap"
+    progress = campaign(path, rows=RowsKept.ALL)
+    direct: list[RevolutionResult] = []
+    reader = RecordingReader(path)
+    vehicle = parse_vehicle(reader.vehicle_toml or "", "test")
+    estimate_items(reader, vehicle, direct.append, estimators=ESTIMATORS)
+    found = sorted(rows(tmp_path, "revolutions"), key=lambda row: row["revolution"])
+    assert progress.estimated == 1
+    assert len(found) == len(direct) > 10
+    for row, result in zip(found, direct, strict=True):
+        fixed, named = row_of(result, path.name)
+        assert row["host_ns"] == fixed["host_ns"]
+        assert row["position"] == "W0"
+        assert row["Bs"] == pytest.approx(named["Bs"][""], rel=1e-6)
+        assert row["Bs_status"] == named["Bs"]["_status"]
+    (summary,) = rows(tmp_path, "recordings")
+    assert summary["revolutions"] == len(direct)
+    assert summary["sensor_id"] == "0000b000"
+    assert summary["distance_m"] == pytest.approx(len(direct) * 2.0 * 3.14159265 * 0.32)
+    assert summary["speed_mps"] == pytest.approx(80.0 / 3.6, rel=1e-3)
+    assert summary["Bs"] == pytest.approx(3.08e-3, rel=0.1)
+    assert summary["Bs_status"] == "valid"
+    assert min(row["Bs_std"] for row in found if row["Bs_std"]) <= summary["Bs_std"]
+    assert summary["start_utc"].isoformat().startswith("2023-11-14T22:13:20")
+
+
+def test_second_run_estimates_nothing(campaign, recordings, tmp_path):
+    assert campaign(recordings).estimated == 3
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "dataset").rglob("*.parquet")}
+    again = campaign(recordings)
+    assert (again.estimated, again.known, again.files_left) == (0, 3, 0)
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "dataset").rglob("*.parquet")} == before
+
+
+def test_renamed_copied_and_changed_files(campaign, recordings, made, tmp_path):
+    campaign(recordings / "drive0.mcap")
+    (recordings / "drive0.mcap").rename(recordings / "moved.mcap")
+    shutil.copy(recordings / "moved.mcap", recordings / "copy.mcap")
+    found = campaign(recordings / "moved.mcap", recordings / "copy.mcap", recordings / "drive1.mcap")
+    assert (found.estimated, found.known, found.copies) == (1, 1, 1)
+    assert names(tmp_path) == ["drive0.mcap", "drive1.mcap"]
+    # The renamed file changes: its old rows go, wherever they came from.
+    shutil.copy(made / "drive2.mcap", recordings / "moved.mcap")
+    (recordings / "copy.mcap").unlink()
+    assert campaign(recordings / "moved.mcap").estimated == 1
+    assert names(tmp_path) == ["drive1.mcap", "moved.mcap"]
+    assert is_whole(tmp_path)
+
+
+def test_copy_keeps_rows_of_changed_original(campaign, recordings, made, tmp_path):
+    shutil.copy(recordings / "drive0.mcap", recordings / "copy.mcap")
+    campaign(recordings / "drive0.mcap", recordings / "copy.mcap")
+    shutil.copy(made / "drive1.mcap", recordings / "drive0.mcap")
+    campaign(recordings / "copy.mcap", recordings / "drive0.mcap")
+    assert len(rows(tmp_path, "recordings")) == 2
+    shutil.copy(made / "drive2.mcap", recordings / "drive0.mcap")
+    campaign(recordings / "drive0.mcap", recordings / "copy.mcap")
+    assert len(rows(tmp_path, "recordings")) == 2
+    assert is_whole(tmp_path)
+
+
+def test_other_code_on_a_worker_is_an_error(campaign, recordings, tmp_path):
+    with pytest.raises(TreadlinkError, match="another version of the estimators"):
+        campaign(recordings / "drive0.mcap", code="other")
+    assert rows(tmp_path, "recordings") == rows(tmp_path, "failures") == []
+
+
+def test_other_settings_need_another_dataset(campaign, recordings):
+    campaign(recordings / "drive0.mcap")
+    with pytest.raises(OutputError, match="other estimators: kinematic, weak-form, wear; now: kinematic"):
+        campaign(recordings / "drive0.mcap", estimators=("kinematic",))
+    with pytest.raises(OutputError, match="other kept rows: second; now: none"):
+        campaign(recordings / "drive0.mcap", rows=RowsKept.NONE)
+
+
+def test_bad_file_is_a_failure_row(campaign, recordings, made, tmp_path):
+    bad = recordings / "bad.mcap"
+    bad.write_text("no recording")
+    (recordings / "empty.mcap").write_bytes(b"")
+    failures: list[Path] = []
+    found = campaign(recordings, on_failure=lambda path, _: failures.append(path))
+    assert (found.estimated, found.failed) == (3, 2)
+    assert sorted(path.name for path in failures) == ["bad.mcap", "empty.mcap"]
+    row = next(row for row in rows(tmp_path, "failures") if row["recording"] == "bad.mcap")
+    assert row["code"] == "recording_not_read"
+    assert "does not start like an MCAP file" in row["text"]
+    assert row["remedy"]
+    assert row["is_final"]
+    assert json.loads(row["values"])["message"] in row["text"]
+    again = campaign(recordings)
+    assert (again.failed, again.failed_before, again.known) == (0, 2, 3)
+    assert campaign(bad, retries_failed=True).failed == 1
+    shutil.copy(made / "drive0.mcap", bad)
+    (recordings / "drive0.mcap").unlink()
+    assert campaign(recordings).failed_before == 1
+    assert names(tmp_path, "failures") == ["empty.mcap"]
+    assert is_whole(tmp_path)
+
+
+def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_path):
+    whole = (recordings / "drive0.mcap").read_bytes()
+    (recordings / "cut.mcap").write_bytes(whole[: len(whole) * 3 // 4])
+    write_recording(
+        recordings / "standing.mcap",
+        "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 0\n",
+        wheels=("load_n = 4000\n",),
+        duration_s=2.5,
+    )
+    found = campaign(recordings / "cut.mcap", recordings / "standing.mcap")
+    assert (found.estimated, found.failed, found.damaged) == (2, 0, 1)
+    cut, standing = sorted(rows(tmp_path, "recordings"), key=lambda row: row["recording"])
+    assert json.loads(cut["damage"])["code"] == "recording_cut_off"
+    assert cut["revolutions"] > 3
+    assert standing["revolutions"] == 0
+    assert json.loads(standing["missing"])["code"] == "no_revolution"
+    assert standing["damage"] is None
+    assert standing["samples"] > 4000
+
+
+def test_killed_worker_is_tried_once_more(campaign, recordings, tmp_path):
+    shutil.move(recordings / "drive0.mcap", recordings / "killed_once.mcap")
+    shutil.move(recordings / "drive1.mcap", recordings / "killed.mcap")
+    found = campaign(recordings, work=faulty_work)
+    assert (found.estimated, found.failed) == (2, 1)
+    (row,) = rows(tmp_path, "failures")
+    assert (row["recording"], row["code"], row["attempts"]) == ("killed.mcap", "worker_ended", 2)
+    assert not row["is_final"]
+    assert names(tmp_path) == ["drive2.mcap", "killed_once.mcap"]
+    assert is_whole(tmp_path)
+    # The circumstances have changed: the next campaign tries it without being asked to.
+    assert campaign(recordings).estimated == 1
+    assert rows(tmp_path, "failures") == []
+
+
+@pytest.mark.slow
+def test_worker_out_of_memory_is_a_failure(campaign, recordings, tmp_path):
+    shutil.move(recordings / "drive0.mcap", recordings / "hog.mcap")
+    found = campaign(recordings, work=faulty_work)
+    assert (found.estimated, found.failed) == (2, 1)
+    (row,) = rows(tmp_path, "failures")
+    assert (row["code"], row["attempts"]) == ("worker_memory_above_limit", 2)
+    assert "500 MB" in row["text"]
+    assert is_whole(tmp_path)
+
+
+def test_memory_error_is_tried_once_more(campaign, recordings, tmp_path):
+    shutil.move(recordings / "drive0.mcap", recordings / "memory_error.mcap")
+    assert campaign(recordings / "memory_error.mcap", work=faulty_work).failed == 1
+    (row,) = rows(tmp_path, "failures")
+    assert (row["code"], row["attempts"]) == ("worker_memory_full", 2)
+
+
+def test_full_disk_leaves_a_whole_dataset(campaign, recordings, tmp_path):
+    campaign(recordings / "drive0.mcap")
+    shutil.move(recordings / "drive1.mcap", recordings / "full_disk.mcap")
+    with pytest.raises(OutputError, match="cannot be written: File too large"):
+        campaign(recordings, work=faulty_work)
+    assert is_whole(tmp_path)
+    assert campaign(recordings).files == 3
+    assert len(names(tmp_path)) == 3
+
+
+def test_stop_leaves_a_whole_dataset(campaign, recordings, tmp_path):
+    stop = threading.Event()
+
+    def after_first(progress: CampaignProgress) -> None:
+        if progress.estimated == 1:
+            stop.set()
+
+    found = campaign(recordings, stop=stop, on_progress=after_first)
+    assert found.estimated == 1
+    assert is_whole(tmp_path)
+    again = campaign(recordings)
+    assert (again.known, again.estimated) == (1, 2)
+    assert is_whole(tmp_path)
+
+
+def test_file_that_changes_meanwhile_is_tried_again(campaign, recordings, tmp_path):
+    path = recordings / "drive0.mcap"
+
+    def grow(progress: CampaignProgress) -> None:
+        if progress.workers and path.stat().st_size % 2 == size % 2:
+            with path.open("ab") as file:
+                file.write(b"x")
+
+    size = path.stat().st_size
+    assert campaign(path, on_progress=grow).failed == 1
+    (row,) = rows(tmp_path, "failures")
+    assert (row["code"], row["is_final"]) == ("recording_changed", False)
+
+
+def test_time_left_rests_on_bytes():
+    progress = CampaignProgress(files=100, files_left=1, total_bytes=1000, done_bytes=250, elapsed_s=10.0)
+    assert progress.left_s == pytest.approx(30.0)
+    assert CampaignProgress(total_bytes=1000).left_s is None
+
+
+def test_recordings_are_found_in_folders(recordings):
+    (recordings / "notes.txt").write_text("")
+    (recordings / ".hidden.mcap").write_text("")
+    assert [path.name for path in find_recordings([recordings])] == ["drive0.mcap", "drive1.mcap", "drive2.mcap"]
+    with pytest.raises(RecordingError, match="does not exist"):
+        find_recordings([recordings / "missing"])
+    (recordings / "empty").mkdir()
+    with pytest.raises(RecordingError, match="no recording in"):
+        find_recordings([recordings / "empty"])

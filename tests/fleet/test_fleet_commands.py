@@ -1,0 +1,138 @@
+"""The commands campaign and trends as a user runs them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.errors import OutputError
+from gateway.estimators.estimator import Status
+from gateway.fleet.recording_estimation import estimate_names
+from gateway.fleet.tire_diagnoses import MOST_RECORDINGS, _chosen
+from tests.fleet.test_campaign_run import is_whole, names, rows
+
+ROOT = Path(__file__).parents[2]
+FEW = ("--estimator", "kinematic", "--estimator", "weak-form", "--jobs", "1")
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "gateway.cli", *map(str, arguments)]
+
+
+def test_campaign_and_trends_end_to_end(recordings, tmp_path, monkeypatch, workers):
+    monkeypatch.chdir(tmp_path)
+    (recordings / "bad.mcap").write_text("no recording")
+    address = workers.cluster.scheduler_address
+    arguments = ["campaign", str(recordings), "--out", "dataset", *FEW[:4], "--scheduler", address]
+    done = CliRunner().invoke(treadlink, arguments)
+    assert done.exit_code == 1, done.output
+    assert "3 recordings estimated" in done.output
+    assert "bad.mcap' is not a recording" in done.output
+    assert is_whole(tmp_path)
+    run = CliRunner().invoke(treadlink, ["trends", "dataset", "--html", "t.html", "--json", "t.json", "--csv", "t.csv"])
+    assert run.exit_code == 0, run.output
+    assert "2 tires of 2 vehicles, 3 recordings, 2023-11-14 to 2023-11-16 (UTC)" in run.output
+    assert json.loads(Path("t.json").read_text())["failures"] == 1
+    assert Path("t.csv").read_text().count("\n") > 40
+    assert "a/b=c ü" in Path("t.html").read_text()
+    again = CliRunner().invoke(treadlink, ["trends", "dataset", "--html", "t.html"])
+    assert isinstance(again.exception, OutputError)
+
+
+def no_workers(*_: object) -> None:
+    raise AssertionError("nothing is to be estimated")
+
+
+def test_no_worker_starts_when_nothing_is_to_do(campaign, recordings, tmp_path, monkeypatch):
+    campaign(recordings, estimators=("kinematic", "weak-form"))
+    runner = CliRunner()
+    monkeypatch.setattr("gateway.fleet.worker_cluster.local_workers", no_workers)
+    found = runner.invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
+    assert found.exit_code == 0, found.output
+    assert "3 done before" in found.output
+
+
+def test_unreachable_scheduler_is_an_error(recordings, tmp_path, monkeypatch):
+    monkeypatch.setattr("gateway.fleet.worker_cluster._CONNECT_S", 0.5)
+    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), "--scheduler", "tcp://127.0.0.1:9"]
+    found = CliRunner().invoke(treadlink, arguments)
+    assert CliRunner().invoke(treadlink, [*arguments, "--jobs", "2"]).exit_code == 2
+    assert "no dask scheduler answers at 'tcp://127.0.0.1:9'" in str(found.exception)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signal_leaves_a_whole_dataset(recordings, tmp_path, number, status):
+    arguments = command("campaign", recordings, "--out", tmp_path / "dataset", *FEW)
+    process = subprocess.Popen(
+        arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True
+    )
+    while not list((tmp_path / "dataset" / "recordings").rglob("*.parquet")):
+        assert process.poll() is None
+        time.sleep(0.02)
+    os.killpg(process.pid, number) if number == signal.SIGINT else process.send_signal(number)
+    out, err = process.communicate(timeout=60.0)
+    assert process.returncode == status, err
+    assert "stopped: run the same command to continue" in err
+    assert "Traceback" not in err
+    assert is_whole(tmp_path)
+    done = subprocess.run(arguments, capture_output=True, text=True, cwd=ROOT, check=True)
+    assert f"{3 - int(out.split()[0])} recordings estimated" in done.stdout
+    assert len(names(tmp_path)) == 3
+
+
+@pytest.mark.slow
+def test_two_campaigns_at_once_lose_nothing(recordings, tmp_path):
+    arguments = command("campaign", recordings, "--out", tmp_path / "dataset", *FEW)
+    both = [
+        subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+        for _ in range(2)
+    ]
+    outputs = [process.communicate(timeout=120.0) for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert sorted(int(out.split()[0]) for out, _ in outputs) == [0, 3]
+    assert sum("waiting for another campaign" in err for _, err in outputs) == 1
+    assert is_whole(tmp_path)
+    assert len(names(tmp_path)) == 3
+
+
+@pytest.mark.slow
+def test_campaign_diagnoses_tires(recordings, tmp_path):
+    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW, "--diagnose"]
+    runner = CliRunner()
+    first = runner.invoke(treadlink, arguments)
+    assert "tires: 2 diagnosed, 0 done before, 0 without a diagnosis" in first.output, first.output
+    found = rows(tmp_path, "diagnoses")
+    assert {row["position"] for row in found} == {"W0"}
+    assert all(row["held_out_after_mps2"] > 0.0 for row in found)
+    whole = [json.loads(row["diagnosis"]) for row in found if row["diagnosis"]]
+    assert len(whole) == 2
+    assert {len(one["recordings"]) for one in whole} == {1, 2}
+    assert "0 diagnosed, 2 done before" in runner.invoke(treadlink, arguments).output
+
+
+def test_diagnosis_takes_recordings_of_all_speeds():
+    recorded = [{"speed_mean_mps": float(n), "recording_id": str(n), "start_utc": -n} for n in range(100)]
+    chosen = _chosen(recorded)
+    assert len(chosen) == MOST_RECORDINGS
+    assert {0.0, 99.0} <= {row["speed_mean_mps"] for row in chosen}
+    assert chosen == sorted(chosen, key=lambda row: row["start_utc"])
+
+
+def test_names_of_estimates_are_those_of_tables(campaign, recordings, tmp_path):
+    campaign(recordings / "drive0.mcap", estimators=("kinematic", "weak-form", "ring-paper", "load"))
+    (row,) = rows(tmp_path, "recordings")
+    assert row["other_estimates"] is None
+    assert {"estimated_load_n", "ring-paper:Bs"} <= set(
+        estimate_names(("kinematic", "weak-form", "ring-paper", "load"))
+    )
+    assert row["ring-paper:Bs_status"] in set(Status)

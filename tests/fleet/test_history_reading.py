@@ -1,0 +1,63 @@
+"""Histories from a dataset, and odometer files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gateway.errors import OutputError, RecordingError
+from gateway.fleet.history_reading import read_histories, read_odometer
+from gateway.trends.fleet_analysis import analyse
+from tests.testkit.campaign_recordings import START_NS
+
+ODOMETER = "vehicle,utc,km\nvan 7,2023-11-14T00:00:00Z,1000\nvan 7,2023-11-24T00:00:00Z,1500\n"
+
+
+def test_dataset_becomes_histories(campaign, recordings, tmp_path):
+    (recordings / "bad.mcap").write_text("no recording")
+    campaign(recordings)
+    (tmp_path / "odometer.csv").write_text(ODOMETER)
+    found = read_histories(tmp_path / "dataset", read_odometer(tmp_path / "odometer.csv"))
+    assert (found.recordings, found.failures) == (3, 1)
+    assert [(tire.vehicle, tire.position, tire.sensor_id) for tire in found.tires] == [
+        ("a/b=c ü", "W0", "0000b000"), ("van 7", "W0", "0000b000")
+    ]  # fmt: skip
+    van = found.tires[1]
+    assert van.has_odometer
+    assert van.time_ns[0] == START_NS
+    assert van.km[0] == pytest.approx(1000.0 + 50.0 * (22 + 13 / 60 + 20 / 3600) / 24, abs=0.01)
+    assert np.diff(van.km)[0] == pytest.approx(50.0, abs=0.01)
+    assert van.column("Bs") == pytest.approx(3.08e-3, rel=0.1)
+    assert [str(note.code) for note in found.notes] == ["trend_vehicle_without_odometer"]
+    assert len(analyse(found.tires, recordings=3).tires) == 2
+
+
+def test_unreadable_file_is_left_out(campaign, recordings, tmp_path):
+    campaign(recordings)
+    first, *_ = (tmp_path / "dataset" / "recordings").rglob("*.parquet")
+    first.write_bytes(b"PAR1 nothing")
+    found = read_histories(tmp_path / "dataset")
+    assert found.recordings == 2
+    assert str(found.notes[0].code) == "trend_unreadable_file"
+
+
+def test_missing_dataset_is_an_error(tmp_path):
+    with pytest.raises(OutputError, match="is not a dataset"):
+        read_histories(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("vehicle,km\nvan,1\n", "no column utc"),
+        ("vehicle,utc,km\nvan,yesterday,1\n", "line 2"),
+        ("vehicle,utc,km\nvan,2026-01-01,many\n", "line 2"),
+        ("vehicle,utc,km\nvan,2026-01-01,nan\n", "not a number"),
+        ("vehicle,utc,km\nvan,2026-01-01,9\nvan,2026-01-02,8\n", "decreases"),
+    ],
+)
+def test_wrong_odometer_file_is_an_error(tmp_path, content, message):
+    path = tmp_path / "odometer.csv"
+    path.write_text(content)
+    with pytest.raises(RecordingError, match=message):
+        read_odometer(path)

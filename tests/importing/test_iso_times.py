@@ -1,0 +1,110 @@
+"""Time columns of dates: zones, changes of the clock, and the start that they give."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.errors import ConfigError, ImportDataError
+from gateway.importing.import_map import parse_map
+from gateway.importing.importer import ImportReport, import_file
+from tests.importing.measurements import Decoded, simple_map
+
+RADIAL_ONLY = {"axis.circumferential": "", "axis.lateral": ""}
+ISO = 'time_column = "t"\ntime_unit = "iso"'
+
+
+def texts(start: str, rows: int = 400, suffix: str = "", separator: str = "T") -> list[str]:
+    begin = datetime.fromisoformat(start)
+    times = [begin + timedelta(microseconds=200 * k) for k in range(rows)]
+    return [time.isoformat(sep=separator, timespec="microseconds") + suffix for time in times]
+
+
+def imported(tmp_path: Path, times: list[str], sampling: str = ISO) -> tuple[ImportReport, Decoded]:
+    path, out = tmp_path / "run.csv", tmp_path / "out.mcap"
+    rows = [f"{time},{k % 7}" for k, time in enumerate(times)]
+    path.write_text("\n".join(["t,z", *rows]) + "\n", encoding="utf-8")
+    report = import_file(path, parse_map(simple_map(sampling=sampling, **RADIAL_ONLY), "map"), out)
+    return report, Decoded(out)
+
+
+def start_of(decoded: Decoded) -> datetime:
+    return datetime.fromtimestamp(decoded.items[0].host_ns // 10**9, UTC)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "separator", "zone", "utc_hour"),
+    [
+        ("Z", "T", "", 12),
+        ("+02:00", " ", "", 10),
+        ("-0530", "T", "", 17),
+        ("", "T", '\ntime_zone = "Europe/Berlin"', 10),
+        ("", " ", '\ntime_zone = "UTC"', 12),
+        ("", "T", '\ntime_zone = "-03:00"', 15),
+        ("Z", "T", '\ntime_zone = "Europe/Berlin"', 12),
+    ],
+)
+def test_zones_of_file_and_map_give_the_start(
+    tmp_path: Path, suffix: str, separator: str, zone: str, utc_hour: int
+) -> None:
+    times = texts("2024-05-01T12:00:00", suffix=suffix, separator=separator)
+    report, decoded = imported(tmp_path, times, ISO + zone)
+    assert report.rate_hz == pytest.approx(5000.0, rel=1e-6)
+    assert not report.start_is_file_date
+    assert start_of(decoded).hour == utc_hour
+
+
+def test_digits_may_be_missing_and_cells_empty(tmp_path: Path) -> None:
+    times = texts("2024-05-01T12:00:00", suffix="Z")
+    times[0], times[7], times[5] = "2024-05-01T12:00:00Z", "", times[5].replace("1000Z", "1Z")
+    report, decoded = imported(tmp_path, times)
+    assert (report.samples, len(decoded.counts)) == (400, 400)
+
+
+def test_times_without_a_zone_are_rejected(tmp_path: Path) -> None:
+    with pytest.raises(ImportDataError, match="line 2, column 't': .* states no time zone") as caught:
+        imported(tmp_path, texts("2024-05-01T12:00:00"))
+    assert 'time_zone, such as "Europe/Berlin"' in caught.value.remedy
+
+
+@pytest.mark.parametrize(("start", "message"), [("2024-10-27T02:10:00", "twice"), ("2024-03-31T02:10:00", "not exist")])
+def test_ambiguous_local_times_are_rejected(tmp_path: Path, start: str, message: str) -> None:
+    with pytest.raises(ImportDataError, match=f"line 2, .* {message} in Europe/Berlin") as caught:
+        imported(tmp_path, texts(start), ISO + '\ntime_zone = "Europe/Berlin"')
+    assert 'time_zone = "+02:00"' in caught.value.remedy
+    report, _ = imported(tmp_path, texts(start), ISO + '\ntime_zone = "+01:00"')
+    assert report.samples == 400
+
+
+@pytest.mark.parametrize("cell", ["12:00:00.0002", "2024-13-01T12:00:00Z", "yesterday", "1.5"])
+def test_cell_that_is_no_iso_time_is_named(tmp_path: Path, cell: str) -> None:
+    times = texts("2024-05-01T12:00:00", suffix="Z")
+    times[3] = cell
+    with pytest.raises(ImportDataError, match="line 5, column 't': .* is not an ISO time"):
+        imported(tmp_path, times)
+
+
+def test_zone_that_does_not_exist_is_a_fault_of_the_map() -> None:
+    with pytest.raises(ConfigError, match="did you mean Europe/Berlin"):
+        parse_map(simple_map(sampling=ISO + '\ntime_zone = "Europe/Berln"'), "map")
+    with pytest.raises(ConfigError, match='only for time_unit = "iso"'):
+        parse_map(simple_map(sampling='time_column = "t"\ntime_zone = "UTC"'), "map")
+
+
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_timestamps_of_parquet_are_dates(tmp_path: Path, zone: str | None) -> None:
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "run.parquet"
+    begin_ns = int(datetime(2024, 5, 1, 12, tzinfo=UTC).timestamp()) * 10**9
+    times = pa.array(begin_ns + 200_000 * np.arange(400), pa.timestamp("ns", tz=zone))
+    pq.write_table(pa.table({"t": times, "z": np.sin(np.arange(400.0))}), path)
+    report = import_file(path, parse_map(simple_map(sampling=ISO, **RADIAL_ONLY), "map"), tmp_path / "out.mcap")
+    assert report.rate_hz == pytest.approx(5000.0, rel=1e-9)
+    assert report.start_is_file_date == (zone is None)
+    with pytest.raises(ImportDataError, match="contains dates"):
+        import_file(
+            path, parse_map(simple_map(sampling='time_column = "t"', **RADIAL_ONLY), "map"), tmp_path / "b.mcap"
+        )

@@ -1,0 +1,145 @@
+"""Measured speeds, rotations and angles: kept in the recording and compared with the revolutions."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli.estimate import estimate
+from gateway.cli.import_measurement import import_
+from gateway.errors import ConfigError
+from gateway.importing.import_map import ReferenceColumn, parse_map
+from gateway.importing.reference_channels import ReferenceChannel
+from gateway.pipeline.reference_comparison import ReferenceComparison
+from gateway.recording.reader import RecordingReader
+from gateway.recording.reference_topic import ReferenceItems
+from gateway.views.reference_lines import reference_lines
+from tests.importing.measurements import simple_map, write_csv
+from tests.importing.rolling_wheel import RADIUS_M, RollingWheel, rolling
+
+RATE_HZ = 9600.0
+REFERENCES = {
+    "speed": 'column = "v"\nquantity = "speed"\nunit = "km/h"\nstd = 0.01',
+    "rpm": 'column = "n"\nquantity = "rotation"\nunit = "rpm"',
+    "tacho": 'column = "pulse"\nquantity = "pulses"',
+    "encoder": 'column = "phi"\nquantity = "angle"\nunit = "deg"',
+}
+
+
+@cache
+def wheel() -> RollingWheel:
+    return rolling(RATE_HZ)
+
+
+def measured(folder: Path, speed_factor: float = 1.002) -> tuple[Path, Path]:
+    """Return a file whose reference speed is off by a factor, and its map."""
+    turns = wheel().angle_rad / (2 * np.pi)
+    columns = {
+        "z": wheel().axes_mps2[:, 2],
+        "v": wheel().speed_mps * 3.6 * speed_factor,
+        "n": wheel().speed_mps / RADIUS_M / (2 * np.pi) * 60,
+        "pulse": np.where(turns % 1 < 0.05, 5.0, 0.0) + np.random.default_rng(2).normal(size=len(turns)) * 0.1,
+        "phi": (turns * 360 + 40.0) % 360,
+    }
+    text = simple_map(
+        sampling=f"rate_hz = {RATE_HZ}",
+        conditions="radius_mm = 320",
+        **{"axis.circumferential": "", "axis.lateral": "", "axis.radial": 'column = "z"\nunit = "m/s^2"'},
+    )
+    text += "".join(f'\n[[reference]]\nname = "{name}"\n{keys}\n' for name, keys in REFERENCES.items())
+    path, map_path = write_csv(folder / "run.csv", columns), folder / "run.map.toml"
+    map_path.write_text(text, encoding="utf-8")
+    return path, map_path
+
+
+def test_import_and_estimate_print_the_differences(tmp_path: Path) -> None:
+    path, map_path = measured(tmp_path)
+    out = tmp_path / "out.mcap"
+    result = CliRunner().invoke(import_, [str(path), "--map", str(map_path), "--out", str(out)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    lines = [line for line in result.output.splitlines() if line.startswith("W1, reference")]
+    (radius,) = [line for line in lines if "belt radius" in line]
+    assert float(radius.split("radius of ")[1].split()[0]) == pytest.approx(320.64, abs=0.1)
+    for name, percent in (("speed", -0.2), ("rpm", 0.0), ("tacho", 0.0), ("encoder", 0.0)):
+        (line,) = [line for line in lines if f"reference {name}: " in line and "difference" in line]
+        shown = line.rsplit("(", 1)[1] if "e-" not in line.rsplit(" (", 1)[1] else "0 "
+        assert float(shown.split()[0]) == pytest.approx(percent, abs=0.02), line
+        assert int(line.split(": ")[1].split()[0]) >= 30
+    (contact,) = [line for line in lines if "reference encoder: the contact centre" in line]
+    assert float(contact.split("at ")[1].split()[0]) == pytest.approx(40.0, abs=0.5)
+    again = CliRunner().invoke(estimate, [str(out)], catch_exceptions=False)
+    assert [line.strip() for line in again.output.splitlines() if "W1, reference" in line] == lines
+
+
+def test_recording_keeps_the_values_with_their_errors(tmp_path: Path) -> None:
+    path, map_path = measured(tmp_path)
+    result = CliRunner().invoke(import_, [str(path), "--map", str(map_path), "--out", str(tmp_path / "o.mcap")])
+    assert result.exit_code == 0
+    items = ReferenceItems(RecordingReader(tmp_path / "o.mcap"))
+    assert list(items.items())
+    found = {reference.name: reference for reference in items.references()}
+    assert set(found) == set(REFERENCES)
+    speed = found["speed"]
+    assert (speed.position, speed.quantity) == ("W1", "speed")
+    assert speed.value_std == pytest.approx(0.01 / 3.6)
+    expected = np.interp(speed.times_s, wheel().times_s, wheel().speed_mps * 1.002)
+    np.testing.assert_allclose(speed.values, expected, rtol=1e-4)
+    turned = np.interp(found["tacho"].times_s, wheel().times_s, wheel().angle_rad / (2 * np.pi))
+    np.testing.assert_allclose(turned - np.rint(turned), 0.0, atol=2e-3)
+    np.testing.assert_allclose(np.diff(found["tacho"].values), 1.0)
+
+
+def channel(**keys: object) -> ReferenceChannel:
+    column = ReferenceColumn(name="r", column="c", **keys)  # type: ignore[arg-type]
+    return ReferenceChannel(column, 1000.0, 0.0, 5.0)
+
+
+@pytest.mark.parametrize("cuts", [(), (1, 2, 100, 101, 500)])
+def test_values_do_not_depend_on_blocks(cuts: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(3)
+    times = np.arange(1000) / 1000.0
+    signal = 2.5 + 2.5 * np.tanh(20 * np.sin(2 * np.pi * 12.3 * times)) + rng.normal(size=1000) * 0.05
+    signal[300:310] = np.nan
+    for keys in ({"quantity": "pulses"}, {"quantity": "speed", "unit": "m/s"}, {"quantity": "angle", "unit": "turns"}):
+        whole = list(channel(**keys).feed(signal))
+        split = channel(**keys)
+        found = [value for part in np.split(signal, cuts) for value in split.feed(part)]
+        np.testing.assert_allclose(found, whole)
+
+
+def test_noise_at_the_threshold_makes_no_pulses() -> None:
+    rng = np.random.default_rng(4)
+    times = np.arange(2000) / 1000.0
+    slow = 2.5 + 2.5 * np.sin(2 * np.pi * 5.0 * times) + rng.normal(size=2000) * 0.2
+    assert len(list(channel(quantity="pulses", pulses_per_turn=2.0).feed(slow))) in (9, 10)
+
+
+def test_encoder_that_runs_backward_counts_the_same_turns() -> None:
+    angle = (-np.arange(1000) * 7.2) % 360
+    found = list(channel(quantity="angle", unit="deg").feed(angle))
+    assert found[-1][1] - found[0][1] == pytest.approx(-7.2 / 360 * (found[-1][0] - found[0][0]) * 1000)
+
+
+@pytest.mark.parametrize(
+    ("keys", "fault"),
+    [
+        ('quantity = "speed"', r"reference\[#1\].unit: missing, one of m/s"),
+        ('quantity = "speed"\nunit = "rpm"', r'unit: "rpm" found, one of m/s'),
+        ('quantity = "pulses"\nunit = "V"', "pulses have no unit"),
+        ('quantity = "angle"\nunit = "deg"\nthreshold = 1.0', 'only for quantity = "pulses"'),
+        ('quantity = "sped"', "did you mean speed"),
+        ('quantity = "pulses"\nwheels = ["FL"]', "the wheels are W1"),
+    ],
+)
+def test_faults_of_references_are_named(keys: str, fault: str) -> None:
+    with pytest.raises(ConfigError, match=fault):
+        parse_map(simple_map() + f'\n[[reference]]\nname = "r"\ncolumn = "c"\n{keys}\n', "map")
+
+
+def test_reference_without_revolutions_is_named() -> None:
+    (line,) = reference_lines([ReferenceComparison("FL", "drum", "speed", 0)])
+    assert line == "FL, reference drum: fewer than 3 revolutions have a reference; nothing to compare"

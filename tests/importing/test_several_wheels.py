@@ -1,0 +1,94 @@
+"""Several wheels in one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import Environment, Hello, SampleBlock
+from gateway.cli.import_measurement import report_lines
+from gateway.config.vehicle import recorded_vehicle
+from gateway.errors import ConfigError
+from gateway.importing.import_map import parse_map
+from gateway.importing.importer import import_file
+from gateway.io.source import Chunk
+from gateway.recording.reader import RecordingReader
+from tests.importing.measurements import simple_map, write_csv
+
+ONE_WHEEL = {"axis.circumferential": "", "axis.lateral": "", "axis.radial": ""}
+WHEELS = """
+[[wheel]]
+position = "FL"
+load_n = 4000.0
+[wheel.axis.radial]
+column = "left z"
+unit = "g"
+[[wheel]]
+position = "FR"
+radius_mm = 310.0
+pressure_kpa = 230.0
+[wheel.axis.circumferential]
+column = "right x"
+unit = "m/s^2"
+[wheel.axis.radial]
+column = "right z"
+unit = "g"
+sign = -1
+[wheel.environment]
+pressure_column = "p"
+"""
+
+
+def test_each_wheel_has_its_own_frames_and_conditions(tmp_path: Path) -> None:
+    rng, rows = np.random.default_rng(1), 3000
+    columns = {name: rng.normal(size=rows) for name in ("left z", "right x", "right z")}
+    columns["p"] = np.full(rows, 231.0)
+    columns["left z"][100] = np.nan
+    path = write_csv(tmp_path / "run.csv", columns)
+    report = import_file(path, parse_map(simple_map(**ONE_WHEEL) + WHEELS, "map"), tmp_path / "out.mcap")
+    assert [(wheel.position, wheel.gaps) for wheel in report.wheels] == [("FL", 1), ("FR", 0)]
+    assert [len(wheel.axes) for wheel in report.wheels] == [1, 2]
+    assert report.wheels[1].environment_frames > 0
+    assert sum("wheel F" in line for line in report_lines(report)) == 2
+    decoder, samples, hellos, pressures = FrameDecoder(), {0: [], 1: []}, {}, []
+    reader = RecordingReader(tmp_path / "out.mcap")
+    times = []
+    for item in reader.items():
+        times.append(item.host_ns)
+        for frame in decoder.feed(item.data) if isinstance(item, Chunk) else ():
+            if isinstance(frame.message, Hello):
+                hellos[frame.wheel] = frame.message
+            elif isinstance(frame.message, SampleBlock):
+                samples[frame.wheel].append(frame.message.counts)
+            elif isinstance(frame.message, Environment):
+                pressures.append((frame.wheel, frame.message.pressure_pa))
+    assert times == sorted(times)
+    assert decoder.counters.lost == 0
+    assert set(pressures) == {(1, 231_000.0)}
+    assert hellos[0].sensor_id != hellos[1].sensor_id
+    right = np.concatenate(samples[1]) * np.array([hellos[1].scale_mps2[0], hellos[1].scale_mps2[2]])
+    np.testing.assert_allclose(right[:, 0], columns["right x"], atol=1e-3)
+    np.testing.assert_allclose(right[:, 1], -9.80665 * columns["right z"], atol=1e-2)
+    assert len(np.concatenate(samples[0])) == rows - 1
+    setups = recorded_vehicle(reader.vehicle_toml or "", "out").wheel_setups()
+    assert [setup.position for setup in setups] == ["FL", "FR"]
+    assert [setup.radius_m for setup in setups] == [pytest.approx(0.300), pytest.approx(0.310)]
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (simple_map() + WHEELS, "axis: beside .*wheel"),
+        (simple_map(**ONE_WHEEL, conditions="load_n = 100") + WHEELS, "conditions.load_n: beside .*each wheel"),
+        (simple_map(**ONE_WHEEL) + WHEELS.replace('"FR"', '"FL"'), r"wheel\[#2\].position: .*same position"),
+        (simple_map(**ONE_WHEEL) + WHEELS.replace("right z", "left z"), r"wheel\[#1\].axis.radial has the same column"),
+        (simple_map(**ONE_WHEEL) + WHEELS.replace("load_n", "load_std_n"), r"wheel\[#1\].load_std_n: .*needs load_n"),
+        (simple_map(**ONE_WHEEL), r"axis: missing, \[axis.radial\] is required, or \[\[wheel\]\]"),
+    ],
+)
+def test_faults_of_wheels_are_named(text: str, fault: str) -> None:
+    with pytest.raises(ConfigError, match=fault):
+        parse_map(text, "map")

@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+import pytest
+
+from gateway.clock import ManualClock
+from gateway.config.vehicle import parse_vehicle
+from gateway.io.reconnect import Backoff
+from gateway.io.source import LinkEvent, open_source
+from gateway.pipeline.results import Alarm, AlarmChange, RevolutionResult, SessionSnapshot
+from gateway.publishing import sink_worker
+from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
+from gateway.reasons import Code, Reason
+from gateway.session.core import SessionCore
+
+PRESSURE = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=180e3, limit_pa=200e3)
+
+
+@pytest.fixture(scope="session")
+def drive() -> tuple[list[RevolutionResult], SessionSnapshot]:
+    """Revolutions of four simulated wheels with all estimators, and the state of their session."""
+    source = open_source("sim:demo?speed=max&duration=2.5&seed=3", ManualClock())
+    core = SessionCore(parse_vehicle(source.vehicle_toml, "demo"))
+    results, snapshot = [], core.snapshot(0.0)
+    for item in source.items(threading.Event()):
+        if isinstance(item, LinkEvent):
+            snapshot = core.snapshot(2.5)  # before the link ends
+        results += core.take(item)
+    return results, snapshot
+
+
+@pytest.fixture(scope="session")
+def items(drive) -> Sequence[Item]:
+    """Revolutions, an alarm that is raised and over, and a state."""
+    results, snapshot = drive
+    alarm = Alarm("FL", "pressure", PRESSURE)
+    revolutions = [PublishedRevolution(result.host_ns, result) for result in results]
+    last_ns = results[-1].host_ns
+    changes = (AlarmChange(alarm, True, 1.0), AlarmChange(alarm, False, 2.0, 1.0))
+    return [*revolutions, *(PublishedAlarm(last_ns, change) for change in changes), PublishedState(last_ns, snapshot)]
+
+
+@pytest.fixture(autouse=True)
+def _fast_retries(monkeypatch) -> None:
+    monkeypatch.setattr(sink_worker, "BACKOFF", Backoff(first_ns=10_000_000, cap_ns=50_000_000))

@@ -1,0 +1,67 @@
+"""Receivers that tests control, and waiting for what they do."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from gateway.publishing.sink import Item, PublishedState, SinkDownError, SinkEndedError
+
+TIMEOUT_S = 20.0
+_tick = threading.Event()
+
+
+def until(condition: Callable[[], object], timeout_s: float = TIMEOUT_S) -> None:
+    """Wait until a condition holds."""
+    for _ in range(int(timeout_s / 0.005)):
+        if condition():
+            return
+        _tick.wait(0.005)
+    raise AssertionError("the condition does not come true")
+
+
+class Receiver:
+    """A sink that takes items while `gate` is set and is there while `present` is set."""
+
+    def __init__(self) -> None:
+        self.gate, self.present, self.entered = threading.Event(), threading.Event(), threading.Event()
+        self.gate.set()
+        self.present.set()
+        self.taken: list[Item] = []
+        self.states = 0
+        self.opened = 0
+        self.closed = 0
+        self.unconfirmed = 0
+        self.has_left = False
+        self.poison: Item | None = None
+
+    def open(self, stop: threading.Event) -> None:
+        self.opened += 1
+        if not self.present.is_set():
+            raise SinkDownError("no receiver")
+
+    def send(self, item: Item, stop: threading.Event) -> None:
+        self.entered.set()
+        while not self.gate.wait(0.01):
+            if stop.is_set():
+                raise SinkDownError("the session has ended")
+        if self.has_left:
+            raise SinkEndedError
+        if not self.present.is_set():
+            raise SinkDownError("connection lost")
+        if item is self.poison:
+            raise ValueError("cannot encode")
+        if isinstance(item, PublishedState):
+            self.states += 1
+        else:
+            self.taken.append(item)
+
+    def poll(self) -> None:
+        if not self.present.is_set():
+            raise SinkDownError("connection lost")
+
+    def flush(self, stop: threading.Event) -> int:
+        return self.unconfirmed
+
+    def close(self) -> None:
+        self.closed += 1

@@ -1,0 +1,178 @@
+"""CAN frames on real buses of python-can, read back with the DBC file by cantools."""
+
+from __future__ import annotations
+
+import math
+
+import can
+import cantools
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.clock import SystemClock
+from gateway.errors import ConfigError
+from gateway.pipeline.results import WheelState
+from gateway.publishing.can_frames import (
+    CONDITIONS,
+    CONTACT,
+    GATEWAY,
+    LAYOUTS,
+    MOTION,
+    SLOTS,
+    FrameEncoder,
+    dbc_text,
+    slots_of,
+)
+from gateway.publishing.sink import SinkSetting, open_sink
+from gateway.publishing.sink_worker import SinkWorker
+from tests.publishing.receivers import TIMEOUT_S, until
+
+
+@pytest.fixture(scope="module")
+def dbc():
+    return cantools.database.load_string(dbc_text(), "dbc")
+
+
+def publish(uri: str, items) -> SinkWorker:
+    name, sink = open_sink(uri, SinkSetting())
+    worker = SinkWorker(name, sink, SystemClock())
+    worker.start()
+    for item in items:
+        worker.offer(item)
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    return worker
+
+
+def received(bus: can.BusABC) -> list[can.Message]:
+    frames = []
+    while (frame := bus.recv(0.2)) is not None:
+        frames.append(frame)
+    return frames
+
+
+def decoded(dbc, frames):
+    found = {}
+    for frame in frames:
+        message = dbc.get_message_by_frame_id(frame.arbitration_id)
+        found.setdefault(message.name, []).append(message.decode(frame.data))
+    return found
+
+
+def test_frames_carry_estimates_within_one_count(items, dbc) -> None:
+    with can.Bus(interface="virtual", channel="estimates") as bus:
+        worker = publish("can:virtual:estimates", items)
+        frames = received(bus)
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (len(items) - 1, 0)
+    found = decoded(dbc, frames)
+    results = [item.result for item in items[:-3] if item.result.position == "FL"]
+    motion = found["FL_Motion"]
+    assert len(motion) == len(results)
+    assert [frame["Counter"] for frame in motion] == [index % 16 for index in range(len(motion))]
+    for result, speed, belt, conditions in zip(results, motion, found["FL_Belt"], found["FL_Conditions"], strict=True):
+        estimates = {estimate.name: estimate for estimate in result.estimates}
+        assert speed["Revolution"] == result.revolution.index
+        assert speed["Speed"] == pytest.approx(estimates["speed_mps"].value, abs=0.005)
+        assert speed["SpeedError"] == pytest.approx(estimates["speed_mps"].std, abs=0.005)
+        assert speed["SpeedStatus"] == str(estimates["speed_mps"].status)
+        assert belt["Bs"] == pytest.approx(estimates["Bs"].value, abs=0.5e-6)
+        assert belt["BsStatus"] == str(estimates["Bs"].status)
+        assert conditions["Pressure"] == pytest.approx(result.conditions.pressure_pa, abs=5.0)
+        assert conditions["PressureStatus"] == "valid"
+    assert found["Treadlink_Gateway"][0]["RollingWheels"] == 4
+    alarms = found["FL_Alarms"]
+    assert [frame["PressureAlarm"] for frame in alarms] == [1, 0, 0]
+
+
+def test_frames_cross_a_network(items, dbc) -> None:
+    options = {"interface": "udp_multicast", "channel": "239.74.163.2", "port": 43213, "hop_limit": 0}
+    try:
+        bus = can.Bus(**options)
+    except (OSError, can.CanError) as error:
+        pytest.skip(f"no multicast here: {error}")
+    with bus:
+        publish("can:udp_multicast:239.74.163.2?port=43213&hop_limit=0", items[:4])
+        found = decoded(dbc, received(bus))
+    assert {name.split("_")[1] for name in found} == {"Motion", "Contact", "Conditions", "Belt", "Ring", "Tire"}
+
+
+def test_unknown_and_impossible_values_are_not_available(dbc) -> None:
+    encoder = FrameEncoder()
+
+    def frame(layout, values):
+        made = encoder.wheel("FL", layout, values)
+        return dbc.decode_message(made.can_id, made.data)
+
+    empty = frame(MOTION, {})
+    assert (empty["Speed"], empty["SpeedError"], empty["SpeedStatus"]) == ("not_available",) * 3
+    assert frame(MOTION, {"SpeedStatus": 0})["SpeedStatus"] == "invalid"
+    for value in (math.nan, math.inf, -1.0, 656.0):
+        broken = frame(MOTION, {"Speed": value, "SpeedStatus": 2})
+        assert (broken["Speed"], broken["SpeedStatus"]) == ("not_available", "not_available")
+    low = frame(CONTACT, {"LeadingEdge": -3.2767, "LeadingEdgeStatus": 2})
+    assert low["LeadingEdge"] == pytest.approx(-3.2767)
+    assert frame(CONDITIONS, {"Temperature": -40.0, "TemperatureStatus": 2})["Temperature"] == pytest.approx(-40.0)
+
+
+def test_resting_wheel_states_that_it_has_no_speed(items, dbc) -> None:
+    from dataclasses import replace
+
+    state = items[-1]
+    wheels = tuple(replace(wheel, state=WheelState.STANDSTILL) for wheel in state.snapshot.wheels)
+    with can.Bus(interface="virtual", channel="resting") as bus:
+        publish("can:virtual:resting", [replace(state, snapshot=replace(state.snapshot, wheels=wheels))])
+        found = decoded(dbc, received(bus))
+    (motion,) = found["RR_Motion"]
+    assert (motion["State"], motion["Speed"], motion["SpeedStatus"]) == ("standstill", "not_available", "not_available")
+    assert found["RR_Conditions"][0]["PressureStatus"] == "valid"
+    assert found["Treadlink_Gateway"][0]["RollingWheels"] == 0
+
+
+def test_dbc_states_ranges_units_and_no_overlap(dbc) -> None:
+    assert len(dbc.messages) == SLOTS * len(LAYOUTS) + 1
+    speed = dbc.get_message_by_name("RL_Motion").get_signal_by_name("Speed")
+    assert (speed.scale, speed.unit, speed.minimum, speed.maximum) == (0.01, "m/s", 0.0, 655.34)
+    assert {int(raw): str(name) for raw, name in speed.choices.items()} == {65535: "not_available"}
+    assert all(message.length == 8 and message.senders == ["Treadlink"] for message in dbc.messages)
+    assert all("Counter" in message.signal_tree for message in dbc.messages)
+    for layout in (*LAYOUTS, GATEWAY):
+        assert sum(signal.bits for signal in layout.signals) + 4 <= 64
+
+
+def test_ninth_wheel_has_no_frames() -> None:
+    encoder = FrameEncoder(positions=["FL", "T1", "T2"])
+    ids = [encoder.wheel(name, MOTION, {}).can_id for name in ("FL", "RR", "T1", "hub0.wheel3", "x")]
+    assert ids == [0x500, 0x530, 0x540, 0x560, 0x570]
+    assert encoder.wheel("y", MOTION, {}) is None
+    assert slots_of(["a"]) == {"FL": 0, "FR": 1, "RL": 2, "RR": 3, "a": 4}
+
+
+def test_large_base_identifier_gives_extended_frames() -> None:
+    encoder = FrameEncoder(0x18FF0000)
+    frame = encoder.wheel("FR", MOTION, {})
+    assert (frame.can_id, frame.is_extended) == (0x18FF0010, True)
+    message = cantools.database.load_string(dbc_text(0x18FF0000), "dbc").get_message_by_name("FR_Motion")
+    assert (message.frame_id, message.is_extended_frame) == (0x18FF0010, True)
+    with pytest.raises(ConfigError, match="leaves no room"):
+        dbc_text(0x7A0)
+
+
+def test_bus_that_cannot_be_opened_is_named(items) -> None:
+    name, sink = open_sink("can:socketcan:nosuch0", SinkSetting())
+    worker = SinkWorker(name, sink, SystemClock())
+    worker.start()
+    until(lambda: worker.snapshot().state == "down")
+    assert worker.snapshot().note["error"].startswith("cannot open socketcan:nosuch0: ")
+    worker.abandon()
+    assert worker.join(TIMEOUT_S)
+
+
+def test_command_writes_the_dbc_and_the_schema(tmp_path) -> None:
+    for name, file in (("dbc", "treadlink.dbc"), ("schema", "treadlink-live.schema.json")):
+        result = CliRunner().invoke(treadlink, ["protocol", name, "--out", str(tmp_path)])
+        assert result.exit_code == 0, result.output
+        assert (tmp_path / file).stat().st_size > 1000
+    result = CliRunner().invoke(treadlink, ["protocol", "dbc", "--base-id", "five"])
+    assert result.exit_code == 2
+    assert (tmp_path / "treadlink.dbc").read_text("utf-8") == dbc_text()

@@ -1,0 +1,125 @@
+"""Foxglove's server with a real WebSocket client: channels with schemas, numbers to plot, alarms in the log."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections import defaultdict
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any
+
+import pytest
+from websockets.sync.client import ClientConnection, connect
+
+from gateway.clock import SystemClock
+from gateway.publishing.foxglove_server import FoxgloveSink, channel_schema
+from gateway.publishing.sink_worker import SinkWorker
+from tests.publishing.receivers import TIMEOUT_S, until
+
+
+class Viewer:
+    """A client of the protocol foxglove.sdk.v1 that subscribes to everything."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self._socket = socket
+        self.channels: dict[int, dict[str, Any]] = {}
+        self.messages: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+
+    def read_all(self) -> None:
+        """Take what the server has sent."""
+        with suppress(TimeoutError):
+            while True:
+                self._take(self._socket.recv(0.05))
+
+    def _take(self, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            if message[0] == 1:
+                subscription, time_ns = struct.unpack_from("<IQ", message, 1)
+                self.messages[self.channels[subscription]["topic"]].append((time_ns, message[13:]))
+            return
+        found = json.loads(message)
+        if found["op"] == "advertise":
+            self.channels |= {channel["id"]: channel for channel in found["channels"]}
+            self._subscribe(channel["id"] for channel in found["channels"])
+        elif found["op"] == "status" and "Unknown channel ID" in found["message"]:
+            # The server advertises a channel a moment before it accepts subscriptions to it.
+            self._subscribe([int(found["message"].split()[-1])])
+
+    def _subscribe(self, ids: Iterable[int]) -> None:
+        wanted = [{"id": number, "channelId": number} for number in ids]
+        self._socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+
+
+@pytest.fixture
+def sink():
+    sink = FoxgloveSink("127.0.0.1", 0)
+    yield sink
+    sink.close()
+
+
+def begin(sink: FoxgloveSink) -> SinkWorker:
+    worker = SinkWorker("foxglove://x", sink, SystemClock())
+    worker.start()
+    until(lambda: worker.snapshot().state == "up")
+    return worker
+
+
+def test_viewer_gets_numbers_states_and_log(items, sink) -> None:
+    worker = begin(sink)
+    wanted = {"/wheel/FL/revolution", "/wheel/FL/waveform", "/log", "/alarm", "/session"}
+    address = f"ws://127.0.0.1:{sink.port}"
+    with connect(address, subprotocols=["foxglove.sdk.v1"], open_timeout=TIMEOUT_S) as socket:
+        viewer = Viewer(socket)
+        for _ in range(100):  # what was sent before a subscription does not come, so it is sent again
+            if wanted <= set(viewer.messages):
+                break
+            sink._logged = None
+            sink._shown_revolutions.clear()
+            for item in (*items[:8], *items[-3:]):
+                worker.offer(item)
+            viewer.read_all()
+    worker.abandon()
+    worker.join(TIMEOUT_S)
+    time_ns, payload = viewer.messages["/wheel/FL/revolution"][0]
+    found = json.loads(payload)
+    sent = next(item for item in items if item.result.position == "FL" and item.host_ns == time_ns)
+    speed = next(estimate for estimate in sent.result.estimates if estimate.name == "speed_mps")
+    assert found["speed_mps"] == speed.value
+    waveform = json.loads(viewer.messages["/wheel/FL/waveform"][0][1])
+    assert len(waveform["radial_mps2"]) == len(waveform["theta_rad"]) > 100
+    assert json.loads(viewer.messages["/alarm"][0][1])["reason"]["code"] == "pressure_below_limit"
+    assert b"sim:demo: connected" in b"".join(message for _, message in viewer.messages["/log"])
+    by_topic = {channel["topic"]: channel for channel in viewer.channels.values()}
+    assert by_topic["/log"]["schemaName"] == "foxglove.Log"
+    schema = json.loads(by_topic["/wheel/FL/revolution"]["schema"])
+    assert by_topic["/wheel/FL/revolution"]["schemaEncoding"] == "jsonschema"
+    assert schema["properties"]["speed_mps"]["type"] == "number"
+
+
+def test_port_in_use_is_named_and_waited_for(items, sink) -> None:
+    first = begin(sink)
+    worker = SinkWorker("foxglove://y", FoxgloveSink("127.0.0.1", sink.port), SystemClock())
+    worker.start()
+    worker.offer(items[0])
+    until(lambda: worker.snapshot().state == "down")
+    assert "cannot listen on 127.0.0.1:" in worker.snapshot().note["error"]
+    first.finish()
+    assert first.join(TIMEOUT_S)
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert worker.snapshot().published == 1
+
+
+@pytest.mark.parametrize("kind", ["revolution", "alarm", "wheel", "link", "session"])
+def test_channel_schemas_use_plain_types_only(kind: str) -> None:
+    def check(schema: Any) -> None:
+        if isinstance(schema, dict):
+            assert not {"$ref", "oneOf", "anyOf", "enum", "const", "patternProperties"} & set(schema)
+            for value in schema.values():
+                check(value)
+
+    schema = channel_schema("", kind)
+    check(schema)
+    assert schema["title"] == f"treadlink.{kind.capitalize()}"
+    assert schema["type"] == "object"

@@ -1,0 +1,224 @@
+"""A slow, dead or faulty receiver holds nothing: its buffer is bounded, drops are counted, it is reached again."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import pytest
+
+from gateway.clock import ManualClock, SystemClock
+from gateway.pipeline.results import RevolutionResult, SinkState
+from gateway.publishing import publisher as publisher_module
+from gateway.publishing.publisher import Publisher, open_publisher
+from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
+from gateway.publishing.sink_worker import SinkWorker
+from gateway.reasons import Code
+from tests.publishing.receivers import TIMEOUT_S, Receiver, until
+
+
+def begin(receiver: Receiver, *, max_items: int = 8192, clock=None) -> SinkWorker:
+    worker = SinkWorker("test:x", receiver, clock or SystemClock(), max_items=max_items)
+    worker.start()
+    return worker
+
+
+def test_receiver_gets_items_in_order(items) -> None:
+    receiver = Receiver()
+    worker = begin(receiver)
+    for item in items:
+        worker.offer(item)
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert receiver.taken == list(items[:-1])
+    assert receiver.states == 1
+    found = worker.snapshot()
+    assert (found.published, found.dropped, found.waiting) == (len(items) - 1, 0, 0)
+    assert found.note.code is Code.SINK_CLOSED
+
+
+def test_stalled_receiver_is_bounded_and_counted(items) -> None:
+    receiver, clock = Receiver(), ManualClock()
+    receiver.gate.clear()
+    worker = begin(receiver, max_items=20, clock=clock)
+    worker.offer(items[0])
+    assert receiver.entered.wait(TIMEOUT_S)
+    for item in items[1:61]:
+        worker.offer(item)
+    clock.advance_ns(1_500_000_000)
+    found = worker.snapshot()
+    assert (found.state, found.note.code) == (SinkState.STALLED, Code.SINK_STALLED)
+    assert found.since_s == pytest.approx(1.5, abs=0.01)
+    assert found.is_dropping
+    # One in the hand of the thread, 19 of 20 places: the last one is for alarms.
+    assert (found.published, found.waiting, found.dropped) == (0, 20, 41)
+    worker.offer(items[-3])
+    assert worker.snapshot().waiting == 21
+    receiver.gate.set()
+    until(lambda: worker.snapshot().published == 21)
+    clock.advance_ns(11_000_000_000)
+    after = worker.snapshot()
+    assert (after.state, after.is_dropping, after.dropped) == (SinkState.UP, False, 41)
+    worker.abandon()
+
+
+def test_lost_receiver_is_reached_again_with_the_same_item(items) -> None:
+    receiver = Receiver()
+    worker = begin(receiver)
+    worker.offer(items[0])
+    until(lambda: receiver.taken)
+    receiver.present.clear()
+    worker.offer(items[1])
+    until(lambda: receiver.opened > 3)
+    down = worker.snapshot()
+    assert (down.state, down.note.code, down.waiting) == (SinkState.DOWN, Code.SINK_LOST, 1)
+    receiver.present.set()
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert receiver.taken == list(items[:2])
+    assert worker.snapshot().dropped == 0
+
+
+def test_stall_that_ends_in_a_loss_is_one_absence(items) -> None:
+    receiver, clock = Receiver(), ManualClock()
+    receiver.gate.clear()
+    worker = begin(receiver, clock=clock)
+    worker.offer(items[0])
+    assert receiver.entered.wait(TIMEOUT_S)
+    clock.advance_ns(5_000_000_000)
+    receiver.present.clear()
+    receiver.gate.set()
+    until(lambda: worker.snapshot().state is SinkState.DOWN)
+    assert worker.snapshot().since_s == pytest.approx(5.0, abs=0.01)
+    receiver.present.set()
+    until(lambda: worker.snapshot().state is SinkState.UP)
+    assert worker.snapshot().since_s == 0.0
+    worker.abandon()
+
+
+def test_fault_of_an_output_costs_one_item_only(items) -> None:
+    receiver = Receiver()
+    receiver.poison = items[1]
+    worker = begin(receiver)
+    for item in items[:3]:
+        worker.offer(item)
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert receiver.taken == [items[0], items[2]]
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (2, 1)
+
+
+def test_reader_that_left_gets_nothing_more(items) -> None:
+    receiver = Receiver()
+    receiver.has_left = True
+    worker = begin(receiver)
+    worker.offer(items[0])
+    until(lambda: worker.has_ended)
+    assert worker.join(TIMEOUT_S)
+    worker.offer(items[1])
+    worker.discard()
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (0, 2)
+    assert receiver.opened == 1
+
+
+def test_states_replace_each_other(items) -> None:
+    receiver = Receiver()
+    receiver.gate.clear()
+    worker = begin(receiver, max_items=5)
+    state = items[-1]
+    assert isinstance(state, PublishedState)
+    for index in range(100):
+        worker.offer(replace(state, host_ns=index))
+    assert worker.snapshot().dropped == 0
+    receiver.gate.set()
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert 1 <= receiver.states <= 2
+
+
+def test_unconfirmed_items_count_as_dropped(items) -> None:
+    receiver = Receiver()
+    receiver.unconfirmed = 2
+    worker = begin(receiver)
+    for item in items[:5]:
+        worker.offer(item)
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (3, 2)
+
+
+def test_end_leaves_a_dead_receiver_and_waits_for_a_slow_one(items, monkeypatch) -> None:
+    monkeypatch.setattr(publisher_module, "FINISH_STUCK_S", 0.2)
+    dead, slow = Receiver(), Receiver()
+    dead.gate.clear()
+    slow.send = lambda item, stop: (threading.Event().wait(0.02), slow.taken.append(item))[1]
+    workers = [SinkWorker(name, sink, SystemClock()) for name, sink in (("dead", dead), ("slow", slow))]
+    publisher = Publisher(workers, SystemClock())
+    results = [item.result for item in items[:30]]
+    publisher.take(results, 0)
+    first, second = publisher.close()
+    assert (first.published, first.dropped) == (0, 30)
+    assert (second.published, second.dropped) == (30, 0)
+
+
+def test_published_revolutions_carry_no_waveforms(items) -> None:
+    receiver = Receiver()
+    publisher = Publisher([SinkWorker("x", receiver, SystemClock())], SystemClock())
+    result = items[0].result
+    publisher.take([result], 0)
+    publisher.close()
+    (taken,) = receiver.taken
+    assert isinstance(taken, PublishedRevolution)
+    light = taken.result.revolution
+    assert light.radial_mps2.size == light.axes_mps2.size == light.orders_mps2.size == 0
+    assert taken.result.estimates == result.estimates
+    assert isinstance(taken.result, RevolutionResult)
+
+
+@pytest.mark.parametrize(
+    ("uri", "message"),
+    [
+        ("nope:x", "unknown live output"),
+        ("jsonl:", "no target"),
+        ("jsonl:/nosuch/folder/x", "cannot publish"),
+        ("jsonl:-?colour=red", "no option 'colour'"),
+        ("jsonl:-?append=perhaps", "not allowed"),
+        ("mqtt://user:secret@host/x", "password"),
+        ("mqtt:///prefix", "no host"),
+        ("mqtt://host/a+b", "cannot contain"),
+        ("mqtt://host/a?keepalive=0", "keepalive"),
+        ("mqtt://host/a?ca=x.pem", "no option 'ca'"),
+        ("mqtts://host/a?ca=/nosuch.pem", "cannot use ca="),
+        ("mqtts://host/a?key=/nosuch.pem", "key without cert"),
+        ("mqtt://host:99999/a", "Port out of range"),
+        ("foxglove://127.0.0.1:8765/path", "path"),
+        ("can:nosuch:x", "does not name"),
+        ("can:virtual", "does not name"),
+        ("can:virtual:x?base_id=0x7f0", "leaves no room"),
+        ("can:virtual:x?base_id=abc", "not a number"),
+    ],
+)
+def test_wrong_addresses_are_refused_before_the_session(uri: str, message: str) -> None:
+    with pytest.raises(SinkError, match=message.replace("'", ".")) as found:
+        open_sink(uri, SinkSetting())
+    assert found.value.remedy
+    assert "secret" not in str(found.value) + found.value.remedy
+
+
+def test_an_output_given_twice_is_refused(tmp_path) -> None:
+    uri = f"jsonl:{tmp_path}/x"
+    with pytest.raises(SinkError, match="given twice"):
+        open_publisher([uri, f"{uri}?states=yes"], SinkSetting(), SystemClock())
+    assert open_publisher([], SinkSetting(), SystemClock()) is None
+
+
+def test_missing_package_names_the_extra(monkeypatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "paho", None)
+    monkeypatch.setitem(sys.modules, "paho.mqtt", None)
+    monkeypatch.setitem(sys.modules, "paho.mqtt.client", None)
+    monkeypatch.delitem(sys.modules, "gateway.publishing.mqtt", raising=False)
+    with pytest.raises(SinkError) as found:
+        open_sink("mqtts://host/x", SinkSetting())
+    assert "treadlink[mqtt]" in found.value.remedy

@@ -1,0 +1,221 @@
+"""Planted trends of tires are found with errors that hold; what is not there is not found."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.estimators.estimator import Status
+from gateway.reasons import Code
+from gateway.trends.fleet_analysis import analyse
+from gateway.trends.tire_history import TireHistory
+from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
+from tests.testkit.tire_histories import history
+
+
+def trends_of(*tires: TireHistory) -> FleetTrends:
+    return analyse(tires, recordings=sum(len(tire.recordings) for tire in tires))
+
+
+def number(tire: TireTrend, quantity: Quantity) -> TrendNumber:
+    return next(one for one in tire.numbers if one.quantity is quantity)
+
+
+def codes(tire: TireTrend) -> set[Code]:
+    return {finding.code for finding in tire.findings}
+
+
+def changed(tire: TireHistory, name: str, values: np.ndarray) -> TireHistory:
+    return replace(tire, columns={**tire.columns, name: values})
+
+
+def only_wear(tire: TireHistory) -> TireHistory:
+    names = ("wear_mm", "wear_mm_std", "temperature_degc")
+    return replace(tire, columns={name: tire.columns[name] for name in names})
+
+
+def test_planted_wear_is_found():
+    # 0.5 mm in 10,000 km
+    (tire,) = trends_of(history(wear_mm_per_1000km=0.05)).tires
+    found = number(tire, Quantity.WEAR_RATE)
+    assert found.status is Status.VALID
+    assert found.unit == "mm/1000 km"
+    assert found.value == pytest.approx(0.05, abs=3.0 * found.std)
+    assert found.std < 0.01
+    assert found.low < 0.05 < found.high
+    assert found.count == 100
+    now = number(tire, Quantity.WEAR_NOW)
+    assert now.value == pytest.approx(0.05 * 9.6, abs=0.1)
+    assert now.std > 0.25  # what all recordings share
+
+
+def test_wear_intervals_cover_the_truth():
+    tires = [only_wear(history(seed, 30, wear_mm_per_1000km=0.02)) for seed in range(60)]
+    rates = [number(tire, Quantity.WEAR_RATE) for tire in trends_of(*tires).tires]
+    assert len(rates) == 60
+    assert sum(rate.low < 0.02 < rate.high for rate in rates) >= 53
+
+
+def test_leak_is_separated_from_temperature():
+    leaking, tight = trends_of(history(1, leak_pa=3000.0), history(2, vehicle="tight")).tires
+    found = number(leaking, Quantity.PRESSURE_LOSS)
+    assert found.unit == "kPa/month"
+    assert found.value == pytest.approx(3.0, abs=3.0 * found.std)
+    assert Code.TREND_LOSES_PRESSURE in codes(leaking)
+    assert codes(tight) == set()
+    assert abs(number(tight, Quantity.PRESSURE_LOSS).value) < 3.0 * number(tight, Quantity.PRESSURE_LOSS).std + 1e-9
+
+
+def test_refills_do_not_hide_a_leak():
+    tire = history(leak_pa=4000.0)
+    refilled = tire.columns["pressure_pa"] + 15e3 * (np.arange(100) >= 40) + 12e3 * (np.arange(100) >= 75)
+    (found,) = trends_of(changed(tire, "pressure_pa", refilled)).tires
+    loss = number(found, Quantity.PRESSURE_LOSS)
+    assert loss.value == pytest.approx(4.0, abs=3.0 * loss.std)
+    assert any(reason.code is Code.TREND_STEPS and reason["count"] == 2 for reason in loss.reasons)
+
+
+def test_stated_pressure_shows_no_loss():
+    tire = history()
+    (found,) = trends_of(changed(tire, "pressure_measured", np.zeros(100))).tires
+    loss = number(found, Quantity.PRESSURE_LOSS)
+    assert loss.status is Status.INVALID
+    assert math.isnan(loss.value)
+    assert loss.reasons[0].code is Code.TREND_PRESSURE_NOT_MEASURED
+
+
+def test_stiffness_with_age_and_temperature():
+    (tire,) = trends_of(history(stiffening=0.01, softening=0.006, wear_mm_per_1000km=0.0)).tires
+    age, warmth = number(tire, Quantity.CW_RATE), number(tire, Quantity.BS_TEMPERATURE)
+    assert age.value == pytest.approx(1.0, abs=3.0 * age.std)
+    assert warmth.value == pytest.approx(-0.6, abs=3.0 * warmth.std)
+    assert Code.TREND_STIFFNESS_DRIFTS in codes(tire)
+    assert abs(number(tire, Quantity.RS_RATE).value) < 3.0 * number(tire, Quantity.RS_RATE).std
+
+
+def test_constant_temperature_has_no_coefficient():
+    tire = history()
+    (found,) = trends_of(changed(tire, "temperature_degc", np.full(100, 30.0))).tires
+    assert number(found, Quantity.BS_TEMPERATURE).reasons[0].code is Code.TREND_TEMPERATURE_CONSTANT
+    assert number(found, Quantity.BS_RATE).status is Status.VALID
+
+
+def test_fall_of_wear_begins_a_new_tire():
+    tire = history(wear_mm_per_1000km=0.3)
+    fallen = tire.columns["wear_mm"] - 1.6 * (np.arange(100) >= 60)
+    first, second = trends_of(changed(tire, "wear_mm", fallen)).tires
+    assert (first.part, second.part) == (1, 2)
+    assert (first.recordings, second.recordings) == (60, 40)
+    for one in (first, second):
+        rate = number(one, Quantity.WEAR_RATE)
+        assert rate.value == pytest.approx(0.3, abs=4.0 * rate.std)
+
+
+def test_noisy_sensor_is_found():
+    noisy, fine = trends_of(history(1, noise_growth=0.1), history(2, vehicle="fine")).tires
+    assert codes(noisy) == {Code.TREND_SENSOR_NOISE}
+    assert noisy.findings[0]["factor"] == pytest.approx(math.exp(0.8), rel=0.1)
+    assert codes(fine) == set()
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "code"),
+    [
+        ("missing_fraction", 0.05, Code.TREND_SENSOR_LOSSES),
+        ("samples_saturated", 600.0, Code.TREND_SENSOR_CLIPS),
+        ("mounting_offset_m", 0.004, Code.TREND_SENSOR_MOVES),
+        ("gain", 0.05, Code.TREND_SENSOR_GAIN),
+    ],
+)
+def test_degrading_sensor_is_found(name, change, code):
+    tire = history()
+    worse = tire.columns[name] + change * tire.months / tire.months[-1]
+    (found,) = trends_of(changed(tire, name, worse)).tires
+    assert codes(found) == {code}
+
+
+def test_fast_wear_is_a_finding_of_the_fleet():
+    fleet = [history(seed, vehicle=f"car {seed}", wear_mm_per_1000km=0.02) for seed in range(5)]
+    *others, fast = trends_of(*fleet, history(9, vehicle="fast", wear_mm_per_1000km=0.08)).tires
+    assert codes(fast) == {Code.TREND_WEARS_FAST}
+    assert all(not tire.findings for tire in others)
+
+
+def test_load_is_measured_or_as_stated():
+    (measured,) = trends_of(history()).tires
+    load = number(measured, Quantity.LOAD)
+    assert load.status is Status.VALID
+    assert load.value == pytest.approx(4000.0, abs=2.0 * load.std)
+    assert number(measured, Quantity.LOAD_SCATTER).value == pytest.approx(42.0, rel=0.3)
+    tire = history()
+    (stated,) = trends_of(changed(tire, "estimated_load_n", np.full(100, math.nan))).tires
+    assert number(stated, Quantity.LOAD).status is Status.PROVISIONAL
+    assert number(stated, Quantity.LOAD).reasons[0].code is Code.TREND_LOAD_STATED
+    assert number(stated, Quantity.LOAD_RATE).status is Status.INVALID
+
+
+def test_asymmetry_of_left_and_right():
+    left = history(1, position="FL")
+    right = history(2, position="FR")
+    right = changed(right, "ply_steer_contact_line_rad", right.columns["ply_steer_contact_line_rad"] - 2e-3)
+    (pair,) = trends_of(left, right).pairs
+    assert (pair.left, pair.right) == ("FL", "FR")
+    steer, slip = pair.numbers
+    assert steer.value == pytest.approx(math.degrees(2e-3), abs=3.0 * steer.std)
+    assert slip.status is Status.INVALID
+
+
+def test_recorded_distance_is_provisional():
+    (tire,) = trends_of(history(has_odometer=False)).tires
+    rate = number(tire, Quantity.WEAR_RATE)
+    assert rate.status is Status.PROVISIONAL
+    assert rate.reasons[0].code is Code.TREND_RECORDED_DISTANCE
+
+
+def test_few_recordings_determine_nothing():
+    tire = history(count=4)
+    (found,) = trends_of(tire).tires
+    for one in found.numbers:
+        if one.quantity is not Quantity.LOAD:
+            assert one.status is Status.INVALID, one
+            assert one.reasons
+
+
+def test_reason_of_missing_values_is_passed_on():
+    tire = history()
+    (found,) = trends_of(tire).tires
+    reason = number(found, Quantity.ZERO_RATE).reasons[0]
+    assert (reason.code, reason["why"]) == (Code.TREND_NO_VALUES, "needs two speeds")
+
+
+def test_outliers_are_named_with_their_recordings():
+    tire = history()
+    wrong = tire.columns["Bs"].copy()
+    wrong[[20, 70]] *= 1.3
+    found = trends_of(changed(tire, "Bs", wrong))
+    assert {one.recording for one in found.outliers} == {"car_0020.mcap", "car_0070.mcap"}
+    assert {one.name for one in found.outliers} == {"Bs"}
+    assert all(one.deviation > 5.0 for one in found.outliers)
+    rate = number(found.tires[0], Quantity.BS_RATE)
+    assert any(reason.code is Code.TREND_OUTLIERS_LEFT_OUT for reason in rate.reasons)
+
+
+def test_false_outliers_are_below_one_percent():
+    fleets = [trends_of(*(history(10 * fleet + n, 100, vehicle=f"car {n}") for n in range(2))) for fleet in range(6)]
+    recordings = sum(fleet.recordings for fleet in fleets)
+    false = sum(len({one.path for one in fleet.outliers}) for fleet in fleets)
+    assert recordings == 1200
+    assert false / recordings <= 0.01
+    assert sum(bool(fleet.outliers) for fleet in fleets) <= 1
+    assert all(not tire.findings for fleet in fleets for tire in fleet.tires)
+
+
+@pytest.mark.slow
+def test_false_outliers_of_many_fleets():
+    false, fleets = 0, 60
+    for fleet in range(fleets):
+        false += bool(trends_of(*(history(100 + 10 * fleet + n, 60, vehicle=f"car {n}") for n in range(4))).outliers)
+    assert false <= 3  # 0.6 are expected

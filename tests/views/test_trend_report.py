@@ -1,0 +1,84 @@
+"""Trends as a page, tables for scripts, and terminal lines."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import json
+import math
+import re
+
+import pytest
+
+from gateway.trends.fleet_analysis import analyse
+from gateway.trends.trend_result import FleetTrends, Quantity
+from gateway.views.trend_report.trend_page import trends_page
+from gateway.views.trend_report.trend_tables import LABELS, SERIES_LABELS, trend_lines, trends_csv, trends_json
+from tests.testkit.tire_histories import history
+
+HOSTILE = "<script>alert('x')</script>\x1b[2J"
+
+
+@pytest.fixture(scope="module")
+def trends() -> FleetTrends:
+    worn = history(1, 40, vehicle=HOSTILE, leak_pa=4000.0)
+    worn.columns["Bs"][[5, 30]] *= 1.5  # type: ignore[index]
+    return analyse([worn, history(2, 40, vehicle="=car", position="FR")], recordings=80, failures=3)
+
+
+def test_page_is_self_contained_and_escapes_names(trends):
+    page = trends_page(trends)
+    assert (
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">"
+        in page
+    )
+    assert "<script" not in page
+    assert "\x1b" not in page
+    assert html.escape("<script>alert('x')</script>", quote=True).replace("&#x27;", "&#39;") in page
+    assert not re.findall(r'(?:src|href)="(?!#)', page)
+    assert page.count("<svg") == 2
+    assert "loses" in page
+    assert "3 recordings without results" in page
+    assert "_0005.mcap" in page
+
+
+def test_every_quantity_has_a_label(trends):
+    assert set(LABELS) == set(Quantity)
+    assert {series.name for tire in trends.tires for series in tire.series} <= set(SERIES_LABELS)
+
+
+def test_json_has_values_units_errors_and_codes(trends):
+    found = json.loads(json.dumps(trends_json(trends), allow_nan=False))
+    assert (found["format"], found["recordings"], found["failures"]) == ("treadlink trends", 80, 3)
+    numbers = found["tires"][0]["numbers"]
+    assert {number["quantity"] for number in numbers} == set(Quantity) - {
+        Quantity.PLY_STEER_ASYMMETRY, Quantity.SLIP_ASYMMETRY
+    }  # fmt: skip
+    for number in numbers:
+        assert number["unit"]
+        if number["status"] == "invalid":
+            assert number["value"] is None
+            assert number["reasons"][0]["code"]
+        else:
+            assert math.isfinite(number["value"])
+            assert number["std"] >= 0.0
+    assert [finding["code"] for finding in found["tires"][0]["findings"]] == ["trend_loses_pressure"]
+    assert {one["name"] for one in found["outliers"]} == {"Bs"}
+
+
+def test_csv_has_one_row_for_each_number(trends):
+    rows = list(csv.DictReader(io.StringIO(trends_csv(trends).decode())))
+    assert len(rows) == sum(len(tire.numbers) for tire in trends.tires) == 44
+    assert rows[-1]["vehicle"] == "'=car"  # not a formula
+    loss = next(row for row in rows if row["quantity"] == "pressure_loss")
+    assert float(loss["value"]) == pytest.approx(4.0, abs=0.3)
+    assert loss["unit"] == "kPa/month"
+
+
+def test_lines_are_clean_and_name_outliers(trends):
+    lines = list(trend_lines(trends))
+    assert all(line.isprintable() for line in lines)
+    assert any("loses" in line for line in lines)
+    assert any("2 of 80 recordings" in line for line in lines)
+    assert any("_0030.mcap: Bs +" in line for line in lines)

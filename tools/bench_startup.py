@@ -1,0 +1,46 @@
+"""CPU of the start of `treadlink`: the help of every command, a completion, and the interpreter alone.
+
+Each figure is user and system time of a fresh process, the least of several.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import resource
+import subprocess
+import sys
+
+from gateway.cli import COMMANDS
+
+
+def cpu_s(arguments: list[str], environment: dict[str, str] | None = None) -> float:
+    """User and system time of one run of the interpreter, s."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(
+        [sys.executable, *arguments], env={**os.environ, **(environment or {})}, stdout=subprocess.DEVNULL, check=True
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=5)
+    runs = range(parser.parse_args().runs)
+    print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}; CPU of a start, s")
+    bare_s = min(cpu_s(["-c", "pass"]) for _ in runs)
+    print(f"  {'python alone':28} {bare_s:.3f}")
+    own_s = min(cpu_s(["-m", "gateway.cli", "--help"]) for _ in runs)
+    print(f"  {'treadlink --help':28} {own_s:.3f}")
+    for name in COMMANDS:
+        help_s = min(cpu_s(["-m", "gateway.cli", name, "--help"]) for _ in runs)
+        print(f"  {f'treadlink {name} --help':28} {help_s:.3f}")
+    completion = {"_TREADLINK_COMPLETE": "bash_complete", "COMP_WORDS": "treadlink e", "COMP_CWORD": "1"}
+    completed_s = min(cpu_s(["-m", "gateway.cli"], completion) for _ in runs)
+    print(f"  {'completion of a command':28} {completed_s:.3f}")
+
+
+if __name__ == "__main__":
+    main()
