@@ -9,14 +9,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from gateway.api.recording_access import Config, PathLike, chosen_vehicle, paths, several_names
+from gateway.api.recording_access import Config, PathLike, chosen_vehicle, path_of, paths, several_names
 from gateway.api.revolution_view import Revolution
 from gateway.clock import Clock, SystemClock
 from gateway.config.effects_file import open_effects
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import RecordingError, SourceError, TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import Source, is_live, open_source
+from gateway.io.source import Source, is_live, open_source, parse_source_uri
 from gateway.io.time_limit import limited
 from gateway.pipeline.results import SessionSnapshot
 from gateway.recording.writer import RecordingWriter
@@ -24,6 +24,7 @@ from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
 from gateway.session.commands import with_commands
 from gateway.session.live import LiveSession
+from gateway.session.signal_decoding import open_decoder
 from gateway.views.session_summary import ResultSummary, summary_lines
 from gateway.views.wording import notice_text, text
 
@@ -71,8 +72,11 @@ def live(
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
         guard = open_guard(vehicle, key_file, remembers=all(map(is_live, sources)))
         signing = command_keys(key_file) if guard is not None or key_file is not None else {}
+        texts = [getattr(source, "dbc_text", None) for source in opened]
+        signals = open_decoder(vehicle, path_of(config), _given(texts, sources), texts)
+        dbc_text = signals.dbc_text if signals is not None else next(filter(None, texts), None)
         opened = [with_commands(source, clock, signing) for source in opened]
-        recorder = _recorder(Path(record), clock, vehicle, sources) if record is not None else None
+        recorder = _recorder(Path(record), clock, vehicle, sources, dbc_text) if record is not None else None
         summary = ResultSummary()
         session = LiveSession(
             opened if duration_s is None else [limited(source, duration_s) for source in opened],
@@ -84,6 +88,7 @@ def live(
             estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
             guard=guard,
             effects=tables,
+            signals=signals,
         )
         session.start()
     except BaseException:
@@ -95,7 +100,15 @@ def live(
     return LiveRevolutions(session, summary, sources, lambda: _remove_empty(recorder), limit_s)
 
 
-def _recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, sources: Sequence[str]) -> RecordingWriter:
+def _given(texts: Sequence[str | None], sources: Sequence[str]) -> list[str | None]:
+    """Return the DBC files given with sources, not those in recordings."""
+    pairs = zip(texts, sources, strict=True)
+    return [text for text, uri in pairs if parse_source_uri(uri).scheme != "replay"]
+
+
+def _recorder(
+    path: Path, clock: Clock, vehicle: VehicleConfig | None, sources: Sequence[str], dbc_text: str | None
+) -> RecordingWriter:
     if path.suffix != ".mcap":
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -104,7 +117,7 @@ def _recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, sources: 
                 f"cannot record to '{path}': {error.strerror}", "Give another folder, or a new .mcap file."
             ) from error
     toml = vehicle.to_toml() if vehicle is not None else None
-    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=sources)
+    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=sources, dbc_text=dbc_text)
 
 
 def _remove_empty(recorder: RecordingWriter | None) -> None:

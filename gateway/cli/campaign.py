@@ -16,7 +16,6 @@ from gateway.cli.options import config_option, effects_option, keys_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
-from gateway.views.numbers import duration, file_size
 from gateway.views.text import clean
 from gateway.views.wording import text
 
@@ -277,12 +276,16 @@ def _files_text(progress: CampaignProgress) -> str:
 
 
 def _left_text(progress: CampaignProgress) -> str:
+    from gateway.views.numbers import duration
+
     left_s = progress.left_s
     return "time left not known yet" if left_s is None else f"{duration(left_s)} left"
 
 
 def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], root: Path) -> None:
     """Print what was done, and the failures."""
+    from gateway.views.numbers import duration, file_size
+
     rate = progress.estimated / progress.elapsed_s if progress.elapsed_s > 0.0 else 0.0
     took = f" in {duration(progress.elapsed_s)} ({rate:.2g} per second)" if progress.estimated else ""
     click.echo(f"{progress.estimated} recordings estimated{took}, {progress.revolutions} revolutions")

@@ -17,14 +17,6 @@ from gateway.cli.options import (
     plain_option,
     publish_option,
 )
-from gateway.cli.session_setup import (
-    RunningSession,
-    ending,
-    is_terminal,
-    run_plain,
-    run_published,
-    start_session,
-)
 from gateway.cli.stop_signals import StopRequest, stop_request
 
 if TYPE_CHECKING:
@@ -73,6 +65,8 @@ def live(
     Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, ? shows
     help, q quits. A summary is printed at the end.
     """
+    from gateway.cli.session_setup import start_session
+
     with stop_request() as stop:
         session = start_session(
             sources,
@@ -89,6 +83,8 @@ def live(
 
 def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> None:
     """Run the screen, or print lines if there is no terminal, then print the summary."""
+    from gateway.cli.session_setup import ending, is_terminal, run_plain, run_published
+
     with ending(session, stop):
         if session.publisher is not None and session.publisher.uses_standard_output:
             run_published(session, stop)

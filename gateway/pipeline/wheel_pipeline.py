@@ -251,7 +251,7 @@ class WheelPipeline:
         self._revolutions += 1
         self._missing.came(pair.end.centre)
         sensor.health.revolution(in_angle)
-        return self._tire.take(in_angle, end_us, host.host_ns(end_us), sensor.health.doubt())
+        return self._tire.take_block([in_angle], [end_us], [host.host_ns(end_us)], [sensor.health.doubt()])[0]
 
     @property
     def average_mps2(self) -> FloatArray | None:

@@ -222,7 +222,7 @@ class MqttSink:
         return f"{self._prefix}/{kind}/{quote(payload[kind], safe='')}/state"
 
     def _announce(self, payload: JsonObject, stop: threading.Event) -> None:
-        """Tell Home Assistant of a wheel or link, once per connection."""
+        """Announce a wheel or link to Home Assistant, once per connection."""
         kind = payload["type"]
         topic = self._state_topic(payload)
         if self._discovery is None or kind == "session" or topic in self._announced:

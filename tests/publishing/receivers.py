@@ -38,7 +38,7 @@ class Receiver:
     def open(self, stop: threading.Event) -> None:
         self.opened += 1
         if not self.present.is_set():
-            raise SinkDownError("nobody is there")
+            raise SinkDownError("no receiver")
 
     def send(self, item: Item, stop: threading.Event) -> None:
         self.entered.set()

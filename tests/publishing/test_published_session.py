@@ -43,7 +43,7 @@ def test_stalled_receiver_does_not_hold_the_session() -> None:
     sent = [item for item in good.taken if isinstance(item, PublishedRevolution)]
     assert [item.result.revolution.index for item in sent] == list(range(revolutions))
     changes = [item.change for item in good.taken if isinstance(item, PublishedAlarm)]
-    assert changes, "the receiver that takes items is told of the one that does not"
+    assert changes, "the receiver that takes items gets the alarm of the other"
     assert changes[0].alarm.position == "stalled:x"
     assert (free.published, free.dropped) == (len(sent) + len(changes), 0)
     assert held.dropped > 0
