@@ -124,7 +124,6 @@ class _Renewed:
                 )
             )
             or differs(block.averages.scatters[index], self.scatter, _SCATTER_CHANGE * self.scatter)
-            or differs(now.sensor_offset_m, then.sensor_offset_m, then.sensor_offset_std_m)
             or differs(now.sensor_offset_std_m, then.sensor_offset_std_m, offset_std)
             or differs(now.steady_std_mps2, then.steady_std_mps2, SHARE_OF_STD * then.steady_std_mps2)
             or differs(now.gain_std, then.gain_std, SHARE_OF_STD * then.gain_std)
