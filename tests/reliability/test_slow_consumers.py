@@ -101,7 +101,9 @@ def test_slow_estimates_do_not_affect_the_recording(lab, tmp_path, monkeypatch) 
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()
     chunks = [item for item in items if isinstance(item, Chunk)]
-    assert snapshot.links[0].queue_dropped[Stage.DECODING] >= len(chunks) - 51
+    # One batch is in the hands of the core, another one waits.
+    assert snapshot.links[0].queue_dropped[Stage.DECODING] >= len(chunks) - 2 * 50 - 1
+    assert len(chunks) > 150
     assert any(notice.reason.code is Code.DECODING_BEHIND for notice in snapshot.notices)
     assert link_bytes(RecordingReader(path).items()) == link_bytes(items)
 
